@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search as arrays: rules, scenario, world, and its PettingZoo environments."""
+
+from dsse_ros.search.fields import FieldError
+from dsse_ros.search.parallel_env import SearchEnv, aec_env, parallel_env, raw_env
+from dsse_ros.search.rules import ACTION_VECTORS, PROFILES, Rules, profile
+from dsse_ros.search.scenario import Scenario
+from dsse_ros.search.world import HOLD, World
+
+__all__ = [
+    "ACTION_VECTORS",
+    "HOLD",
+    "PROFILES",
+    "FieldError",
+    "Rules",
+    "Scenario",
+    "SearchEnv",
+    "World",
+    "aec_env",
+    "parallel_env",
+    "profile",
+    "raw_env",
+]

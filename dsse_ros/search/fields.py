@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checked fields: what a value of a scenario or of the rules may be, stated once as data.
+
+The same statement validates Python arguments and YAML, and describes the ROS parameter.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import numbers
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+Kind = Literal["bool", "int", "float", "str", "vector", "cell", "cells", "floats", "names"]
+
+
+class FieldError(ValueError):
+    """A value that is not allowed; its text is one line with the field, the value and what is."""
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What one field may be.
+
+    Attributes:
+        kind: bool, int, float, str; `vector` is a pair of floats, `cell` a pair of integers
+            (col, row), `cells` a list of those, `floats` and `names` are lists.
+        doc: One sentence for people, without the unit.
+        unit: Unit of the value or of each element, "" if it has none.
+        low: Smallest allowed value, inclusive.
+        high: Largest allowed value, inclusive.
+        above: Values must be greater than this.
+        choices: The allowed values of a `str` field, empty for any.
+        optional: Whether None ("derive it" or "the profile's default") is allowed.
+    """
+
+    kind: Kind
+    doc: str
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    above: float = -math.inf
+    choices: tuple[str, ...] = ()
+    optional: bool = False
+
+    def allowed(self) -> str:
+        """Return the allowed values in words."""
+        noun = {
+            "bool": "true or false",
+            "int": "an integer",
+            "float": "a finite number",
+            "str": "a string",
+            "vector": "two finite numbers [x, y]",
+            "cell": "a cell [col, row] of two integers",
+            "cells": "a list of cells [col, row]",
+            "floats": "a list of finite numbers",
+            "names": "a list of names",
+        }[self.kind]
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        bounds = []
+        if self.above > -math.inf:
+            bounds.append(f"> {self.above:g}")
+        if self.low > -math.inf:
+            bounds.append(f">= {self.low:g}")
+        if self.high < math.inf:
+            bounds.append(f"<= {self.high:g}")
+        text = " and ".join([noun, *bounds]) if not bounds else f"{noun} {' and '.join(bounds)}"
+        return f"{text} {self.unit}".rstrip() if self.unit else text
+
+    def check(self, name: str, value: Any) -> Any:
+        """Return the value in its canonical Python type.
+
+        Raises:
+            FieldError: If the value is not allowed.
+        """
+        if value is None and self.optional:
+            return None
+        try:
+            return self._convert(value)
+        except (TypeError, ValueError, OverflowError):
+            raise FieldError(f"{name}: {_shown(value)} is not allowed; {self.allowed()}") from None
+
+    def _convert(self, value: Any) -> Any:
+        match self.kind:
+            case "bool":
+                if not isinstance(value, bool | np.bool_):
+                    raise TypeError
+                return bool(value)
+            case "int":
+                return self._integer(value)
+            case "float":
+                return self._number(value)
+            case "str":
+                if not isinstance(value, str) or (self.choices and value not in self.choices):
+                    raise TypeError
+                return value
+            case "vector":
+                x, y = _elements(value)
+                return (self._number(x), self._number(y))
+            case "cell":
+                return self._cell(value)
+            case "cells":
+                return tuple(self._cell(item) for item in _elements(value))
+            case "floats":
+                return tuple(self._number(item) for item in _elements(value))
+            case "names":
+                items = tuple(_elements(value))
+                if not all(isinstance(item, str) for item in items):
+                    raise TypeError
+                return items
+
+    def _cell(self, value: Any) -> tuple[int, int]:
+        col, row = _elements(value)
+        return (self._integer(col), self._integer(row))
+
+    def _integer(self, value: Any) -> int:
+        if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
+            raise TypeError
+        return self._bounded(int(value))
+
+    def _number(self, value: Any) -> float:
+        if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real):
+            raise TypeError
+        if not math.isfinite(value):
+            raise ValueError
+        return self._bounded(float(value))
+
+    def _bounded(self, value: Any) -> Any:
+        if not (self.low <= value <= self.high and value > self.above):
+            raise ValueError
+        return value
+
+
+def _shown(value: Any) -> str:
+    """Return the value on one line of bounded length."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _elements(value: Any) -> list[Any]:
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
+        raise TypeError
+    return list(value)
+
+
+def field(kind: Kind, doc: str, default: Any = dataclasses.MISSING, **limits: Any) -> Any:
+    """Return a dataclass field that carries its `Spec`; a default of None makes it optional."""
+    spec = Spec(kind, doc, optional=default is None, **limits)
+    return dataclasses.field(default=default, metadata={"spec": spec})
+
+
+def specs(cls: type) -> dict[str, Spec]:
+    """Return the `Spec` of each checked field of a dataclass, in order."""
+    return {f.name: f.metadata["spec"] for f in dataclasses.fields(cls) if "spec" in f.metadata}
+
+
+def check_all(instance: Any) -> None:
+    """Check every field of a frozen dataclass and store the canonical values.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+    for name, spec in specs(type(instance)).items():
+        object.__setattr__(instance, name, spec.check(name, getattr(instance, name)))
+
+
+def check_known(what: str, names: Iterable[Any], known: Iterable[str]) -> None:
+    """Raise for the first name that is not a known field, with the nearest one that is.
+
+    Raises:
+        FieldError: If a name is unknown.
+    """
+    known = list(known)
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(str(name), known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            raise FieldError(f"{_shown(name)} is not a field of {what}; {hint}")

@@ -1,0 +1,501 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled step of B worlds at once: drones, map, persons and rewards.
+
+The map is a closed form of (datum, circle, spread): two tables of exponentials, one per axis, and
+a normaliser from their tail sums. A cell costs two look-ups, a whole map one streaming write.
+
+Everything that a world remembers stands in three structured arrays, `worlds` (B,), `drones`
+(B, N) and `persons` (B, P); `constants` (1,) is shared and never written. x is the column and
+grows to the east, y is the row and grows to the south.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+MAX_ACTIONS = 16
+
+CONSTANTS = np.dtype(
+    [
+        ("grid_size", "i8"),
+        ("timestep_limit", "i8"),
+        ("pre_search_steps", "i8"),
+        ("probability_of_detection", "f8"),
+        ("sigma_x", "f8"),
+        ("sigma_y", "f8"),
+        ("dispersion_inc", "f8"),
+        ("num_actions", "i8"),
+        ("search_action", "i8"),
+        ("dx", "i8", (MAX_ACTIONS,)),
+        ("dy", "i8", (MAX_ACTIONS,)),
+        ("move", "f8"),
+        ("leave_grid", "f8"),
+        ("leave_terminates", "?"),
+        ("collisions", "?"),
+        ("collision", "f8"),
+        ("search_min_probability", "f8"),
+        ("search_min_inclusive", "?"),
+        ("search_below", "f8"),
+        ("search_scale", "f8"),
+        ("find", "f8"),
+        ("find_bonus", "f8"),
+        ("one_find_per_search", "?"),
+        ("time_out", "f8"),
+        ("time_out_grace", "i8"),
+        ("drift_keeps_remainder", "?"),
+        ("drift_axes_independent", "?"),
+        ("reset_map_steps", "i8"),
+        ("reset_person_steps", "i8"),
+        ("circle", "?"),
+        ("circle_on_previous_datum", "?"),
+        ("person_first", "?"),
+        ("person_walks_blind", "?"),
+        ("person_scatter", "i8"),
+    ],
+    align=True,
+)
+"""The scenario and the rules as the kernels read them."""
+
+WORLDS = np.dtype(
+    [
+        ("rng", "u8"),  # state of the world's own generator
+        ("t", "i8"),  # steps done
+        ("map_steps", "i8"),
+        ("datum_x", "i8"),
+        ("datum_y", "i8"),
+        ("circle_x", "i8"),
+        ("circle_y", "i8"),
+        ("remainder_x", "f8"),  # drift not yet moved, cells
+        ("remainder_y", "f8"),
+        ("drift_x", "f8"),  # drift per step, cells
+        ("drift_y", "f8"),
+        ("scale", "f8"),  # 1 / sum of the Gaussian over the possible cells; 0: one cell has it all
+        ("start_x", "i8"),  # cell of the person at reset
+        ("start_y", "i8"),
+        ("over", "?"),  # no drone left: all found, time out, or all lost
+    ],
+    align=True,
+)
+
+DRONES = np.dtype(
+    [
+        ("x", "i8"),
+        ("y", "i8"),
+        ("start_x", "i8"),
+        ("start_y", "i8"),
+        ("alive", "?"),
+    ],
+    align=True,
+)
+
+PERSONS = np.dtype(
+    [("x", "i8"), ("y", "i8"), ("pod_multiplier", "f8"), ("found", "?")],
+    align=True,
+)
+
+
+@njit(cache=True, nogil=True)
+def draw_bits(w):
+    """Return the next 64 random bits of a world (SplitMix64, Steele et al. 2014)."""
+    w.rng += np.uint64(0x9E3779B97F4A7C15)
+    z = w.rng
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(cache=True, nogil=True)
+def draw_below(w, n):
+    """Return a random integer from 0 to n - 1, n < 2^32."""
+    return np.int64(((draw_bits(w) >> np.uint64(32)) * np.uint64(n)) >> np.uint64(32))
+
+
+@njit(cache=True, nogil=True)
+def draw_unit(w):
+    """Return a random float in [0, 1)."""
+    return np.float64(draw_bits(w) >> np.uint64(11)) * 2.0**-53
+
+
+@njit(cache=True, nogil=True)
+def fill_axis(gauss, tails, grid_size, sigma):
+    """Write exp(-d^2 / (2 sigma^2)) at gauss[G + d] and its sums over d' >= d at tails[d]."""
+    for d in range(grid_size + 1):
+        e = np.exp(-(d * d) / (2.0 * sigma * sigma))
+        gauss[grid_size + d] = e
+        gauss[grid_size - d] = e
+    tails[grid_size + 1] = 0.0
+    for d in range(grid_size, -1, -1):
+        tails[d] = tails[d + 1] + gauss[grid_size + d]
+
+
+@njit(cache=True, nogil=True)
+def span_sum(tails, lo, hi):
+    """Return the sum of the Gaussian over the offsets lo..hi of its centre.
+
+    Differences of tails keep their precision where the Gaussian is small.
+    """
+    if lo > 0:
+        return tails[lo] - tails[hi + 1]
+    if hi < 0:
+        return tails[-hi] - tails[1 - lo]
+    return (tails[0] - tails[hi + 1]) + (tails[1] - tails[1 - lo])
+
+
+@njit(cache=True, nogil=True)
+def radius(w):
+    """Return the radius of the circle in cells: 1, 1, 1.5, 2, ... from the first map step on."""
+    return 1.0 + 0.5 * max(w.map_steps - 2, 0)
+
+
+@njit(cache=True, nogil=True)
+def inside_circle(adx, ady, r2):
+    """Return whether the cell at this distance lies in the circle, by its outer edges."""
+    return (adx + 0.5) ** 2 + ady**2 <= r2 and adx**2 + (ady + 0.5) ** 2 <= r2
+
+
+@njit(cache=True, nogil=True)
+def cell_probability(c, w, gauss, x, y):
+    """Return the probability of the cell (x, y), 0 outside the grid."""
+    g = c.grid_size
+    if x < 0 or y < 0 or x >= g or y >= g:
+        return 0.0
+    adx, ady = abs(x - w.circle_x), abs(y - w.circle_y)
+    if w.scale == 0.0:
+        return 1.0 if adx == 0 and ady == 0 else 0.0
+    if c.circle and not inside_circle(adx, ady, radius(w) ** 2):
+        return 0.0
+    return (w.scale * gauss[1, g + y - w.datum_y]) * gauss[0, g + x - w.datum_x]
+
+
+@njit(cache=True, nogil=True)
+def row_sum(w, tails, g, half_width):
+    """Return the sum of the Gaussian over a row of the circle, along x."""
+    lo = max(w.circle_x - half_width, 0)
+    hi = min(w.circle_x + half_width, g - 1)
+    return span_sum(tails[0], lo - w.datum_x, hi - w.datum_x)
+
+
+@njit(cache=True, nogil=True)
+def normalise(c, w, gauss, tails):
+    """Set the scale that makes the probabilities sum to 1."""
+    g = c.grid_size
+    total = 0.0
+    if c.circle:
+        r = radius(w)
+        half_width = np.int64(r)
+        for ady in range(np.int64(r) + 1):
+            while half_width >= 0 and not inside_circle(half_width, ady, r * r):
+                half_width -= 1
+            if half_width < 0:
+                break
+            row = row_sum(w, tails, g, half_width)
+            above, below = w.circle_y - ady, w.circle_y + ady
+            if above >= 0:
+                total += row * gauss[1, g + above - w.datum_y]
+            if ady > 0 and below < g:
+                total += row * gauss[1, g + below - w.datum_y]
+    else:
+        total = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x) * span_sum(
+            tails[1], -w.datum_y, g - 1 - w.datum_y
+        )
+    # A Gaussian too far from the circle to be represented leaves all in the circle's centre.
+    w.scale = 1.0 / total if total > 1e-300 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def write_row(c, w, gauss, out, y, half_width):
+    """Write row y of the map, whose possible cells are within half_width of the circle."""
+    g = c.grid_size
+    lo, hi = 0, g
+    if c.circle:
+        lo = max(w.circle_x - half_width, 0)
+        hi = min(w.circle_x + half_width + 1, g)
+    row = out[y]
+    row[:lo] = 0
+    k = w.scale * gauss[1, g + y - w.datum_y]
+    shifted = gauss[0, g - w.datum_x : 2 * g - w.datum_x]
+    for x in range(lo, hi):
+        row[x] = k * shifted[x]
+    row[hi:] = 0
+
+
+@njit(cache=True, nogil=True)
+def write_map(c, w, gauss, out):
+    """Write the map (G, G) float32, out[y, x]."""
+    g = c.grid_size
+    if w.scale == 0.0:
+        out[:] = 0
+        out[w.circle_y, w.circle_x] = 1
+        return
+    if not c.circle:
+        for y in range(g):
+            write_row(c, w, gauss, out, y, g)
+        return
+    r = radius(w)
+    half_width = np.int64(r)
+    ady = 0
+    while ady <= g:
+        while half_width >= 0 and not inside_circle(half_width, ady, r * r):
+            half_width -= 1
+        if half_width < 0:
+            break
+        if w.circle_y - ady >= 0:
+            write_row(c, w, gauss, out, w.circle_y - ady, half_width)
+        if ady > 0 and w.circle_y + ady < g:
+            write_row(c, w, gauss, out, w.circle_y + ady, half_width)
+        ady += 1
+    if w.circle_y - ady >= 0:
+        out[: w.circle_y - ady + 1] = 0
+    if w.circle_y + ady < g:
+        out[w.circle_y + ady :] = 0
+
+
+@njit(cache=True, nogil=True)
+def drift(c, w):
+    """Move the datum by the drift of one step."""
+    g = c.grid_size
+    if not c.drift_keeps_remainder:
+        if abs(w.remainder_x) >= 1:
+            w.remainder_x = 0.0
+        if abs(w.remainder_y) >= 1:
+            w.remainder_y = 0.0
+    w.remainder_x += w.drift_x
+    w.remainder_y += w.drift_y
+    dx, dy = np.int64(w.remainder_x), np.int64(w.remainder_y)
+    if c.drift_keeps_remainder:
+        w.remainder_x -= dx
+        w.remainder_y -= dy
+    x, y = w.datum_x + dx, w.datum_y + dy
+    x_fits, y_fits = 0 <= x < g, 0 <= y < g
+    if not c.drift_axes_independent:
+        x_fits = y_fits = x_fits and y_fits
+    if x_fits:
+        w.datum_x = x
+    if y_fits:
+        w.datum_y = y
+
+
+@njit(cache=True, nogil=True)
+def map_step(c, w, gauss, tails):
+    """Advance the map by one step: drift, dispersion, circle, normaliser."""
+    previous_x, previous_y = w.datum_x, w.datum_y
+    drift(c, w)
+    if c.dispersion_inc > 0:
+        grown = w.map_steps * c.dispersion_inc
+        fill_axis(gauss[0], tails[0], c.grid_size, c.sigma_x + grown)
+        fill_axis(gauss[1], tails[1], c.grid_size, c.sigma_y + grown)
+    w.map_steps += 1
+    w.circle_x, w.circle_y = w.datum_x, w.datum_y
+    if c.circle_on_previous_datum:
+        w.circle_x, w.circle_y = previous_x, previous_y
+    normalise(c, w, gauss, tails)
+
+
+@njit(cache=True, nogil=True)
+def person_step(c, w, gauss, person):
+    """Move a person to the best of the 3 x 3 window, each cell weighted by U{1..100} / 100."""
+    best, best_dx, best_dy = 0.0, 0, 0
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            factor = (1 + draw_below(w, 100)) / 100.0
+            weight = cell_probability(c, w, gauss, person.x + dx, person.y + dy) * factor
+            if weight > best:
+                best, best_dx, best_dy = weight, dx, dy
+    if best == 0.0 and c.person_walks_blind:
+        best_dx = best_dy = -1
+    person.x += best_dx
+    person.y += best_dy
+
+
+@njit(cache=True, nogil=True)
+def persons_step(c, w, gauss, persons):
+    """Move every person that is not found yet."""
+    for p in range(len(persons)):
+        if not persons[p].found:
+            person_step(c, w, gauss, persons[p])
+
+
+@njit(cache=True, nogil=True)
+def scatter_persons(c, w, persons):
+    """Put the persons in different cells within `person_scatter` of the start, at random."""
+    g, s = c.grid_size, c.person_scatter
+    x0, y0 = max(w.start_x - s, 0), max(w.start_y - s, 0)
+    width = min(w.start_x + s, g - 1) - x0 + 1
+    height = min(w.start_y + s, g - 1) - y0 + 1
+    cells = np.arange(width * height)
+    for p in range(len(persons)):
+        k = p + draw_below(w, len(cells) - p)
+        cells[p], cells[k] = cells[k], cells[p]
+        persons[p].x, persons[p].y = x0 + cells[p] % width, y0 + cells[p] // width
+
+
+@njit(cache=True, nogil=True)
+def reset_world(c, w, drones, persons, gauss, tails):
+    """Set a world to its start: persons at the start cell, which has all the probability."""
+    w.t = w.map_steps = 0
+    w.datum_x = w.circle_x = w.start_x
+    w.datum_y = w.circle_y = w.start_y
+    w.remainder_x = w.remainder_y = 0.0
+    w.scale = 0.0
+    w.over = False
+    for n in range(len(drones)):
+        d = drones[n]
+        d.x, d.y = d.start_x, d.start_y
+        d.alive = True
+    for p in range(len(persons)):
+        persons[p].x, persons[p].y = w.start_x, w.start_y
+        persons[p].found = False
+    if c.person_scatter > 0:
+        scatter_persons(c, w, persons)
+    for _ in range(c.pre_search_steps):
+        sea_step(c, w, persons, gauss, tails)
+    for _ in range(c.reset_map_steps):
+        map_step(c, w, gauss, tails)
+    for _ in range(c.reset_person_steps):
+        persons_step(c, w, gauss, persons)
+
+
+@njit(cache=True, nogil=True)
+def sea_step(c, w, persons, gauss, tails):
+    """Advance the map and the persons by one step."""
+    if c.person_first:
+        persons_step(c, w, gauss, persons)
+    map_step(c, w, gauss, tails)
+    if not c.person_first:
+        persons_step(c, w, gauss, persons)
+
+
+@njit(cache=True, nogil=True)
+def search_cell(c, w, gauss, d, persons):
+    """Return (reward, found) of a search by a drone where it is."""
+    finds = 0
+    for p in range(len(persons)):
+        person = persons[p]
+        if person.found or person.x != d.x or person.y != d.y:
+            continue
+        chance = min(person.pod_multiplier * c.probability_of_detection, 1.0)
+        if chance >= 1.0 or draw_unit(w) < chance:
+            person.found = True
+            finds += 1
+            if c.one_find_per_search:
+                break
+    if finds > 0:
+        return finds * (c.find + c.find_bonus * (1.0 - w.t / c.timestep_limit)), True
+    probability = cell_probability(c, w, gauss, d.x, d.y)
+    enough = probability > c.search_min_probability or (
+        c.search_min_inclusive and probability == c.search_min_probability
+    )
+    return (probability * c.search_scale if enough else c.search_below), False
+
+
+@njit(cache=True, nogil=True)
+def act(c, w, gauss, d, persons, action):
+    """Return (reward, terminated, found) of one action of a drone; unknown ones do nothing."""
+    if action == c.search_action:
+        reward, found = search_cell(c, w, gauss, d, persons)
+        return reward, False, found
+    if action < 0 or action >= c.num_actions:
+        return c.move, False, False
+    x, y = d.x + c.dx[action], d.y + c.dy[action]
+    if 0 <= x < c.grid_size and 0 <= y < c.grid_size:
+        d.x, d.y = x, y
+        return c.move, False, False
+    return c.leave_grid, c.leave_terminates, False
+
+
+@njit(cache=True, nogil=True)
+def collide(c, drones, occupied, rewards, terminated):
+    """Reward and terminate the drones still flying that share a cell.
+
+    `occupied` (G * G,) is scratch, zero before and after.
+    """
+    g = c.grid_size
+    for n in range(len(drones)):
+        if drones[n].alive and not terminated[n]:
+            occupied[drones[n].y * g + drones[n].x] += 1
+    for n in range(len(drones)):
+        d = drones[n]
+        if d.alive and not terminated[n] and occupied[d.y * g + d.x] > 1:
+            rewards[n] = c.collision
+            terminated[n] = True
+    for n in range(len(drones)):
+        occupied[drones[n].y * g + drones[n].x] = 0
+
+
+@njit(cache=True, nogil=True)
+def step_world(
+    c, w, drones, persons, gauss, tails, actions, rewards, terminated, truncated, found, occupied
+):  # fmt: skip
+    """Advance one world: drones in index order, then the sea, then collisions."""
+    out_of_time = w.t >= c.timestep_limit + c.time_out_grace
+    for n in range(len(drones)):
+        d = drones[n]
+        rewards[n] = 0.0
+        found[n] = False
+        if not d.alive:
+            continue
+        if out_of_time:
+            rewards[n] = c.time_out
+            truncated[n] = True
+        else:
+            rewards[n], terminated[n], found[n] = act(c, w, gauss, d, persons, actions[n])
+    w.t += 1
+    sea_step(c, w, persons, gauss, tails)
+    if c.collisions:
+        collide(c, drones, occupied, rewards, terminated)
+    all_found = True
+    for p in range(len(persons)):
+        all_found = all_found and persons[p].found
+    w.over = True
+    for n in range(len(drones)):
+        d = drones[n]
+        if d.alive:
+            terminated[n] = terminated[n] or all_found
+            d.alive = not (terminated[n] or truncated[n])
+            w.over = w.over and not d.alive
+
+
+@njit(cache=True, nogil=True)
+def step_worlds(
+    constants, worlds, drones, persons, gauss, tails, actions, maps, rewards, terminated, truncated,
+    found, occupied,
+):  # fmt: skip
+    """Advance B worlds by one step and write their maps.
+
+    Args:
+        constants: (1,) of `CONSTANTS`.
+        worlds: (B,) of `WORLDS`.
+        drones: (B, N) of `DRONES`.
+        persons: (B, P) of `PERSONS`.
+        gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
+        tails: (1 or B, 2, G + 2) float64, their tail sums.
+        actions: (B, N) int8; a number without an action does nothing.
+        maps: (B, G, G) float32 out, [y, x]; (B, 0, 0) to write none.
+        rewards: (B, N) float64 out.
+        terminated: (B, N) bool, in and out.
+        truncated: (B, N) bool, in and out.
+        found: (B, N) bool out, whether the drone found a person in this step.
+        occupied: (G * G,) int32 scratch, all zero.
+    """
+    c = constants[0]
+    for b in range(len(worlds)):
+        table = min(b, len(gauss) - 1)
+        step_world(
+            c, worlds[b], drones[b], persons[b], gauss[table], tails[table], actions[b],
+            rewards[b], terminated[b], truncated[b], found[b], occupied,
+        )  # fmt: skip
+        if maps.shape[1] > 0:
+            write_map(c, worlds[b], gauss[table], maps[b])
+
+
+@njit(cache=True, nogil=True)
+def reset_worlds(constants, worlds, drones, persons, gauss, tails, maps, which):
+    """Reset the worlds with which[b] and write their maps; arguments as in `step_worlds`."""
+    c = constants[0]
+    for b in range(len(worlds)):
+        if which[b]:
+            table = min(b, len(gauss) - 1)
+            reset_world(c, worlds[b], drones[b], persons[b], gauss[table], tails[table])
+            if maps.shape[1] > 0:
+                write_map(c, worlds[b], gauss[table], maps[b])

@@ -1,0 +1,463 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search as PettingZoo environments: one world, a shell over the arrays of `World`."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from itertools import repeat
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
+
+from dsse_ros.search import rendering
+from dsse_ros.search.fields import FieldError, check_known, specs
+from dsse_ros.search.rules import ACTION_VECTORS, Rules, profile
+from dsse_ros.search.scenario import (
+    SPECS,
+    SYNONYMS,
+    Scenario,
+    check_cell,
+    check_multipliers,
+    check_positions,
+    check_scatter,
+)
+from dsse_ros.search.world import World
+
+Observation = tuple[NDArray[np.int64], NDArray[np.float32]]
+"""Position (2,) int64 as (x, y) and probability (G, G) float32 as [y, x], of one agent."""
+
+RESET_OPTIONS = (
+    "drones_positions",
+    "vector",
+    "person_initial_position",
+    "person_pod_multipliers",
+)
+
+
+class SearchEnv(ParallelEnv[str, Observation, int]):
+    """A drone swarm searching for persons at sea (PettingZoo parallel API).
+
+    Observations are `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell
+    (x, y) and the map [y, x], one read-only array that all agents share. `infos[agent]` has
+    `Found`, whether every person has been found, and `action_mask` (A,) int8, 0 where a move
+    would leave the grid. Actions are numbers of `rules.actions`.
+
+    Attributes:
+        world: The arrays behind this environment, a batch of one.
+        scenario: The resolved scenario.
+        rules: The rules in force.
+
+    Raises:
+        FieldError: If the scenario does not fit the rules, or the render mode is unknown.
+    """
+
+    metadata = {
+        "name": "dsse_search_v1",
+        "render_modes": ["ansi", "rgb_array", "human"],
+        "render_fps": 10,
+        "is_parallelizable": True,
+    }
+
+    def __init__(self, scenario: Scenario, rules: Rules, render_mode: str | None = None) -> None:
+        modes: list[str] = self.metadata["render_modes"]  # type: ignore[assignment]
+        if render_mode is not None and render_mode not in modes:
+            raise FieldError(f"render_mode: {render_mode!r} is not allowed; one of {modes}")
+        self.render_mode = render_mode
+        self.rules = rules
+        self.world = World(scenario, rules)
+        self.scenario = self.world.scenario
+        g = self.world.grid_size
+        self.possible_agents = [f"drone{i}" for i in range(self.world.num_drones)]
+        self.agents: list[str] = []
+        self.observation_spaces = {
+            agent: spaces.Tuple(
+                (spaces.MultiDiscrete([g, g]), spaces.Box(0.0, 1.0, (g, g), np.float32))
+            )
+            for agent in self.possible_agents
+        }
+        self.action_spaces = {
+            agent: spaces.Discrete(len(rules.actions)) for agent in self.possible_agents
+        }
+        self.state_space = spaces.Box(0.0, float(len(self.possible_agents) + 1), (4, g, g))
+        self._live = np.arange(0)
+        self._masks = _action_masks(rules.actions)
+        self._edge = [(i == 0) + 2 * (i == g - 1) for i in range(g)]
+        # x and y open each drone's record.
+        self._xy = self.world.drones[0].view(np.int64).reshape(self.world.num_drones, -1)[:, :2]
+        self._track: list[NDArray[np.int64]] = []
+        self._viewer: rendering.Viewer | None = None
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's observation space, always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's action space, always the same object."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Start a new mission.
+
+        Args:
+            seed: Seeds the world's generator; without one it goes on where it is.
+            options: For this mission only: `drones_positions`, `vector`,
+                `person_initial_position`, `person_pod_multipliers`. As PettingZoo's tests ask,
+                other names are ignored, unless they look like a misspelling of these.
+
+        Raises:
+            FieldError: If an option is not allowed; the mission under way stays as it is.
+        """
+        start = self._check_options(options or {})
+        if seed is not None:
+            self.world.seed(check_seed(seed))
+        self.world.place(**start)
+        self.world.reset()
+        self.agents = self.possible_agents[:]
+        self._live = np.arange(self.world.num_drones)
+        self._track = [self.positions]
+        result = self._observations(self.agents, self._live), self._infos(self.agents, self._live)
+        self._show()
+        return result
+
+    def step(
+        self, actions: Mapping[str, int]
+    ) -> tuple[
+        dict[str, Observation],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Advance the mission by one step.
+
+        Args:
+            actions: One action number per live agent; those of other agents are ignored.
+
+        Raises:
+            FieldError: If an action is missing or not allowed; the mission stays as it is.
+        """
+        agents, live, world = self.agents, self._live, self.world
+        if not agents:
+            return {}, {}, {}, {}, {}
+        self.advance(self._joint_action(actions))
+        result = (
+            self._observations(agents, live),
+            dict(zip(agents, world.rewards[0, live].tolist(), strict=True)),
+            dict(zip(agents, world.terminated[0, live].tolist(), strict=True)),
+            dict(zip(agents, world.truncated[0, live].tolist(), strict=True)),
+            self._infos(agents, live),
+        )
+        self._show()
+        return result
+
+    def advance(self, joint: NDArray[np.int8]) -> None:
+        """Advance the world by one joint action (N,) int8, without making observations.
+
+        `dsse_ros.search.world.HOLD` stands for a drone that does nothing.
+        """
+        self.world.step(joint.reshape(1, -1))
+        if self.render_mode is not None:
+            self._track.append(self.positions)
+        alive = self.world.drones["alive"][0]
+        if np.count_nonzero(alive) < len(self.agents):
+            self._live = np.flatnonzero(alive)
+            self.agents = [self.possible_agents[i] for i in self._live]
+
+    @property
+    def positions(self) -> NDArray[np.int64]:
+        """Cells (N, 2) as (x, y) of all drones."""
+        return self._xy.copy()
+
+    @property
+    def probability(self) -> NDArray[np.float32]:
+        """The map (G, G) as [y, x] of the last observation, read-only."""
+        probability = self.world.maps[0]
+        probability.flags.writeable = False
+        return probability
+
+    def action_masks(self) -> NDArray[np.int8]:
+        """Return the action masks (N, A) of all drones."""
+        edge = self._edge
+        return np.array([self._masks[edge[x] + 4 * edge[y]] for x, y in self._xy.tolist()])
+
+    def state(self) -> NDArray[np.float32]:
+        """Return the global state (4, G, G) float32, hidden parts included.
+
+        Planes: probability, drones in flight, persons not found yet, share of the time used.
+        """
+        world = self.world
+        drones, persons = world.drones[0], world.persons[0]
+        state = np.zeros(self.state_space.shape, np.float32)
+        state[0] = self.probability
+        for plane, things in ((1, drones[drones["alive"]]), (2, persons[~persons["found"]])):
+            inside = (things["x"] >= 0) & (things["y"] >= 0)
+            np.add.at(state[plane], (things["y"][inside], things["x"][inside]), 1)
+        assert self.scenario.timestep_limit
+        state[3] = world.worlds["t"][0] / self.scenario.timestep_limit
+        return state
+
+    def view(self) -> rendering.MissionView:
+        """Return what a picture of the mission shows; tracks are kept in a render mode only."""
+        world, s = self.world, self.scenario
+        assert s.cell_size and s.timestep_limit
+        return rendering.MissionView(
+            probability=self.probability,
+            tracks=np.stack([*self._track], axis=1) if self._track else self._xy[:, None],
+            alive=world.drones["alive"][0].copy(),
+            persons=np.stack([world.persons["x"][0], world.persons["y"][0]], axis=1),
+            found=world.persons["found"][0].copy(),
+            datum=(int(world.worlds["datum_x"][0]), int(world.worlds["datum_y"][0])),
+            step=int(world.worlds["t"][0]),
+            timestep_limit=s.timestep_limit,
+            cell_size_m=s.cell_size,
+            title=s.name,
+        )
+
+    def render(self) -> str | NDArray[np.uint8] | None:
+        """Return the mission as text (ansi) or image (H, W, 3) uint8 (rgb_array), or show it.
+
+        Raises:
+            ModuleNotFoundError: If rgb_array or human is asked for without matplotlib.
+        """
+        if self.render_mode is None:
+            return None
+        view = self.view()
+        if self.render_mode == "ansi":
+            return rendering.to_ansi(view)
+        if self.render_mode == "rgb_array":
+            return rendering.to_rgb_array(view)
+        if self._viewer is None:
+            self._viewer = rendering.Viewer()
+        self._viewer.show(view)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self.render()
+
+    def _observations(self, agents: list[str], live: NDArray[np.int64]) -> dict[str, Observation]:
+        return dict(zip(agents, zip(self._xy[live], repeat(self.probability)), strict=False))
+
+    def _infos(self, agents: list[str], live: NDArray[np.int64]) -> dict[str, dict[str, Any]]:
+        edge, masks = self._edge, self._masks
+        found = bool(self.world.persons["found"][0].all())
+        return {
+            agent: {"Found": found, "action_mask": masks[edge[x] + 4 * edge[y]]}
+            for agent, (x, y) in zip(agents, self._xy[live].tolist(), strict=True)
+        }
+
+    def _joint_action(self, actions: Mapping[str, int]) -> NDArray[np.int8]:
+        """Return the joint action (N,) of the live agents' actions, checked."""
+        try:
+            # bytes() takes nothing but integers from 0 to 255.
+            values = np.frombuffer(bytes([actions[agent] for agent in self.agents]), np.int8)
+            if values.max() >= len(self.rules.actions) or values.min() < 0:
+                raise ValueError
+        except (KeyError, TypeError, ValueError):
+            raise self._action_error(actions) from None
+        if len(values) == self.world.num_drones:
+            return values
+        joint = np.zeros(self.world.num_drones, np.int8)
+        joint[self._live] = values
+        return joint
+
+    def _action_error(self, actions: Mapping[str, int]) -> FieldError:
+        """Return what is wrong with these actions."""
+        legend = ", ".join(f"{i} {name}" for i, name in enumerate(self.rules.actions))
+        for agent in self.agents:
+            if agent not in actions:
+                return FieldError(f"actions: {agent} is missing; one action per live agent")
+            if not self.action_spaces[agent].contains(actions[agent]):
+                return FieldError(f"{agent}: action {actions[agent]!r} is not allowed; {legend}")
+        return FieldError("actions: not a mapping of agents to action numbers")
+
+    def _check_options(self, options: Mapping[str, Any]) -> dict[str, Any]:
+        for name in options:
+            near = difflib.get_close_matches(str(name), RESET_OPTIONS, n=1, cutoff=0.75)
+            if near and name != near[0]:
+                raise FieldError(f"options: {name!r} is not an option; did you mean {near[0]}?")
+        start = {
+            name: SPECS[name].check(name, options[name])
+            for name in RESET_OPTIONS
+            if options.get(name) is not None
+        }
+        g, scenario = self.world.grid_size, self.scenario
+        if "drones_positions" in start:
+            check_positions(start["drones_positions"], g, self.world.num_drones)
+        check_multipliers(start.get("person_pod_multipliers"), scenario.person_amount)
+        if "person_initial_position" in start:
+            cell, scatter = start["person_initial_position"], self.rules.person_scatter
+            check_cell("person_initial_position", cell, g)
+            if scatter:
+                check_scatter(scenario.person_amount, cell, g, scatter)
+        return start
+
+
+def check_seed(seed: Any) -> int:
+    """Return the seed as an int.
+
+    Raises:
+        FieldError: If it is not an integer >= 0.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise FieldError(f"seed: {seed!r} is not allowed; an integer >= 0")
+    return int(seed)
+
+
+def _action_masks(actions: tuple[str, ...]) -> list[NDArray[np.int8]]:
+    """Return the 16 masks by edge code: 1 west, 2 east, 4 north, 8 south, added."""
+    masks = []
+    for code in range(16):
+        blocked = {
+            (-1, 0): code & 1, (1, 0): code & 2, (0, -1): code & 4, (0, 1): code & 8
+        }  # fmt: skip
+        mask = np.array(
+            [
+                not (blocked.get((dx, 0)) or blocked.get((0, dy)))
+                for dx, dy in (ACTION_VECTORS[name] for name in actions)
+            ],
+            np.int8,
+        )
+        mask.flags.writeable = False
+        masks.append(mask)
+    return masks
+
+
+class Conventional(BaseParallelWrapper[str, Any, int]):
+    """The search as PettingZoo's AEC conformance test wants it: plain arrays, agents `drone_0`.
+
+    Observations are flattened by `gymnasium.spaces.flatten`; `unflatten` gives the tuple back.
+    """
+
+    def __init__(self, env: SearchEnv) -> None:
+        super().__init__(env)
+        self._inner = {f"drone_{i}": agent for i, agent in enumerate(env.possible_agents)}
+        self._outer = {agent: name for name, agent in self._inner.items()}
+        self._spaces = {
+            name: spaces.flatten_space(env.observation_space(agent))
+            for name, agent in self._inner.items()
+        }
+
+    @property
+    def possible_agents(self) -> list[str]:
+        """All agents: drone_0, drone_1, ..."""
+        return list(self._inner)
+
+    @property
+    def agents(self) -> list[str]:  # type: ignore[override]
+        """The live agents."""
+        return [self._outer[agent] for agent in self.env.agents]
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's flat observation space, always the same object."""
+        return self._spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's action space, always the same object."""
+        return self.env.action_space(self._inner[agent])
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+        """Start a new mission, as `SearchEnv.reset`."""
+        observations, infos = self.env.reset(seed=seed, options=options)
+        return self._flatten(observations), self._rename(infos)
+
+    def step(self, actions: Mapping[str, int]) -> Any:
+        """Advance the mission by one step, as `SearchEnv.step`."""
+        observations, *rest = self.env.step(
+            {self._inner[name]: action for name, action in actions.items()}
+        )
+        return self._flatten(observations), *map(self._rename, rest)
+
+    def _rename(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        return {self._outer[agent]: value for agent, value in values.items()}
+
+    def _flatten(self, observations: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            self._outer[agent]: spaces.flatten(self.env.observation_space(agent), observation)
+            for agent, observation in observations.items()
+        }
+
+
+def parallel_env(
+    scenario: Scenario | Mapping[str, Any] | str | PathLike[str] | None = None,
+    *,
+    rules: str | Rules = "paper",
+    grid_size: int | None = None,
+    num_drones: int | None = None,
+    vector: tuple[float, float] | None = None,
+    person_initial_position: tuple[int, int] | None = None,
+    person_amount: int | None = None,
+    sigma: float | None = None,
+    timestep_limit: int | None = None,
+    cell_size: float | None = None,
+    drone_speed: float | None = None,
+    render_mode: str | None = None,
+    **fields: Any,
+) -> SearchEnv:
+    """Return the search as a PettingZoo parallel environment.
+
+    Args:
+        scenario: A `Scenario`, a mapping of its fields, the path of a YAML file, or None for the
+            profile's defaults.
+        rules: The name of a profile or a `Rules` value.
+        grid_size: Cells along a side.
+        num_drones: Number of drones.
+        vector: Drift (x to the east, y to the south) in cells per step.
+        person_initial_position: Last known cell (x, y) of the person.
+        person_amount: Number of persons.
+        sigma: Spread of the probability in cells.
+        timestep_limit: Steps the drones can do.
+        cell_size: Side of a cell in metres.
+        drone_speed: Ground speed in metres per second.
+        render_mode: ansi, rgb_array, human or None.
+        fields: Any other field of `Scenario` or `Rules`, by name.
+
+    Raises:
+        FieldError: If a field is unknown or a value is not allowed.
+    """
+    named = {
+        "grid_size": grid_size,
+        "num_drones": num_drones,
+        "vector": vector,
+        "person_initial_position": person_initial_position,
+        "person_amount": person_amount,
+        "sigma": sigma,
+        "timestep_limit": timestep_limit,
+        "cell_size": cell_size,
+        "drone_speed": drone_speed,
+    }
+    scenario_fields = {*SPECS, *SYNONYMS}
+    check_known("a scenario or of the rules", fields, [*scenario_fields, *specs(Rules)])
+    of_scenario = {name: fields[name] for name in fields if name in scenario_fields}
+    of_rules = {name: fields[name] for name in fields if name not in scenario_fields}
+    chosen = rules.override(**of_rules) if isinstance(rules, Rules) else profile(rules, **of_rules)
+    return SearchEnv(Scenario.of(scenario).override(**named, **of_scenario), chosen, render_mode)
+
+
+def raw_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
+    """Return the search as an AEC environment without wrappers; arguments of `parallel_env`.
+
+    Observations are flat arrays and agents are named drone_0, see `Conventional`.
+    """
+    return parallel_to_aec(Conventional(parallel_env(*args, **kwargs)))
+
+
+def aec_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
+    """Return the search as an AEC environment that checks its use; arguments of `parallel_env`."""
+    return wrappers.OrderEnforcingWrapper(
+        wrappers.AssertOutOfBoundsWrapper(raw_env(*args, **kwargs))
+    )

@@ -1,0 +1,344 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scenario of a search: area, camera, sea, persons, drones and limits, checked and frozen."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
+from dsse_ros.search.rules import Rules
+
+PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
+"""A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real
+world")."""
+
+SYNONYMS = {"dispersion_start": "sigma"}
+"""Other names of fields, as DSSE 1.1.9 has them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """What is searched, by whom, for how long; None means "derive it" or "the profile's default".
+
+    `resolve` gives the scenario with every such field filled in.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    name: str = field("str", "Name of the place, for people.", "")
+    origin_lat: float = field(
+        "float", "WGS84 latitude of the grid's south-west corner.", -24.04, low=-90, high=90,
+        unit="deg",
+    )  # fmt: skip
+    origin_lon: float = field(
+        "float", "WGS84 longitude of the grid's south-west corner.", -46.17, low=-180, high=180,
+        unit="deg",
+    )  # fmt: skip
+    origin_alt: float = field(
+        "float", "Ellipsoidal height of the sea at the origin.", 0.0, low=-500, high=9000, unit="m"
+    )
+    grid_size: int | None = field(
+        "int", "Cells along a side of the square grid.", None, low=1, high=10000, unit="cells"
+    )
+    zone_size: float | None = field(
+        "float", "Side of the zone to search, instead of grid_size; whole cells cover it.", None,
+        above=0, high=1e7, unit="m",
+    )  # fmt: skip
+    cell_size: float | None = field(
+        "float", "Side of a cell; by default what the camera sees.", None,
+        above=0, high=1e6, unit="m",
+    )  # fmt: skip
+    altitude: float = field(
+        "float", "Height of the drones above the sea.", 120.0, above=0, high=20000, unit="m"
+    )
+    field_of_view: float = field(
+        "float", "Full angle of the camera across a cell.", PAPER_FIELD_OF_VIEW_DEG,
+        above=0, high=175, unit="deg",
+    )  # fmt: skip
+    drone_speed: float = field(
+        "float", "Ground speed of the drones.", 10.0, above=0, high=1000, unit="m/s"
+    )
+    num_drones: int | None = field(
+        "int", "Number of drones; by default one per start cell given, else 1.", None,
+        low=1, high=10**8,
+    )  # fmt: skip
+    drones_positions: tuple[tuple[int, int], ...] | None = field(
+        "cells", "Start cells (col, row); by default row by row from the north-west corner.", None
+    )
+    vector: tuple[float, float] | None = field(
+        "vector", "Drift of the datum, x to the east, y to the south.", None,
+        low=-1e6, high=1e6, unit="cells per step",
+    )  # fmt: skip
+    current_speed: float | None = field(
+        "float", "Speed of the current, instead of vector.", None, low=0, high=100, unit="m/s"
+    )
+    current_toward: float | None = field(
+        "float", "Direction the current flows to, clockwise from north.", None,
+        low=-360, high=360, unit="deg",
+    )  # fmt: skip
+    person_initial_position: tuple[int, int] | None = field(
+        "cell", "Last known cell (col, row) of the person.", None
+    )
+    person_amount: int = field("int", "Number of persons.", 1, low=1, high=10000)
+    sigma: float | None = field(
+        "float", "Spread of the probability along both axes.", None, above=0, unit="cells"
+    )
+    sigma_x: float | None = field(
+        "float", "Spread along x, where it differs from sigma.", None, above=0, unit="cells"
+    )
+    sigma_y: float | None = field(
+        "float", "Spread along y, where it differs from sigma.", None, above=0, unit="cells"
+    )
+    dispersion_inc: float | None = field(
+        "float", "Growth of the spread per step.", None, low=0, unit="cells"
+    )
+    probability_of_detection: float = field(
+        "float", "Probability that a search of a person's cell finds them.", 1.0, low=0, high=1
+    )
+    person_pod_multipliers: tuple[float, ...] | None = field(
+        "floats", "Factor on the probability of detection, one per person; by default 1.", None,
+        low=0,
+    )  # fmt: skip
+    pre_search_minutes: float = field(
+        "float", "Drift before the drones arrive.", 0.0, low=0, high=1e6, unit="min"
+    )
+    timestep_limit: int | None = field(
+        "int", "Steps the drones can do, their endurance.", None, low=1, high=10**9, unit="steps"
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Scenario:
+        """Return the scenario with these fields.
+
+        Raises:
+            FieldError: If a key is unknown or a value is not allowed.
+        """
+        if not isinstance(values, Mapping):
+            raise FieldError("the scenario must be a mapping of field names to values")
+        check_known("the scenario", values, [*specs(cls), *SYNONYMS])
+        renamed = {SYNONYMS.get(name, name): value for name, value in values.items()}
+        if len(renamed) < len(values):
+            raise FieldError("dispersion_start and sigma are the same field; give one")
+        return cls(**renamed)
+
+    @classmethod
+    def from_yaml(cls, path: str | os.PathLike[str]) -> Scenario:
+        """Return the scenario that a YAML file of field names and values states.
+
+        Raises:
+            FieldError: If the file cannot be read, is not YAML, or does not fit.
+        """
+        try:
+            values = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "not UTF-8 text"
+            raise FieldError(f"scenario {os.fspath(path)!r}: {reason}") from None
+        except yaml.YAMLError as error:
+            raise FieldError(
+                f"scenario {os.fspath(path)!r}: not YAML: {' '.join(str(error).split())}"
+            ) from None
+        try:
+            return cls.from_dict({} if values is None else values)
+        except FieldError as error:
+            raise FieldError(f"scenario {os.fspath(path)!r}: {error}") from None
+
+    @classmethod
+    def of(cls, source: Scenario | Mapping[str, Any] | str | os.PathLike[str] | None) -> Scenario:
+        """Return a scenario from any form it may have: itself, a mapping, a YAML path or None.
+
+        Raises:
+            FieldError: If it is not one of these or does not fit.
+        """
+        if source is None:
+            return cls()
+        if isinstance(source, Scenario):
+            return source
+        if isinstance(source, str | os.PathLike):
+            return cls.from_yaml(source)
+        return cls.from_dict(source)
+
+    def override(self, **values: Any) -> Scenario:
+        """Return the scenario with these fields replaced; a None leaves a field as it is.
+
+        An override of one way of stating a thing (grid_size, vector, num_drones) replaces the
+        other (zone_size, current_speed and current_toward, drones_positions).
+
+        Raises:
+            FieldError: If a key is unknown or a value is not allowed.
+        """
+        check_known("the scenario", values, [*specs(Scenario), *SYNONYMS])
+        given = {SYNONYMS.get(k, k): v for k, v in values.items() if v is not None}
+        for ways in _ALTERNATIVES:
+            for way, other in (ways, ways[::-1]):
+                if any(name in given for name in way):
+                    given = {**dict.fromkeys(set(other) - set(given), None), **given}
+        return dataclasses.replace(self, **given)
+
+    def resolve(self, rules: Rules) -> Scenario:
+        """Return the scenario with nothing left to derive.
+
+        Raises:
+            FieldError: If fields contradict each other or do not fit the grid.
+        """
+        cell = self.cell_size
+        if cell is None:
+            cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
+            cell = round(cell, 3)
+        grid = self._resolve_grid(rules, cell)
+        positions = self._resolve_positions(grid)
+        sigma = self.sigma if self.sigma is not None else rules.sigma
+        person = self.person_initial_position or rules.person_initial_position
+        person = person or (grid // 2, grid // 2)
+        check_cell("person_initial_position", person, grid)
+        multipliers = self.person_pod_multipliers
+        check_multipliers(multipliers, self.person_amount)
+        if rules.person_scatter:
+            check_scatter(self.person_amount, person, grid, rules.person_scatter)
+        return dataclasses.replace(
+            self,
+            grid_size=grid,
+            zone_size=None,
+            cell_size=cell,
+            num_drones=len(positions),
+            drones_positions=positions,
+            vector=self._resolve_vector(rules),
+            current_speed=None,
+            current_toward=None,
+            person_initial_position=person,
+            person_pod_multipliers=multipliers or (1.0,) * self.person_amount,
+            sigma=sigma,
+            sigma_x=self.sigma_x or sigma,
+            sigma_y=self.sigma_y or sigma,
+            dispersion_inc=(
+                rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
+            ),
+            timestep_limit=self.timestep_limit or rules.timestep_limit,
+        )
+
+    def _resolve_grid(self, rules: Rules, cell: float) -> int:
+        if self.zone_size is None:
+            return self.grid_size or rules.grid_size
+        if self.grid_size is not None:
+            raise FieldError("grid_size and zone_size state the same thing; give one")
+        # The tolerance keeps a zone of exactly n cells at n.
+        grid = math.ceil(self.zone_size / cell - 1e-9)
+        return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", max(grid, 1))
+
+    def _resolve_vector(self, rules: Rules) -> tuple[float, float]:
+        if self.current_speed is None and self.current_toward is None:
+            return self.vector or rules.vector
+        if self.vector is not None:
+            raise FieldError("vector and current_speed state the same thing; give one")
+        if self.current_speed is None or self.current_toward is None:
+            raise FieldError("current_speed and current_toward belong together; give both")
+        # A step lasts cell / drone_speed, so the cell cancels.
+        cells_per_step = self.current_speed / self.drone_speed
+        toward = math.radians(self.current_toward)
+        return (cells_per_step * math.sin(toward), -cells_per_step * math.cos(toward))
+
+    def _resolve_positions(self, grid: int) -> tuple[tuple[int, int], ...]:
+        count = self.num_drones
+        if self.drones_positions is None:
+            count = 1 if count is None else count
+            if count > grid * grid:
+                raise FieldError(
+                    f"num_drones: {count} is not allowed; at most {grid * grid}, "
+                    f"one per cell of a {grid} x {grid} grid"
+                )
+            return tuple((i % grid, i // grid) for i in range(count))
+        check_positions(self.drones_positions, grid, count)
+        return self.drones_positions
+
+    @property
+    def step_duration_s(self) -> float:
+        """Time of one step, cell_size / drone_speed (13 s for the paper's cell), in seconds."""
+        if self.cell_size is None:
+            raise FieldError("cell_size is not resolved yet")
+        return self.cell_size / self.drone_speed
+
+    @property
+    def pre_search_steps(self) -> int:
+        """Steps of drift before the drones arrive."""
+        return round(self.pre_search_minutes * 60 / self.step_duration_s)
+
+
+_ALTERNATIVES = (
+    (("grid_size",), ("zone_size",)),
+    (("vector",), ("current_speed", "current_toward")),
+    (("num_drones",), ("drones_positions",)),
+)
+
+SPECS: dict[str, Spec] = specs(Scenario)
+"""What each field of a scenario may be."""
+
+
+def check_cell(name: str, cell: tuple[int, int], grid_size: int) -> None:
+    """Raise unless the cell (col, row) is on the grid.
+
+    Raises:
+        FieldError: If it is outside.
+    """
+    if not all(0 <= c < grid_size for c in cell):
+        raise FieldError(
+            f"{name}: {list(cell)} is not allowed; col and row from 0 to {grid_size - 1}"
+        )
+
+
+def check_positions(
+    positions: tuple[tuple[int, int], ...], grid_size: int, count: int | None
+) -> None:
+    """Raise unless these are `count` different cells of the grid.
+
+    Raises:
+        FieldError: If there are too few or too many, or a cell is outside or stands twice.
+    """
+    if not positions or (count is not None and len(positions) != count):
+        raise FieldError(
+            f"drones_positions: {len(positions)} cells are not allowed; "
+            f"one per drone ({count or 'at least 1'})"
+        )
+    for cell in positions:
+        check_cell("drones_positions", cell, grid_size)
+    if len(set(positions)) != len(positions):
+        raise FieldError("drones_positions: two drones in one cell are not allowed")
+
+
+def check_multipliers(multipliers: tuple[float, ...] | None, person_amount: int) -> None:
+    """Raise unless there is one multiplier per person.
+
+    Raises:
+        FieldError: If the numbers differ.
+    """
+    if multipliers is not None and len(multipliers) != person_amount:
+        raise FieldError(
+            f"person_pod_multipliers: {len(multipliers)} values are not allowed; "
+            f"one per person ({person_amount})"
+        )
+
+
+def check_scatter(amount: int, cell: tuple[int, int], grid_size: int, scatter: int) -> None:
+    """Raise unless the cells within `scatter` of the cell have room for every person.
+
+    Raises:
+        FieldError: If there are more persons than cells.
+    """
+    room = 1
+    for c in cell:
+        room *= min(c + scatter, grid_size - 1) - max(c - scatter, 0) + 1
+    if amount > room:
+        raise FieldError(
+            f"person_amount: {amount} is not allowed; at most {room}, the cells within "
+            f"{scatter} of person_initial_position {list(cell)}"
+        )

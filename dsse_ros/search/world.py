@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arrays of B worlds that share one scenario and one set of rules: reset and step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.search import kernels
+from dsse_ros.search.rules import ACTION_VECTORS, Rules
+from dsse_ros.search.scenario import Scenario
+
+HOLD = -1
+"""The action of a drone that does nothing; it is rewarded like a move."""
+
+
+def constants_of(scenario: Scenario, rules: Rules) -> NDArray[np.void]:
+    """Return scenario and rules as the kernels read them, (1,) of `kernels.CONSTANTS`."""
+    constants = np.zeros(1, kernels.CONSTANTS)
+    for name in kernels.CONSTANTS.names:
+        for source in (scenario, rules):
+            if hasattr(source, name):
+                constants[name] = getattr(source, name)
+                break
+    vectors = [ACTION_VECTORS[name] for name in rules.actions]
+    constants["num_actions"] = len(vectors)
+    constants["search_action"] = rules.actions.index("search")
+    constants["dx"][0, : len(vectors)] = [dx for dx, _ in vectors]
+    constants["dy"][0, : len(vectors)] = [dy for _, dy in vectors]
+    constants["leave_terminates"] = rules.leave_policy == "terminate"
+    return constants
+
+
+class World:
+    """B worlds, stepped together.
+
+    Args:
+        scenario: Resolved or not; it is resolved with the rules.
+        rules: The rules of the search.
+        num_worlds: B.
+        write_maps: Whether `maps` is written; without it cells can still be asked for.
+
+    Attributes:
+        worlds, drones, persons: The whole hidden state, structured arrays (B,), (B, N), (B, P)
+            of `kernels.WORLDS`, `kernels.DRONES` and `kernels.PERSONS`.
+        maps: (B, G, G) float32, the probability of cell [row, col]; a new array every step.
+        rewards: (B, N) float64 of the last step; a new array every step.
+        terminated, truncated: (B, N) bool since the last reset.
+        found: (B, N) bool, whether the drone found a person in the last step.
+
+    Raises:
+        FieldError: If the scenario does not fit the rules.
+    """
+
+    def __init__(
+        self, scenario: Scenario, rules: Rules, num_worlds: int = 1, *, write_maps: bool = True
+    ) -> None:
+        self.scenario = scenario = scenario.resolve(rules)
+        self.rules = rules
+        assert scenario.grid_size and scenario.num_drones
+        self.grid_size: int = scenario.grid_size
+        self.num_worlds = num_worlds
+        self.num_drones: int = scenario.num_drones
+        self.constants = constants_of(scenario, rules)
+        self.worlds = np.zeros(num_worlds, kernels.WORLDS)
+        self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
+        self.persons = np.zeros((num_worlds, scenario.person_amount), kernels.PERSONS)
+        self.terminated = np.zeros((num_worlds, self.num_drones), bool)
+        self.truncated = np.zeros_like(self.terminated)
+        self.found = np.zeros_like(self.terminated)
+        self.rewards = np.zeros((num_worlds, self.num_drones))
+        side = self.grid_size if write_maps else 0
+        self._map_shape = (num_worlds, side, side)
+        self.maps = np.zeros(self._map_shape, np.float32)
+        # A constant spread needs one table for all worlds.
+        tables = num_worlds if scenario.dispersion_inc else 1
+        self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
+        self.tails = np.zeros((tables, 2, self.grid_size + 2))
+        for table in range(tables):
+            for axis, sigma in enumerate((scenario.sigma_x, scenario.sigma_y)):
+                kernels.fill_axis(
+                    self.gauss[table, axis], self.tails[table, axis], self.grid_size, sigma
+                )
+        self._occupied = np.zeros(self.grid_size**2, np.int32)
+        self.seed()
+        self.place()
+
+    def seed(self, seed: int | None = None) -> None:
+        """Seed world b with seed + b, or all from the system's entropy."""
+        base = seed if seed is not None else int(np.random.SeedSequence().entropy)  # type: ignore[arg-type]
+        self.worlds["rng"] = [
+            np.random.SeedSequence(base + b).generate_state(1, np.uint64)[0]
+            for b in range(self.num_worlds)
+        ]
+
+    def place(
+        self,
+        *,
+        drones_positions: Sequence[tuple[int, int]] | None = None,
+        vector: tuple[float, float] | None = None,
+        person_initial_position: tuple[int, int] | None = None,
+        person_pod_multipliers: Sequence[float] | None = None,
+    ) -> None:
+        """Set what the next resets start from; None is the scenario's own value."""
+        s = self.scenario
+        starts = np.asarray(s.drones_positions if drones_positions is None else drones_positions)
+        self.drones["start_x"], self.drones["start_y"] = starts[:, 0], starts[:, 1]
+        drift = np.array(s.vector if vector is None else vector, float)
+        if self.rules.drift_relation:
+            drift *= np.hypot(*drift) * self.rules.drift_relation
+        self.worlds["drift_x"], self.worlds["drift_y"] = drift
+        person = person_initial_position or s.person_initial_position
+        self.worlds["start_x"], self.worlds["start_y"] = person  # type: ignore[misc]
+        self.persons["pod_multiplier"] = (
+            s.person_pod_multipliers if person_pod_multipliers is None else person_pod_multipliers
+        )
+
+    def reset(self, which: NDArray[np.bool_] | None = None) -> None:
+        """Reset all worlds, or those with which[b]; their generators go on."""
+        if which is None:
+            which = np.ones(self.num_worlds, bool)
+        self.terminated[which] = False
+        self.truncated[which] = False
+        self.found[which] = False
+        self.rewards = np.zeros_like(self.rewards)
+        self.maps = np.empty(self._map_shape, np.float32) if which.all() else self.maps.copy()
+        kernels.reset_worlds(
+            self.constants, self.worlds, self.drones, self.persons, self.gauss, self.tails,
+            self.maps, which,
+        )  # fmt: skip
+
+    def step(self, actions: NDArray[np.int8]) -> None:
+        """Advance every world by one step.
+
+        Args:
+            actions: (B, N) int8, numbers of the rules' legend or `HOLD`; what stands for a drone
+                that is terminated or truncated does not count.
+        """
+        self.rewards = np.empty_like(self.rewards)
+        self.maps = np.empty(self._map_shape, np.float32)
+        kernels.step_worlds(
+            self.constants, self.worlds, self.drones, self.persons, self.gauss, self.tails,
+            actions, self.maps, self.rewards, self.terminated, self.truncated, self.found,
+            self._occupied,
+        )  # fmt: skip
+
+    def state_bytes(self) -> bytes:
+        """Return the whole hidden state, random state included, for comparison."""
+        arrays: list[NDArray[Any]] = [
+            self.worlds, self.drones, self.persons, self.terminated, self.truncated,
+        ]  # fmt: skip
+        return b"".join(array.tobytes() for array in arrays)
