@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the drones have been told: the barrier of a lockstep mission, without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.legend import Legend
+from dsse_ros.search import HOLD
+
+Cell = tuple[int, int]
+
+MISSING_ACTIONS = ("search", "repeat", "hold", "abort")
+"""What a drone without a command does when the step cannot wait."""
+
+
+class CommandBuffer:
+    """The last command of each drone: one action for the next step, or cells to go to.
+
+    Args:
+        actions: Legend of the action numbers.
+        num_drones: N.
+    """
+
+    def __init__(self, actions: Sequence[str], num_drones: int) -> None:
+        self._legend = Legend(actions)
+        self._search = list(actions).index("search")
+        self._num_drones = num_drones
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all commands, goals and what was done before."""
+        self._actions: dict[int, int] = {}
+        self._goals: dict[int, list[Cell]] = {}
+        self._last: dict[int, int] = {}
+
+    def set_action(self, drone: int, action: int) -> None:
+        """Set the drone's action for the next step; it replaces any other command."""
+        self._goals.pop(drone, None)
+        self._actions[drone] = action
+
+    def set_goals(self, drone: int, goals: Sequence[Cell]) -> None:
+        """Send the drone to these cells one after the other; it replaces any other command."""
+        self._actions.pop(drone, None)
+        self._goals[drone] = list(goals)
+
+    def missing(self, live: Sequence[int], cells: NDArray[np.int64]) -> list[int]:
+        """Return the live drones without a command; cells (N, 2) are where the drones are."""
+        return [i for i in live if i not in self._actions and not self._ahead(i, cells)]
+
+    def take(
+        self, live: Sequence[int], cells: NDArray[np.int64], missing_action: str
+    ) -> NDArray[np.int8]:
+        """Return the joint action (N,) and clear what was for one step.
+
+        Args:
+            live: Drones still in flight; the others hold.
+            cells: (N, 2) where the drones are.
+            missing_action: What a drone without a command does: search, repeat or hold.
+        """
+        joint = np.full(self._num_drones, HOLD, np.int8)
+        for i in live:
+            if i in self._actions:
+                joint[i] = self._actions[i]
+            elif goal := self._ahead(i, cells):
+                here = (int(cells[i, 0]), int(cells[i, 1]))
+                joint[i] = self._legend.action(here, self._legend.towards(here, goal))
+            elif missing_action == "search":
+                joint[i] = self._search
+            elif missing_action == "repeat":
+                joint[i] = self._last.get(i, HOLD)
+            self._last[i] = int(joint[i])
+        self._actions.clear()
+        return joint
+
+    def _ahead(self, drone: int, cells: NDArray[np.int64]) -> Cell | None:
+        """Return the cell the drone goes to; goals it has reached are dropped."""
+        goals = self._goals.get(drone)
+        while goals and goals[0] == (cells[drone, 0], cells[drone, 1]):
+            goals.pop(0)
+        return goals[0] if goals else None

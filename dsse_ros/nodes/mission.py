@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission as `sim_node` runs it, without ROS: the world, its commands, time and report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.nodes.commands import Cell, CommandBuffer
+from dsse_ros.search import HOLD, SearchEnv
+from msg_adapters.result import Rejected
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """What a step did; all arrays are in the order of the agents.
+
+    Attributes:
+        step: Steps done, 0 right after a reset.
+        stamp_ns: Mission time in nanoseconds; it never runs backwards.
+        cells: (N, 2) int64 (col, row).
+        actions: (N,) int8, `HOLD` for none.
+        rewards: (N,) float64.
+        terminated, truncated, found, held: (N,) bool.
+        probabilities: (N,) float64, what the map before the step gave the cell of each drone that
+            searched, 0 for the others.
+    """
+
+    step: int
+    stamp_ns: int
+    cells: NDArray[np.int64]
+    actions: NDArray[np.int8]
+    rewards: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    found: NDArray[np.bool_]
+    held: NDArray[np.bool_]
+    probabilities: NDArray[np.float64]
+
+
+class Mission:
+    """One search after the other on one environment.
+
+    Attributes:
+        env: The environment.
+        seed: Seed of the mission under way.
+        number: Missions started so far, 1 for the first.
+        result: The last step's result.
+        not_found: Probability that no search so far would have found the person, the complement
+            of the cumulative probability of success: the product of (1 - POS) over the steps
+            (IAMSAR Manual, volume II).
+        aborted: Whether the mission was given up because commands were missing.
+    """
+
+    def __init__(self, env: SearchEnv, seed: int) -> None:
+        self.env = env
+        self.commands = CommandBuffer(env.rules.actions, env.world.num_drones)
+        self.seed = seed
+        self.number = 0
+        self.not_found = 1.0
+        self.aborted = False
+        self.tracks: list[list[Cell]] = []
+        self._step_ns = round(env.scenario.step_duration_s * 1e9)
+        self._stamp_ns = -self._step_ns
+        self._search = env.rules.actions.index("search")
+        self.result = self.reset(seed)
+
+    def reset(self, seed: int) -> StepResult:
+        """Start a new mission; mission time goes on."""
+        self.env.reset(seed=seed)
+        self.seed = seed
+        self.number += 1
+        self.not_found = 1.0
+        self.aborted = False
+        self.commands.clear()
+        count = self.env.world.num_drones
+        self.tracks = [[] for _ in range(count)]
+        nobody = np.zeros(count, bool)
+        self.result = self._result(np.full(count, HOLD, np.int8), nobody, np.zeros(count))
+        return self.result
+
+    @property
+    def over(self) -> bool:
+        """Whether no step can be done before a reset."""
+        return self.aborted or not self.env.agents
+
+    @property
+    def live(self) -> list[int]:
+        """The drones in flight."""
+        return [int(i) for i in np.flatnonzero(self.env.world.drones["alive"][0])]
+
+    @property
+    def missing(self) -> list[int]:
+        """The drones in flight that have no command yet."""
+        return self.commands.missing(self.live, self.result.cells)
+
+    def refuse(self, drone: int | None = None) -> Rejected | None:
+        """Return why a command for this drone, or for all, cannot be taken now."""
+        if self.over:
+            return Rejected("mission_over", "the mission is over; call ~/reset for a new one")
+        if drone is not None and not self.env.world.drones["alive"][0, drone]:
+            return Rejected("drone_terminated", f"drone{drone} is terminated; it takes no command")
+        return None
+
+    def command_all(self, actions: Sequence[int]) -> None:
+        """Set the next action of every drone in flight."""
+        for drone in self.live:
+            self.commands.set_action(drone, actions[drone])
+
+    def abort(self) -> None:
+        """Give the mission up."""
+        self.aborted = True
+
+    def advance(self, missing_action: str) -> StepResult:
+        """Do one step with the commands given; drones without one follow `missing_action`."""
+        world = self.env.world
+        live = world.drones["alive"][0].copy()
+        joint = self.commands.take(self.live, self.result.cells, missing_action)
+        searching = live & (joint == self._search)
+        probabilities = np.where(searching, self._probabilities(), 0.0)
+        searched = {tuple(c): p for c, p in zip(self.result.cells, probabilities, strict=True) if p}
+        self.env.advance(joint)
+        pod = self.env.scenario.probability_of_detection
+        self.not_found *= 1.0 - min(pod * float(sum(searched.values())), 1.0)
+        self.result = self._result(joint, live & (joint == HOLD), probabilities)
+        return self.result
+
+    def _probabilities(self) -> NDArray[np.float64]:
+        """Return the probability of each drone's cell, 0 outside the grid."""
+        cells, grid = self.result.cells, self.env.world.grid_size
+        inside = ((cells >= 0) & (cells < grid)).all(axis=1)
+        col, row = np.where(inside[:, None], cells, 0).T
+        return np.where(inside, self.env.probability[row, col], 0.0).astype(float)
+
+    def _result(
+        self,
+        actions: NDArray[np.int8],
+        held: NDArray[np.bool_],
+        probabilities: NDArray[np.float64],
+    ) -> StepResult:
+        world = self.env.world
+        self._stamp_ns += self._step_ns
+        cells = self.env.positions
+        for track, (col, row) in zip(self.tracks, cells.tolist(), strict=True):
+            if not track or track[-1] != (col, row):
+                track.append((col, row))
+        return StepResult(
+            step=int(world.worlds["t"][0]),
+            stamp_ns=self._stamp_ns,
+            cells=cells,
+            actions=actions,
+            rewards=world.rewards[0].copy(),
+            terminated=world.terminated[0].copy(),
+            truncated=world.truncated[0].copy(),
+            found=world.found[0].copy(),
+            held=held,
+            probabilities=probabilities,
+        )

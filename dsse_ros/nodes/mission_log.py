@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The record of a mission: one CSV row per step and drone, and per step and person."""
+
+from __future__ import annotations
+
+import csv
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.nodes.mission import Mission, StepResult
+from dsse_ros.search import FieldError
+from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.geodesy import cell_to_geodetic
+
+COLUMNS = (
+    "mission", "step", "time_s", "agent", "col", "row", "east_m", "north_m", "lat_deg", "lon_deg",
+    "action", "reward", "terminated", "truncated", "found", "held", "probability", "pos_cumulative",
+)  # fmt: skip
+"""Column names; `probability` is that of the cell searched, `pos_cumulative` the cumulative
+probability of success. Persons have no action and no reward."""
+
+
+class MissionLog:
+    """Writes the steps of missions to a file as they happen.
+
+    Raises:
+        FieldError: If the file cannot be written.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], frame: GridFrame) -> None:
+        self._frame = frame
+        try:
+            self._file: TextIO = Path(path).open("w", newline="", encoding="utf-8")  # noqa: SIM115
+        except OSError as error:
+            raise FieldError(f"record_file: {os.fspath(path)!r}: {error.strerror}") from None
+        self._writer = csv.writer(self._file, lineterminator="\n")
+        self._writer.writerow(COLUMNS)
+
+    def write(self, mission: Mission, result: StepResult) -> None:
+        """Append a step, complete on disk when this returns."""
+        env, step_s = mission.env, mission.env.scenario.step_duration_s
+        legend = env.rules.actions
+        persons = env.world.persons[0]
+        cells = np.vstack([result.cells, np.stack([persons["x"], persons["y"]], axis=1)])
+        east, north = cell_to_map(self._frame, cells[:, 0], cells[:, 1])
+        lat, lon, _ = cell_to_geodetic(self._frame, cells[:, 0], cells[:, 1], 0.0)
+        drones = len(result.cells)
+        for i, (col, row) in enumerate(cells.tolist()):
+            place = (
+                col, row, f"{east[i]:.3f}", f"{north[i]:.3f}", f"{lat[i]:.9f}", f"{lon[i]:.9f}",
+            )  # fmt: skip
+            head = (mission.number, result.step, f"{result.step * step_s:.3f}")
+            if i < drones:
+                action = int(result.actions[i])
+                flags = (result.terminated, result.truncated, result.found, result.held)
+                self._writer.writerow(
+                    (
+                        *head,
+                        f"drone{i}",
+                        *place,
+                        legend[action] if action >= 0 else "",
+                        repr(float(result.rewards[i])),
+                        *(int(flag[i]) for flag in flags),
+                        repr(float(result.probabilities[i])),
+                        repr(1.0 - mission.not_found),
+                    )  # fmt: skip
+                )
+            else:
+                found = int(persons["found"][i - drones])
+                self._writer.writerow(
+                    (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "")
+                )
+        self._file.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+@dataclass(frozen=True)
+class MissionRecord:
+    """A mission read back from its log.
+
+    Attributes:
+        tracks: (N, K, 2) cells (col, row) of the drones.
+        persons: (P, 2) last cells of the persons.
+        person_found: (P,) bool.
+        actions: (N, K) names of the actions, "" for none.
+        rewards: (N, K) float64.
+        alive: (N,) bool after the last step.
+        truncated: (N,) bool after the last step.
+        found: (N, K) bool.
+        times_s: (K,) float64 mission time.
+        pos_cumulative: Cumulative probability of success.
+    """
+
+    tracks: NDArray[np.int64]
+    persons: NDArray[np.int64]
+    person_found: NDArray[np.bool_]
+    actions: NDArray[np.str_]
+    rewards: NDArray[np.float64]
+    alive: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    found: NDArray[np.bool_]
+    times_s: NDArray[np.float64]
+    pos_cumulative: float
+
+
+def read_log(path: str | os.PathLike[str]) -> MissionRecord:
+    """Return the last mission of a log.
+
+    Raises:
+        ValueError: If the file holds no step of a mission.
+    """
+    with Path(path).open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    if not rows:
+        raise ValueError(f"{os.fspath(path)}: no step of a mission")
+    rows = [row for row in rows if row["mission"] == rows[-1]["mission"]]
+    drones = _by_agent(rows, "drone")
+    persons = [last[-1] for last in _by_agent(rows, "person")]
+
+    def table(column: str, kind: Any) -> NDArray[Any]:
+        return np.array([[kind(row[column]) for row in of_drone] for of_drone in drones])
+
+    flags = {name: table(name, int).astype(bool) for name in ("terminated", "truncated", "found")}
+    return MissionRecord(
+        tracks=np.stack([table("col", int), table("row", int)], axis=2),
+        persons=np.array([(int(row["col"]), int(row["row"])) for row in persons]),
+        person_found=np.array([row["found"] == "1" for row in persons]),
+        actions=table("action", str),
+        rewards=table("reward", float),
+        alive=~(flags["terminated"] | flags["truncated"])[:, -1],
+        truncated=flags["truncated"][:, -1],
+        found=flags["found"],
+        times_s=table("time_s", float)[0],
+        pos_cumulative=float(drones[0][-1]["pos_cumulative"]),
+    )
+
+
+def _by_agent(rows: list[dict[str, str]], kind: str) -> list[list[dict[str, str]]]:
+    """Return the rows of each agent whose name starts with `kind`, in the order of the names."""
+    groups: dict[str, list[dict[str, str]]] = {}
+    for row in rows:
+        if row["agent"].startswith(kind):
+            groups.setdefault(row["agent"], []).append(row)
+    return list(groups.values())

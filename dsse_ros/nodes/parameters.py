@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checked fields as ROS parameters: read what was given, declare what is in force."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from dsse_ros.search.fields import FieldError, Spec, check_known
+
+_TYPES = {
+    "bool": Parameter.Type.BOOL,
+    "int": Parameter.Type.INTEGER,
+    "float": Parameter.Type.DOUBLE,
+    "str": Parameter.Type.STRING,
+    "vector": Parameter.Type.DOUBLE_ARRAY,
+    "floats": Parameter.Type.DOUBLE_ARRAY,
+    "cell": Parameter.Type.INTEGER_ARRAY,
+    "cells": Parameter.Type.INTEGER_ARRAY,
+    "names": Parameter.Type.STRING_ARRAY,
+}
+
+_OF_ROS = ("use_sim_time", "start_type_description_service")
+
+
+def take_overrides(node: Node, known: Collection[str]) -> dict[str, Any]:
+    """Return the parameters a node was started with, by name, and undeclare them.
+
+    The node must have been made with `automatically_declare_parameters_from_overrides`, so that
+    values of any type arrive here and are judged in one place.
+
+    Raises:
+        FieldError: If a name is not known.
+    """
+    given = {
+        name: parameter.value
+        for name, parameter in node.get_parameters_by_prefix("").items()
+        if name not in _OF_ROS and not name.startswith("qos_overrides.")
+    }
+    check_known(f"the parameters of {node.get_name()}", given, sorted(known))
+    for name in given:
+        node.undeclare_parameter(name)
+    return given
+
+
+def from_ros(spec: Spec, value: Any) -> Any:
+    """Return a parameter's value in the shape the field has: cells come as [col, row, ...]."""
+    if spec.kind == "cells" and isinstance(value, Iterable) and not isinstance(value, str | bytes):
+        flat = list(value)
+        if flat and len(flat) % 2 == 0 and not any(isinstance(v, list | tuple) for v in flat):
+            return [flat[i : i + 2] for i in range(0, len(flat), 2)]
+    return value
+
+
+def to_ros(spec: Spec, value: Any) -> Any:
+    """Return a field's value as a parameter holds it."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if spec.kind == "cells":
+        return [part for cell in value for part in cell]
+    return list(value)
+
+
+def descriptor(name: str, spec: Spec, *, read_only: bool) -> ParameterDescriptor:
+    """Return the descriptor of a field: sentence, unit, range, allowed values."""
+    made = ParameterDescriptor(
+        name=name,
+        type=_TYPES[spec.kind].value,
+        description=f"{spec.doc} Unit: {spec.unit}." if spec.unit else spec.doc,
+        additional_constraints=spec.allowed(),
+        read_only=read_only,
+    )
+    low, high = max(spec.low, spec.above), spec.high
+    bounded = low > float("-inf") or high < float("inf")
+    if spec.kind == "int" and bounded:
+        made.integer_range = [
+            IntegerRange(
+                from_value=int(max(low, -(2.0**62))), to_value=int(min(high, 2.0**62)), step=1
+            )
+        ]
+    elif spec.kind == "float" and bounded:
+        limit = sys.float_info.max
+        made.floating_point_range = [
+            FloatingPointRange(
+                from_value=float(max(low, -limit)), to_value=float(min(high, limit)), step=0.0
+            )
+        ]
+    return made
+
+
+def declare(
+    node: Node, specs: Mapping[str, Spec], values: Mapping[str, Any], mutable: Collection[str] = ()
+) -> None:
+    """Declare one parameter per field with the value in force; None leaves it unset."""
+    for name, spec in specs.items():
+        value = to_ros(spec, values[name])
+        node.declare_parameter(
+            name,
+            _TYPES[spec.kind] if value is None or value == [] else value,
+            descriptor(name, spec, read_only=name not in mutable),
+            ignore_override=True,
+        )
+
+
+def check_changes(
+    specs: Mapping[str, Spec], parameters: Iterable[Parameter]
+) -> tuple[SetParametersResult, dict[str, Any]]:
+    """Return the verdict on a change of parameters, and the values of the fields it sets."""
+    changes: dict[str, Any] = {}
+    try:
+        for parameter in parameters:
+            if parameter.name in specs:
+                spec = specs[parameter.name]
+                value = from_ros(spec, parameter.value)
+                changes[parameter.name] = spec.check(parameter.name, value)
+    except FieldError as error:
+        return SetParametersResult(successful=False, reason=str(error)), {}
+    return SetParametersResult(successful=True), changes

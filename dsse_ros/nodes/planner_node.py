@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dsse_ros planner_node`: commands the drones, knowing nothing but the topics."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Int32MultiArray, String
+
+from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.qos import LATCHED, RELIABLE
+from dsse_ros.nodes.runtime import run_node
+from dsse_ros.nodes.settings import PlannerSettings
+from dsse_ros.planners import Planner, make_planner
+from dsse_ros.search import HOLD
+from dsse_ros.search.fields import specs
+from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.commands import joint_action_message
+from msg_adapters.images import image_to_probability
+from msg_adapters.stamps import to_nanoseconds
+from msg_adapters.step_report import step_report_from_message
+
+
+class PlannerNode(Node):
+    """Answers every step with a joint action.
+
+    A step is answered when its report and its map are both here, which their common stamp tells.
+    A report of an earlier step than the last one opens a new mission and gets a new planner.
+
+    Raises:
+        FieldError: If a parameter is not allowed.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("dsse_planner", automatically_declare_parameters_from_overrides=True)
+        known = specs(PlannerSettings)
+        self.settings = PlannerSettings(**take_overrides(self, known))
+        declare(self, known, vars(self.settings))
+        self._info: AgentsInfo | None = None
+        self._map: tuple[int, NDArray[np.float32]] | None = None
+        self._report: tuple[int, NDArray[Any]] | None = None
+        self._planner: Planner | None = None
+        self._answered: tuple[int, int] | None = None  # (stamp, step)
+        self._answer: Int32MultiArray | None = None
+        self._publisher = self.create_publisher(Int32MultiArray, "joint_action", RELIABLE)
+        for kind, topic, read in (
+            (String, "agents", self._on_agents),
+            (Image, "probability", self._on_map),
+            (PointCloud2, "step_report", self._on_report),
+        ):
+            self.create_subscription(kind, topic, partial(self._on, topic, read), LATCHED)
+        # A command that was lost would stop a lockstep mission for good.
+        self.create_timer(
+            self.settings.resend_period, self._resend, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    def _on(self, topic: str, read: Callable[[Any], None], message: Any) -> None:
+        try:
+            read(message)
+        except ValueError as error:
+            self.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
+            return
+        self._plan()
+
+    def _on_agents(self, message: String) -> None:
+        self._info = agents_from_message(message)
+
+    def _on_map(self, message: Image) -> None:
+        self._map = (to_nanoseconds(message.header.stamp), image_to_probability(message))
+
+    def _on_report(self, message: PointCloud2) -> None:
+        report = step_report_from_message(message)
+        if len(report):
+            self._report = (to_nanoseconds(message.header.stamp), report)
+
+    def _plan(self) -> None:
+        if self._info is None or self._map is None or self._report is None:
+            return
+        (stamp, report), (map_stamp, probability) = self._report, self._map
+        step = int(report["step"][0])
+        if stamp != map_stamp or (stamp, step) == self._answered:
+            return
+        live = ~((report["terminated"] | report["truncated"]).astype(bool))
+        if self._planner is None or self._answered is None or step <= self._answered[1]:
+            settings = self.settings
+            self._planner = make_planner(settings.planner, self._info.actions, seed=settings.seed)
+        self._answered = (stamp, step)
+        self._answer = None
+        if not live.any():
+            return
+        agents = {name: i for i, name in enumerate(self._info.agents) if i < len(live) and live[i]}
+        cells = np.stack([report["col"], report["row"]], axis=1).astype(np.int64)
+        masks = report["action_mask"].astype(np.int8)
+        actions = self._planner(
+            {name: (cells[i], probability) for name, i in agents.items()},
+            {name: {"Found": False, "action_mask": masks[i]} for name, i in agents.items()},
+        )
+        joint = [HOLD] * len(report)
+        for name, action in actions.items():
+            joint[agents[name]] = int(action)
+        self._answer = joint_action_message(step, joint)
+        self._publisher.publish(self._answer)
+
+    def _resend(self) -> None:
+        if self._answer is not None:
+            self._publisher.publish(self._answer)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node until it is interrupted; returns the exit code, 2 for bad input."""
+    return run_node("planner_node", PlannerNode, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

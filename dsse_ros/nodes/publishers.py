@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `sim_node` publishes: each topic's message comes from one function of `msg_adapters`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray, PoseStamped
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image, NavSatFix, PointCloud2
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from dsse_ros.nodes.mission import Mission, StepResult
+from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR
+from dsse_ros.search import kernels
+from msg_adapters.agents import AgentsInfo, Origin, agents_message
+from msg_adapters.diagnostics import diagnostic_array
+from msg_adapters.frames import GridFrame
+from msg_adapters.geodesy import cell_fix
+from msg_adapters.images import probability_image
+from msg_adapters.markers import marker_array
+from msg_adapters.occupancy import occupancy_grid
+from msg_adapters.poses import nav_sat_fix, odometry, path, pose_array, pose_stamped, tf_message
+from msg_adapters.stamps import clock_message
+from msg_adapters.step_report import make_step_report, step_report_message
+
+
+def tf_type() -> Any:
+    """Return tf2_msgs/TFMessage, or None where tf2_msgs is not installed."""
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        return None
+    return TFMessage
+
+
+class MissionPublishers:
+    """The publishers of one mission.
+
+    Args:
+        node: Makes the publishers.
+        mission: What is published.
+        frame: Where the grid lies.
+    """
+
+    def __init__(self, node: Node, mission: Mission, frame: GridFrame) -> None:
+        self._node = node
+        self._mission = mission
+        self._frame = frame
+        self._names = mission.env.possible_agents
+        self._grid = self._publisher(OccupancyGrid, "probability_grid", LATCHED)
+        self._image = self._publisher(Image, "probability", LATCHED)
+        self._drones = self._publisher(PoseArray, "drones", LATCHED)
+        self._report = self._publisher(PointCloud2, "step_report", LATCHED)
+        self._agents = self._publisher(String, "agents", LATCHED)
+        self._markers = self._publisher(MarkerArray, "markers", LATCHED)
+        self._clock = self._publisher(Clock, "/clock", RELIABLE)
+        self._diagnostics = self._publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        self._poses = self._per_drone(PoseStamped, "pose", LATCHED)
+        self._odoms = self._per_drone(Odometry, "odom", RELIABLE)
+        self._fixes = self._per_drone(NavSatFix, "fix", SENSOR)
+        self._paths = self._per_drone(Path, "path", LATCHED)
+        transform = tf_type()
+        self._tf = transform and self._publisher(transform, "/tf", RELIABLE)
+        self._before = self._cells = mission.result.cells
+        # What a listener of path and markers has last seen: (stamp, listeners).
+        self._seen: dict[Publisher, tuple[int, int]] = {}
+
+    def _publisher(self, kind: Any, topic: str, qos: QoSProfile) -> Publisher:
+        return self._node.create_publisher(
+            kind, topic, qos, qos_overriding_options=QoSOverridingOptions.with_default_policies()
+        )
+
+    def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
+        return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
+
+    def publish_agents(self) -> None:
+        """Publish who searches, by which rules and where."""
+        env, frame = self._mission.env, self._frame
+        info = AgentsInfo(
+            agents=tuple(self._names),
+            actions=env.rules.actions,
+            rules=env.rules.profile,
+            seed=self._mission.seed,
+            grid_size=frame.grid_size,
+            cell_size_m=frame.cell_size_m,
+            timestep_limit=int(env.scenario.timestep_limit or 0),
+            step_duration_s=env.scenario.step_duration_s,
+            map_frame=frame.map_frame,
+            origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
+            alt_m=frame.alt_m,
+            mission=self._mission.number,
+        )
+        self._agents.publish(agents_message(info))
+
+    def publish_clock(self, nanoseconds: int) -> None:
+        """Publish the mission time."""
+        self._clock.publish(clock_message(nanoseconds))
+
+    def publish_step(self, result: StepResult, stamp: Time, grid_scaling: str) -> None:
+        """Publish a step, all messages with the same stamp; the step report goes last."""
+        frame, env = self._frame, self._mission.env
+        probability = env.probability
+        self._grid.publish(occupancy_grid(frame, probability, stamp, grid_scaling))
+        self._image.publish(probability_image(frame, probability, stamp))
+        for publisher, cell in zip(self._poses, result.cells.tolist(), strict=True):
+            publisher.publish(pose_stamped(frame, cell, stamp))
+        self._drones.publish(pose_array(frame, result.cells, stamp))
+        self._publish_fixes(result, stamp)
+        self._before = self._cells if result.step else result.cells
+        self._cells = result.cells
+        report = make_step_report(
+            frame,
+            step=result.step,
+            cells=result.cells,
+            actions=result.actions,
+            rewards=result.rewards,
+            terminated=result.terminated,
+            truncated=result.truncated,
+            found=result.found,
+            held=result.held,
+            action_mask=env.action_masks(),
+        )
+        self._report.publish(step_report_message(frame, report, stamp))
+
+    def _publish_fixes(self, result: StepResult, stamp: Time) -> None:
+        cells = result.cells.tolist()
+        for publisher, name, cell in zip(self._fixes, self._names, cells, strict=True):
+            if publisher.get_subscription_count():
+                publisher.publish(
+                    nav_sat_fix(self._frame, *cell_fix(self._frame, *cell), stamp, name)
+                )
+
+    def publish_odometry(self, stamp: Time, fraction: float) -> None:
+        """Publish odometry and transforms of drones on the way to the cells of the last step.
+
+        Args:
+            stamp: Time of the messages.
+            fraction: Share of the way done; at 1 they stand in their cells.
+        """
+        way = self._cells - self._before
+        cells = self._before + fraction * way
+        duration = self._mission.env.scenario.step_duration_s
+        speed = self._frame.cell_size_m / duration if fraction < 1 else 0.0
+        for i, publisher in enumerate(self._odoms):
+            if publisher.get_subscription_count():
+                velocity = (float(way[i, 0]) * speed, -float(way[i, 1]) * speed)
+                name, (col, row) = self._names[i], cells[i].tolist()
+                publisher.publish(odometry(self._frame, name, col, row, velocity, stamp))
+        if self._tf is not None:
+            self._tf.publish(tf_message(self._frame, cells, self._names, stamp))
+
+    def publish_history(self, result: StepResult, stamp: Time, reveal_person: bool) -> None:
+        """Publish tracks and markers to listeners who have not seen them as they are now."""
+        for publisher, track in zip(self._paths, self._mission.tracks, strict=True):
+            if self._is_news(publisher, result.stamp_ns):
+                publisher.publish(path(self._frame, track, stamp))
+        if self._is_news(self._markers, result.stamp_ns):
+            self._markers.publish(self._marker_array(result, stamp, reveal_person))
+
+    def _is_news(self, publisher: Publisher, stamp_ns: int) -> bool:
+        listeners = publisher.get_subscription_count()
+        news = listeners > 0 and self._seen.get(publisher) != (stamp_ns, listeners)
+        self._seen[publisher] = (stamp_ns, listeners)
+        return news
+
+    def _marker_array(self, result: StepResult, stamp: Time, reveal_person: bool) -> MarkerArray:
+        env = self._mission.env
+        world, persons = env.world.worlds[0], env.world.persons[0]
+        return marker_array(
+            self._frame,
+            stamp,
+            drone_cells=result.cells,
+            names=self._names,
+            tracks=self._mission.tracks,
+            live=(~(result.terminated | result.truncated)).tolist(),
+            datum=(int(world["datum_x"]), int(world["datum_y"])),
+            radius_cells=kernels.radius(world) if env.rules.circle else None,
+            person_cells=(
+                np.stack([persons["x"], persons["y"]], axis=1) if reveal_person else None
+            ),
+            found=persons["found"].tolist() if reveal_person else None,
+        )
+
+    def publish_diagnostics(
+        self, stamp: Time, level: bytes, message: str, values: dict[str, object]
+    ) -> None:
+        """Publish the node's health."""
+        name = self._node.get_fully_qualified_name().lstrip("/")
+        self._diagnostics.publish(
+            diagnostic_array(
+                stamp,
+                name=name,
+                hardware_id="dsse_ros",
+                level=level,
+                message=message,
+                values=values,
+            )  # fmt: skip
+        )

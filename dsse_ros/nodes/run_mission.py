@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`make sim`: one mission from start to end, `sim_node` and `planner_node` as two processes.
+
+It watches the topics as any listener would, stops both at the end of the mission, and leaves a
+summary, a picture and the CSV of its steps.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from numpy.typing import NDArray
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from sensor_msgs.msg import Image, PointCloud2
+from tqdm import tqdm
+
+from dsse_ros.nodes.mission_log import MissionRecord, read_log
+from dsse_ros.nodes.qos import LATCHED
+from dsse_ros.nodes.runtime import fail, new_executor
+from dsse_ros.planners import PLANNERS
+from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
+from dsse_ros.search.rendering import MissionView, save_picture
+from msg_adapters.images import image_to_probability
+from msg_adapters.stamps import to_nanoseconds
+from msg_adapters.step_report import step_report_from_message
+
+SILENCE_S = 60.0
+"""Wall time without a step after which the mission is given up; a first run compiles."""
+STOP_S = 10.0
+"""Wall time a process has to end after it was interrupted."""
+
+
+class MissionFailed(Exception):
+    """The mission did not come to its end."""
+
+
+class Watcher(Node):
+    """Follows a mission over its topics.
+
+    Args:
+        search_action: Number of the action search.
+        probability_of_detection: Of a search.
+
+    Attributes:
+        step: Steps done, -1 before the first report.
+        flying: Drones in flight.
+        over: Whether the mission is over and its last map is here.
+        probability: The last map (G, G).
+        not_found: Product of (1 - POS) over the steps seen.
+    """
+
+    def __init__(self, search_action: int, probability_of_detection: float) -> None:
+        super().__init__("dsse_watcher")
+        self.step = -1
+        self.flying = 0
+        self.not_found = 1.0
+        self.probability: NDArray[np.float32] | None = None
+        self._search = search_action
+        self._pod = probability_of_detection
+        self._map_stamp = -1
+        self._report_stamp = -1
+        self._previous: NDArray[np.float32] | None = None
+        self.create_subscription(Image, "probability", self._on_map, LATCHED)
+        self.create_subscription(PointCloud2, "step_report", self._on_report, LATCHED)
+
+    @property
+    def over(self) -> bool:
+        """Whether no drone is left, and the map of that step is here too."""
+        return self.step >= 0 and self.flying == 0 and self._map_stamp == self._report_stamp
+
+    def _on_map(self, message: Image) -> None:
+        self._previous = self.probability
+        self.probability = image_to_probability(message)
+        self._map_stamp = to_nanoseconds(message.header.stamp)
+
+    def _on_report(self, message: PointCloud2) -> None:
+        report = step_report_from_message(message)
+        down = (report["terminated"] | report["truncated"]).astype(bool)
+        self.step = int(report["step"][0])
+        self.flying = int((~down).sum())
+        self._report_stamp = to_nanoseconds(message.header.stamp)
+        # What was searched counts with the map that the drones had seen.
+        seen = self._previous if self._map_stamp == self._report_stamp else self.probability
+        searched = report[report["action"] == self._search]
+        if seen is not None and len(searched):
+            cells = {(int(col), int(row)) for col, row in zip(searched["col"], searched["row"])}  # noqa: B905
+            covered = sum(float(seen[row, col]) for col, row in cells)
+            self.not_found *= 1.0 - min(self._pod * covered, 1.0)
+
+    def line(self) -> str:
+        """Return the state of the search for the progress line."""
+        if self.probability is None:
+            return "waiting for the first map"
+        row, col = np.unravel_index(int(self.probability.argmax()), self.probability.shape)
+        best = float(self.probability[row, col])
+        return (
+            f"best cell ({col}, {row}) {best:.1%}, {self.flying} drones, "
+            f"searched {1.0 - self.not_found:.1%}"
+        )
+
+
+def find_scenario(name: str) -> Path:
+    """Return the path of a scenario: a file, or the name of one that the package ships.
+
+    Raises:
+        FieldError: If there is none.
+    """
+    if Path(name).is_file():
+        return Path(name).resolve()
+    try:
+        share = Path(get_package_share_directory("dsse_ros"))
+    except (PackageNotFoundError, LookupError):
+        # An environment that was never told to ament.
+        share = Path(sys.prefix) / "share" / "dsse_ros"
+    shipped = share / "config" / f"{Path(name).name.removesuffix('.yaml')}.yaml"
+    if not shipped.is_file():
+        names = ", ".join(sorted(path.stem for path in shipped.parent.glob("*.yaml")))
+        raise FieldError(f"scenario: {name!r} is no file and none of those shipped: {names}")
+    return shipped
+
+
+@contextlib.contextmanager
+def process(
+    module: str, parameters: dict[str, Any], log: Path
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a node with these parameters as a process of its own; it is stopped at the end."""
+    command = [sys.executable, "-m", f"dsse_ros.nodes.{module}", "--ros-args"]
+    for name, value in parameters.items():
+        command += ["-p", f"{name}:={value}"]
+    with log.open("wb") as output:
+        child = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
+        )
+        try:
+            yield child
+        finally:
+            if child.poll() is None:
+                child.send_signal(signal.SIGINT)
+            try:
+                child.wait(STOP_S)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+
+
+def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
+    """Raise if a process has ended, with the last line it wrote.
+
+    Raises:
+        MissionFailed: If it has.
+    """
+    if child.poll() is not None:
+        lines = log.read_text(errors="replace").strip().splitlines()
+        raise MissionFailed(lines[-1] if lines else f"{name} ended with code {child.returncode}")
+
+
+def fly(arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Rules) -> Watcher:
+    """Run the mission to its end, with a progress line; returns what was seen.
+
+    Raises:
+        MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
+    """
+    out: Path = arguments.out
+    sim = {
+        "scenario": path, "rules": rules.profile, "seed": arguments.seed,
+        "step_rate": float(arguments.rate), "record_file": out / "mission.csv",
+    }  # fmt: skip
+    if arguments.drones is not None:
+        sim["num_drones"] = arguments.drones
+    planner = {"planner": arguments.planner, "seed": arguments.seed}
+    sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
+    watcher = Watcher(rules.actions.index("search"), scenario.probability_of_detection)
+    executor = new_executor()
+    executor.add_node(watcher)
+    bar = tqdm(
+        total=scenario.timestep_limit, unit="step", file=sys.stdout, dynamic_ncols=True,
+        mininterval=0.1 if sys.stdout.isatty() else 2.0,
+        bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
+    )  # fmt: skip
+    heard = time.monotonic()
+
+    def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
+        nonlocal heard
+        executor.spin_once(timeout_sec=0.1)
+        check_running(child, name, log)
+        if watcher.step > bar.n:
+            heard = time.monotonic()
+            bar.set_description_str(watcher.line(), refresh=False)
+            bar.update(watcher.step - bar.n)
+        if time.monotonic() - heard > SILENCE_S:
+            raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
+
+    with bar, process("sim_node", sim, sim_log) as sim_process:
+        # The planner comes when the watcher is there, so that no step is missed.
+        while watcher.step < 0:
+            watch("sim_node", sim_process, sim_log)
+        with process("planner_node", planner, planner_log) as planner_process:
+            while not watcher.over:
+                watch("sim_node", sim_process, sim_log)
+                check_running(planner_process, "planner_node", planner_log)
+        bar.refresh()
+    return watcher
+
+
+def summary(record: MissionRecord, scenario: Scenario) -> str:
+    """Return how the mission went, for people."""
+    assert scenario.cell_size and scenario.timestep_limit
+    steps = record.tracks.shape[1] - 1
+    legs = np.abs(np.diff(record.tracks, axis=1))
+    metres = scenario.cell_size * np.hypot(legs[..., 0], legs[..., 1]).sum(axis=1)
+    minutes, seconds = divmod(round(float(record.times_s[-1])), 60)
+    finders = [f"drone{i}" for i in np.flatnonzero(record.found.any(axis=1))]
+    found, persons = int(record.person_found.sum()), len(record.person_found)
+    if found == persons:
+        end = f"FOUND by {', '.join(finders)}"
+    elif record.truncated.any():
+        end = "not found: out of time"
+    else:
+        end = "not found: all drones lost"
+    if persons > 1:
+        end += f" ({found} of {persons} persons)"
+    rewards = record.rewards.sum(axis=1)
+    lost = "" if found == persons else f", {int((~record.alive & ~record.truncated).sum())} lost"
+    rows = {
+        "end": end,
+        "steps": f"{steps} of {scenario.timestep_limit}",
+        "time at sea": f"{minutes} min {seconds} s",
+        "drones": f"{len(metres)}{lost}",
+        "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
+        "probability covered": f"{record.pos_cumulative:.1%}",
+        "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
+    }
+    title = scenario.name or "Mission"
+    return "\n".join([title, *(f"  {name:<20} {value}" for name, value in rows.items())])
+
+
+def picture(record: MissionRecord, watcher: Watcher, scenario: Scenario) -> MissionView:
+    """Return the mission as it stood at its end."""
+    assert watcher.probability is not None and scenario.cell_size and scenario.timestep_limit
+    found = bool(record.person_found.all())
+    return MissionView(
+        probability=watcher.probability,
+        tracks=record.tracks,
+        alive=record.alive | record.truncated | found,
+        persons=record.persons,
+        found=record.person_found,
+        datum=None,
+        step=record.tracks.shape[1] - 1,
+        timestep_limit=scenario.timestep_limit,
+        cell_size_m=scenario.cell_size,
+        title=scenario.name,
+    )
+
+
+def parse(argv: list[str] | None) -> argparse.Namespace:
+    """Return the command line's arguments."""
+    parser = argparse.ArgumentParser(
+        prog="run_mission",
+        description="Fly one mission: sim_node and planner_node as two processes.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    for flag, options in (
+        ("--scenario", {"default": "santos", "help": "YAML file or name"}),
+        ("--rules", {"default": "paper", "choices": tuple(PROFILES), "help": "profile"}),
+        ("--planner", {"default": "greedy", "choices": tuple(PLANNERS), "help": "planner"}),
+        ("--drones", {"type": int, "help": "number of drones, by default the scenario's"}),
+        ("--seed", {"type": int, "default": 0, "help": "of sea, persons and planner"}),
+        ("--rate", {"type": float, "default": 20.0, "help": "steps/s at most, 0: no limit"}),
+        ("--out", {"type": Path, "default": Path("out"), "help": "folder of the results"}),
+    ):
+        parser.add_argument(flag, **options)  # type: ignore[arg-type]
+    return parser.parse_args(argv)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one mission; returns 0 at its end, found or not, 2 for bad input, 1 if it failed."""
+    arguments = parse(argv)
+    try:
+        if arguments.seed < 0:
+            raise FieldError(f"seed: {arguments.seed} is not allowed; an integer >= 0")
+        rules = profile(arguments.rules)
+        path = find_scenario(arguments.scenario)
+        scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones).resolve(rules)
+        arguments.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return fail("run_mission", f"out: {str(arguments.out)!r}: {error.strerror}")
+    except FieldError as error:
+        return fail("run_mission", error)
+    try:
+        rclpy.init(args=[])
+        watcher = fly(arguments, path, scenario, rules)
+    except MissionFailed as error:
+        fail("run_mission", error)
+        return 1
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 130
+    finally:
+        with contextlib.suppress(KeyboardInterrupt, Exception):
+            rclpy.try_shutdown()
+    record = read_log(arguments.out / "mission.csv")
+    save_picture(picture(record, watcher, scenario), arguments.out / "mission.png")
+    print(summary(record, scenario))
+    print(f"  {'picture':<20} {arguments.out / 'mission.png'}")
+    print(f"  {'steps':<20} {arguments.out / 'mission.csv'}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

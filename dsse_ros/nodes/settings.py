@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the nodes can be told beyond the scenario and the rules, as checked fields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dsse_ros.nodes.commands import MISSING_ACTIONS
+from dsse_ros.planners import PLANNERS
+from dsse_ros.search.fields import check_all, field
+from dsse_ros.search.rules import PROFILES
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimSettings:
+    """Settings of `sim_node`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    scenario: str = field("str", "Path of the scenario's YAML file; empty for the defaults.", "")
+    rules: str = field("str", "Profile of the rules.", "paper", choices=tuple(PROFILES))
+    step_mode: str = field(
+        "str",
+        "Step when all drones have commanded, by time, or by the service ~/step.",
+        "lockstep",
+        choices=("lockstep", "realtime", "manual"),
+    )
+    step_rate: float = field(
+        "float",
+        "Lockstep: at most this many steps per second of wall time, 0 for no limit. "
+        "Realtime: exactly this many, 0 for real_time_factor / step duration.",
+        0.0,
+        low=0,
+        high=1e6,
+        unit="Hz",
+    )
+    command_timeout: float = field(
+        "float",
+        "Lockstep: wall time to wait for commands before missing_action applies, 0 for ever.",
+        0.0,
+        low=0,
+        high=1e6,
+        unit="s",
+    )
+    missing_action: str = field(
+        "str",
+        "What a drone without a command does when the step cannot wait.",
+        "search",
+        choices=MISSING_ACTIONS,
+    )
+    auto_reset: bool = field(
+        "bool", "Whether a mission that is over is followed by one with the next seed.", False
+    )
+    real_time_factor: float = field(
+        "float", "Realtime: simulated seconds per second of wall time.", 1.0, above=0, high=1e6
+    )
+    seed: int = field(
+        "int", "Seed of the mission that a reset starts; -1 draws one.", -1, low=-1, high=2**62
+    )
+    publish_clock: bool = field(
+        "bool", "Whether mission time goes out on /clock and stamps the messages.", True
+    )
+    map_frame: str = field("str", "Frame of the map and of the poses.", "map")
+    grid_scaling: str = field(
+        "str",
+        "How probabilities become 0..100 in probability_grid.",
+        "max",
+        choices=("max", "linear", "log"),
+    )
+    reveal_person: bool = field("bool", "Whether markers show where the persons are.", False)
+    wait_for_vehicles: bool = field(
+        "bool", "Whether a step waits until every vehicle has reached its drone's cell.", False
+    )
+    odom_rate: float = field(
+        "float",
+        "Realtime: rate of the interpolated odometry in wall time.",
+        10.0,
+        above=0,
+        high=1000,
+        unit="Hz",
+    )
+    record_file: str = field("str", "CSV file of the mission's steps; empty for none.", "")
+    export_directory: str = field("str", "Where ~/export_mission writes its files.", ".")
+
+    def __post_init__(self) -> None:
+        check_all(self)
+
+
+RUN_TIME_SETTINGS = frozenset(
+    {
+        "step_mode", "step_rate", "command_timeout", "missing_action", "auto_reset",
+        "real_time_factor", "seed", "grid_scaling", "reveal_person", "odom_rate",
+        "export_directory",
+    }
+)  # fmt: skip
+"""Settings of `sim_node` that can change at run time; the others are read-only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannerSettings:
+    """Settings of `planner_node`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    planner: str = field("str", "Which planner commands the drones.", "greedy",
+        choices=tuple(PLANNERS),
+    )  # fmt: skip
+    seed: int = field("int", "Seed of what the planner draws.", 0, low=0, high=2**62)
+    resend_period: float = field(
+        "float",
+        "Wall time after which an unanswered command is sent again.",
+        0.5,
+        above=0,
+        high=1e6,
+        unit="s",
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self)

@@ -1,0 +1,478 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dsse_ros sim_node`: runs the search and obeys commands over topics."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetMap
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.timer import Timer
+from std_msgs.msg import Int8, Int32MultiArray, String
+from std_srvs.srv import SetBool, Trigger
+
+from dsse_ros.nodes import simulation_interfaces
+from dsse_ros.nodes.mission import Mission
+from dsse_ros.nodes.mission_log import MissionLog
+from dsse_ros.nodes.parameters import check_changes, declare, from_ros, take_overrides
+from dsse_ros.nodes.publishers import MissionPublishers
+from dsse_ros.nodes.qos import RELIABLE
+from dsse_ros.nodes.runtime import run_node
+from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
+from dsse_ros.search import Scenario, SearchEnv, profile
+from dsse_ros.search.fields import specs
+from dsse_ros.search.rules import Rules
+from msg_adapters.commands import (
+    parse_action,
+    parse_action_name,
+    parse_goal,
+    parse_joint_action,
+    parse_path,
+)
+from msg_adapters.frames import GridFrame
+from msg_adapters.mission_files import qgc_wpl, track_items
+from msg_adapters.occupancy import occupancy_grid
+from msg_adapters.result import Rejected
+from msg_adapters.stamps import to_stamp
+
+SCENARIO_SPECS = specs(Scenario)
+RULES_SPECS = {
+    name: spec
+    for name, spec in specs(Rules).items()
+    # The scenario's own value counts where both have the field.
+    if name not in SCENARIO_SPECS and name != "profile"
+}
+SETTINGS_SPECS = specs(SimSettings)
+
+HISTORY_PERIOD_S = 0.5
+DIAGNOSTICS_PERIOD_S = 1.0
+
+
+class SimNode(Node):
+    """The search as a ROS 2 node; see the README for its topics, services and parameters.
+
+    Raises:
+        FieldError: If a parameter or the scenario is not allowed.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("dsse_sim", automatically_declare_parameters_from_overrides=True)
+        self.settings, env = self._read_parameters()
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        scenario = env.scenario
+        assert scenario.grid_size and scenario.cell_size
+        self.frame = GridFrame(
+            grid_size=scenario.grid_size,
+            cell_size_m=scenario.cell_size,
+            origin_lat_deg=scenario.origin_lat,
+            origin_lon_deg=scenario.origin_lon,
+            origin_alt_m=scenario.origin_alt,
+            alt_m=scenario.altitude,
+            map_frame=self.settings.map_frame,
+        )
+        self.mission = Mission(env, self._seed())
+        self.log = (
+            MissionLog(self.settings.record_file, self.frame) if self.settings.record_file else None
+        )
+        self.publishers_ = MissionPublishers(self, self.mission, self.frame)
+        self.paused = False
+        self.rejected: Counter[str] = Counter()
+        self.timeouts = 0
+        self._next_step_s = 0.0
+        self._step_started_s = 0.0
+        self._vehicles: dict[int, tuple[int, int] | None] = {}
+        self._subscribe()
+        self._serve()
+        self._step_timer = self._timer(1.0, self._on_step_timer, autostart=False)
+        self._timeout_timer = self._timer(1.0, self._on_timeout, autostart=False)
+        self._odom_timer = self._timer(1.0, self._on_odom_timer, autostart=False)
+        self._timer(HISTORY_PERIOD_S, self._publish_history)
+        self._timer(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
+        self.add_on_set_parameters_callback(self._check_change)
+        self.add_post_set_parameters_callback(self._on_changed)
+        self._publish_start()
+
+    # Parameters
+
+    def _read_parameters(self) -> tuple[SimSettings, SearchEnv]:
+        known = {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
+        given = take_overrides(self, known)
+        given = {name: from_ros(known[name], value) for name, value in given.items()}
+
+        def of(part: dict[str, Any]) -> dict[str, Any]:
+            return {name: value for name, value in given.items() if name in part}
+
+        settings = SimSettings(**of(SETTINGS_SPECS))
+        rules = profile(settings.rules, **of(RULES_SPECS))
+        scenario = Scenario.of(settings.scenario or None).override(**of(SCENARIO_SPECS))
+        env = SearchEnv(scenario, rules)
+        declare(self, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
+        declare(self, SCENARIO_SPECS, vars(env.scenario))
+        declare(self, RULES_SPECS, vars(rules))
+        return settings, env
+
+    def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
+        return check_changes(SETTINGS_SPECS, parameters)[0]
+
+    def _on_changed(self, parameters: list[Parameter]) -> None:
+        _, changes = check_changes(SETTINGS_SPECS, parameters)
+        self.settings = dataclasses.replace(self.settings, **changes)
+        if changes.keys() & {
+            "step_mode", "step_rate", "real_time_factor", "odom_rate", "command_timeout"
+        }:  # fmt: skip
+            self._arm()
+
+    # Wiring
+
+    def _timer(self, period_s: float, callback: Callable[[], None], **options: Any) -> Timer:
+        return self.create_timer(period_s, callback, clock=self._steady, **options)
+
+    def _subscribe(self) -> None:
+        def subscribe(kind: Any, topic: str, callback: Callable[[Any], None]) -> None:
+            self.create_subscription(
+                kind,
+                topic,
+                callback,
+                RELIABLE,
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            )
+
+        subscribe(Int32MultiArray, "joint_action", self._on_joint_action)
+        for i, name in enumerate(self.mission.env.possible_agents):
+            subscribe(Int8, f"{name}/cmd_action", partial(self._on_action, i))
+            subscribe(String, f"{name}/cmd_action_name", partial(self._on_action_name, i))
+            subscribe(PoseStamped, f"{name}/command_pose", partial(self._on_goal, i))
+            subscribe(Path, f"{name}/command_path", partial(self._on_path, i))
+            if self.settings.wait_for_vehicles:
+                subscribe(PoseStamped, f"{name}/vehicle_pose", partial(self._on_vehicle, i))
+
+    def _serve(self) -> None:
+        for name, kind, callback in (
+            ("reset", Trigger, self._on_reset),
+            ("step", Trigger, self._on_step),
+            ("export_mission", Trigger, self._on_export),
+            ("pause", SetBool, self._on_pause),
+            ("get_map", GetMap, self._on_get_map),
+        ):
+            self.create_service(kind, f"~/{name}", callback)
+        simulation_interfaces.serve(self)
+
+    # Mission
+
+    def stamp(self) -> Time:
+        """Return the time of the last step, for every message about it."""
+        if self.settings.publish_clock:
+            return to_stamp(self.mission.result.stamp_ns)
+        return self.get_clock().now().to_msg()
+
+    def _seed(self) -> int:
+        """Return the seed that the parameter asks for."""
+        seed = self.settings.seed
+        return seed if seed >= 0 else int(np.random.SeedSequence().generate_state(1)[0])
+
+    def reset(self, seed: int | None = None) -> None:
+        """Start a new mission with this seed, by default the parameter's."""
+        self.mission.reset(self._seed() if seed is None else seed)
+        self._publish_start()
+
+    def _publish_start(self) -> None:
+        self._vehicles.clear()
+        self.publishers_.publish_agents()
+        self._publish()
+
+    def step(self) -> None:
+        """Do one step now; drones without a command follow `missing_action`."""
+        self.mission.advance(self.settings.missing_action)
+        self._publish()
+        if self.mission.over and self.settings.auto_reset:
+            self.reset(self.mission.seed + 1)
+
+    def _publish(self) -> None:
+        result, stamp = self.mission.result, self.stamp()
+        if self.log is not None:
+            self.log.write(self.mission, result)
+        if self.settings.publish_clock:
+            self.publishers_.publish_clock(result.stamp_ns)
+        self._step_started_s = time.monotonic()
+        self.publishers_.publish_step(result, stamp, self.settings.grid_scaling)
+        if self.settings.step_mode != "realtime":
+            self.publishers_.publish_odometry(stamp, 1.0)
+        self._arm()
+
+    # Barrier
+
+    def _period_s(self) -> float:
+        """Return the wall time between steps: exact in real time, the least in lockstep."""
+        settings = self.settings
+        if settings.step_rate > 0:
+            return 1.0 / settings.step_rate
+        if settings.step_mode == "realtime":
+            return self.mission.env.scenario.step_duration_s / settings.real_time_factor
+        return 0.0
+
+    def _arm(self) -> None:
+        """Set the timers for the next step."""
+        for timer in (self._step_timer, self._timeout_timer, self._odom_timer):
+            timer.cancel()
+        settings = self.settings
+        self._next_step_s = self._step_started_s + self._period_s()
+        if settings.step_mode == "realtime":
+            self._start(self._odom_timer, 1.0 / settings.odom_rate)
+            if not self.mission.over:
+                self._start(self._step_timer, self._next_step_s - time.monotonic())
+        elif settings.step_mode == "lockstep" and not self.mission.over:
+            if settings.command_timeout > 0:
+                self._start(self._timeout_timer, settings.command_timeout)
+            if self._ready():
+                self._start(self._step_timer, self._next_step_s - time.monotonic())
+
+    @staticmethod
+    def _start(timer: Timer, period_s: float) -> None:
+        timer.timer_period_ns = max(int(period_s * 1e9), 1)
+        timer.reset()
+
+    def _ready(self) -> bool:
+        """Return whether every live drone has commanded and every vehicle has arrived."""
+        mission = self.mission
+        return (
+            self.settings.step_mode == "lockstep"
+            and not self.paused
+            and not mission.over
+            and not mission.missing
+            and self._arrived()
+        )
+
+    def _arrived(self) -> bool:
+        if not self.settings.wait_for_vehicles:
+            return True
+        cells = self.mission.result.cells
+        return all(self._vehicles.get(i) == tuple(cells[i].tolist()) for i in self.mission.live)
+
+    def _step_when_ready(self) -> None:
+        if not self._ready():
+            return
+        wait_s = self._next_step_s - time.monotonic()
+        if wait_s > 0:
+            self._start(self._step_timer, wait_s)
+        else:
+            self.step()
+
+    def _on_step_timer(self) -> None:
+        self._step_timer.cancel()
+        if self.settings.step_mode == "lockstep":
+            self._step_when_ready()
+        elif self.settings.step_mode == "realtime" and not self.mission.over:
+            if self.paused:
+                self._start(self._step_timer, self._period_s())
+            else:
+                self._step_without_waiting()
+
+    def _on_timeout(self) -> None:
+        self._timeout_timer.cancel()
+        if self.paused or self.mission.over:
+            return
+        self.timeouts += 1
+        missing = self._names(self.mission.missing)
+        self.get_logger().warning(
+            f"no command from {missing} within {self.settings.command_timeout:g} s; "
+            f"missing_action {self.settings.missing_action}",
+            throttle_duration_sec=1.0,
+        )
+        self._step_without_waiting()
+
+    def _step_without_waiting(self) -> None:
+        if self.mission.missing and self.settings.missing_action == "abort":
+            names = self._names(self.mission.missing)
+            self.get_logger().error(f"mission aborted: no command from {names}")
+            self.mission.abort()
+            self._arm()
+        else:
+            self.step()
+
+    def _names(self, drones: list[int]) -> str:
+        return ", ".join(self.mission.env.possible_agents[i] for i in drones)
+
+    # Commands
+
+    def _take(self, topic: str, drone: int | None, parsed: Any) -> Any:
+        """Return the value of a command that can be taken; count and log any other."""
+        if not isinstance(parsed, Rejected):
+            refused = self.mission.refuse(drone)
+            if refused is None:
+                return parsed.value
+            parsed = refused
+        self.rejected[parsed.code] += 1
+        self.get_logger().warning(f"{topic}: {parsed.reason}", throttle_duration_sec=0.2)
+        return None
+
+    def _on_action(self, drone: int, message: Int8) -> None:
+        parsed = parse_action(message, self.mission.env.rules.actions)
+        self._command(drone, "cmd_action", parsed)
+
+    def _on_action_name(self, drone: int, message: String) -> None:
+        parsed = parse_action_name(message, self.mission.env.rules.actions)
+        self._command(drone, "cmd_action_name", parsed)
+
+    def _command(self, drone: int, topic: str, parsed: Any) -> None:
+        action = self._take(f"drone{drone}/{topic}", drone, parsed)
+        if action is not None:
+            self.mission.commands.set_action(drone, action)
+            self._step_when_ready()
+
+    def _on_goal(self, drone: int, message: PoseStamped) -> None:
+        goal = self._take(f"drone{drone}/command_pose", drone, parse_goal(message, self.frame))
+        if goal is not None:
+            self.mission.commands.set_goals(drone, [goal])
+            self._step_when_ready()
+
+    def _on_path(self, drone: int, message: Path) -> None:
+        goals = self._take(f"drone{drone}/command_path", drone, parse_path(message, self.frame))
+        if goals is not None:
+            self.mission.commands.set_goals(drone, goals)
+            self._step_when_ready()
+
+    def _on_joint_action(self, message: Int32MultiArray) -> None:
+        mission = self.mission
+        live = mission.env.world.drones["alive"][0].tolist()
+        parsed = parse_joint_action(
+            message, mission.result.step, len(live), mission.env.rules.actions, live
+        )
+        actions = self._take("joint_action", None, parsed)
+        if actions is not None:
+            mission.command_all(actions)
+            self._step_when_ready()
+
+    def _on_vehicle(self, drone: int, message: PoseStamped) -> None:
+        parsed = parse_goal(message, self.frame)
+        self._vehicles[drone] = None if isinstance(parsed, Rejected) else parsed.value
+        self._step_when_ready()
+
+    # Services
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.reset()
+        response.success = True
+        response.message = f"mission {self.mission.number}, seed {self.mission.seed}"
+        return response
+
+    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        missing = self.mission.missing
+        refused = self.mission.refuse()
+        if refused is not None:
+            response.success, response.message = False, refused.reason
+        elif missing and self.settings.missing_action == "abort":
+            response.success = False
+            response.message = f"no command from {self._names(missing)}"
+        else:
+            self.step()
+            response.success, response.message = True, f"step {self.mission.result.step}"
+        return response
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self.set_paused(bool(request.data))
+        response.success, response.message = True, "paused" if self.paused else "running"
+        return response
+
+    def set_paused(self, paused: bool) -> None:
+        """Hold the mission, or let it go on."""
+        self.paused = paused
+        self._step_when_ready()
+
+    def _on_get_map(self, _: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
+        probability, scaling = self.mission.env.probability, self.settings.grid_scaling
+        response.map = occupancy_grid(self.frame, probability, self.stamp(), scaling)
+        return response
+
+    def _on_export(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        directory = FilePath(self.settings.export_directory)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            for name, track in zip(
+                self.mission.env.possible_agents, self.mission.tracks, strict=True
+            ):
+                text = qgc_wpl(track_items(self.frame, track))
+                (directory / f"{name}.waypoints").write_text(text, encoding="utf-8")
+        except OSError as error:
+            response.success = False
+            response.message = f"export_directory: {str(directory)!r}: {error.strerror}"
+            return response
+        response.success = True
+        response.message = f"{len(self.mission.tracks)} tracks in {directory.resolve()}"
+        return response
+
+    # Timers
+
+    def _on_odom_timer(self) -> None:
+        if self.paused or self.mission.over:
+            return
+        elapsed = time.monotonic() - self._step_started_s
+        fraction = min(elapsed / self._period_s(), 1.0)
+        step_ns = self.mission.env.scenario.step_duration_s * 1e9
+        stamp_ns = self.mission.result.stamp_ns + int(fraction * step_ns)
+        stamp = self.stamp()
+        if self.settings.publish_clock:
+            stamp = to_stamp(stamp_ns)
+            self.publishers_.publish_clock(stamp_ns)
+        self.publishers_.publish_odometry(stamp, fraction)
+
+    def _publish_history(self) -> None:
+        self.publishers_.publish_history(
+            self.mission.result, self.stamp(), self.settings.reveal_person
+        )
+
+    def _publish_diagnostics(self) -> None:
+        mission = self.mission
+        level, message = DiagnosticStatus.OK, "running"
+        if mission.aborted:
+            level, message = DiagnosticStatus.ERROR, "mission aborted"
+        elif mission.over:
+            message = "mission over"
+        elif self.paused:
+            message = "paused"
+        if self.rejected and level == DiagnosticStatus.OK:
+            level = DiagnosticStatus.WARN
+        missing = [] if mission.over else mission.missing
+        values: dict[str, object] = {
+            "step": mission.result.step,
+            "mission": mission.number,
+            "seed": mission.seed,
+            "step_mode": self.settings.step_mode,
+            "drones_in_flight": len(mission.live),
+            "missing_drones": self._names(missing),
+            "timeouts": self.timeouts,
+            "pos_cumulative": f"{1.0 - mission.not_found:.6f}",
+            "rejected": sum(self.rejected.values()),
+        }
+        values |= {f"rejected.{code}": n for code, n in sorted(self.rejected.items())}
+        self.publishers_.publish_diagnostics(self.stamp(), level, message, values)
+
+    def destroy_node(self) -> None:
+        """Close the log and the node."""
+        if self.log is not None:
+            self.log.close()
+        super().destroy_node()
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node until it is interrupted; returns the exit code, 2 for bad input."""
+    return run_node("sim_node", SimNode, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

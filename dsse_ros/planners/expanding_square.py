@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Expanding square search (SS) of the IAMSAR manual, vol. II, for one or more drones.
+
+The search starts at the datum and goes round it in legs of 1, 1, 2, 2, 3, 3, ... track
+spacings with all turns of 90 degrees to starboard. Here the datum is the most probable cell at
+the first observation, the track spacing is one cell, and the first leg goes north: the wind,
+into which the manual lays it, is not observed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import count, groupby
+from math import atan2, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.legend import Legend
+from dsse_ros.planners.planner import Cell
+from dsse_ros.planners.routes import RouteFollower
+
+_STARBOARD_TURNS = ((0, -1), (1, 0), (0, 1), (-1, 0))
+
+
+def make_expanding_square(actions: Sequence[str], *, seed: int = 0) -> RouteFollower:
+    """Return a planner that searches outwards from the most probable cell.
+
+    One drone flies the square spiral. Several share it: each ring around the datum is cut into
+    contiguous arcs, one per drone, on about the same side of the datum from ring to ring.
+
+    Args:
+        actions: Legend of the action numbers.
+        seed: For the choice of the cell to step aside to when a way is blocked.
+
+    Raises:
+        ValueError: If the legend lacks search or a straight move.
+    """
+    return RouteFollower(square_routes, actions, seed=seed)
+
+
+def square_routes(
+    cells: Sequence[Cell], probability: NDArray[np.float32], legend: Legend
+) -> list[list[Cell]]:
+    """Return the route of each drone; together they have every cell of the grid once.
+
+    The arcs go to the drones clockwise as they are seen from the datum.
+
+    Args:
+        cells: Present cell of each drone.
+        probability: Map (G, G); the first of its greatest values is the datum, NaN is none.
+        legend: Measures the way to the ends of an arc.
+    """
+    size = len(probability)
+    row, col = divmod(int(np.argmax(np.nan_to_num(probability, nan=-np.inf))), size)
+    datum = (col, row)
+    drones = sorted(range(len(cells)), key=lambda drone: _clockwise(datum, cells[drone]))
+    routes: list[list[Cell]] = [[] for _ in cells]
+    for drone, route in zip(drones, shared_square(datum, size, len(cells), legend), strict=True):
+        routes[drone] = route
+    return routes
+
+
+def square_spiral(datum: Cell, size: int) -> Iterator[Cell]:
+    """Yield the datum and the cells around it, leg by leg, without those outside the grid."""
+    yield datum
+    left = size * size - 1
+    col, row = datum
+    for leg in count():
+        d_col, d_row = _STARBOARD_TURNS[leg % 4]
+        for _ in range(leg // 2 + 1):
+            if not left:
+                return
+            col, row = col + d_col, row + d_row
+            if 0 <= col < size and 0 <= row < size:
+                left -= 1
+                yield col, row
+
+
+def shared_square(datum: Cell, size: int, drones: int, legend: Legend) -> list[list[Cell]]:
+    """Divide the square spiral into one route per drone, clockwise from the north-west diagonal.
+
+    A drone enters its arc of the next ring at the nearer end. The lengths of the routes differ
+    by one at most.
+    """
+    if drones == 1:
+        return [list(square_spiral(datum, size))]
+    routes: list[list[Cell]] = [[] for _ in range(drones)]
+    rings = groupby(
+        square_spiral(datum, size),
+        key=lambda cell: max(abs(cell[0] - datum[0]), abs(cell[1] - datum[1])),
+    )
+    for _, ring in rings:
+        cells = list(ring)
+        each, more = divmod(len(cells), drones)
+        favoured = set(sorted(range(drones), key=lambda i: len(routes[i]))[:more])
+        start = 0
+        for i, route in enumerate(routes):
+            end = start + each + (i in favoured)
+            arc = cells[start:end]
+            if route and arc:
+                first, last = (legend.distance(route[-1], arc[k]) for k in (0, -1))
+                if last < first:
+                    arc.reverse()
+            route += arc
+            start = end
+    return routes
+
+
+def _clockwise(datum: Cell, cell: Cell) -> float:
+    """Return the angle in rad at which a cell is seen, clockwise from the north-west."""
+    return (atan2(cell[1] - datum[1], cell[0] - datum[0]) + 0.75 * pi) % (2 * pi)

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The greedy policy that the authors of DSSE published in 2024, made deterministic.
+
+Of the N most probable cells in ascending order the i-th belongs to drone i, who moves towards
+it and searches when there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.legend import Legend
+from dsse_ros.planners.planner import Cell, Observation, cells_of, probability_of
+
+
+class Greedy:
+    """Sends each drone to one of the most probable cells of the moment.
+
+    A drone whose next cell is another drone's present or already chosen cell searches where
+    it is. Drone i is the i-th live drone.
+
+    Args:
+        actions: Legend of the action numbers.
+        seed: Not used, the policy draws nothing.
+
+    Raises:
+        ValueError: If the legend lacks search or a straight move.
+    """
+
+    def __init__(self, actions: Sequence[str], *, seed: int = 0) -> None:
+        self._legend = Legend(actions)
+
+    def __call__(
+        self,
+        observations: Mapping[str, Observation],
+        infos: Mapping[str, Mapping[str, Any]],
+    ) -> dict[str, int]:
+        """Return an action number for every observed drone; see `Planner`."""
+        if not observations:
+            return {}
+        present = cells_of(observations)
+        goals = most_probable(probability_of(observations), len(present))
+        taken = set(present)
+        actions = {}
+        for agent, cell, goal in zip(observations, present, goals, strict=True):
+            end = self._legend.towards(cell, goal)
+            if end in taken:
+                end = cell
+            taken.add(end)
+            actions[agent] = self._legend.action(cell, end)
+        return actions
+
+
+def most_probable(probability: NDArray[np.float32], count: int) -> list[Cell]:
+    """Return the count most probable cells (col, row), the best one last.
+
+    The last `count` of a stable ascending sort of the cells row by row: of equally probable
+    cells the one further south, then further east, counts as better. NaN is the worst.
+
+    Args:
+        probability: Map (G, G).
+        count: At most G * G.
+    """
+    flat = probability.ravel()
+    parted = np.partition(flat, flat.size - count)[flat.size - count :]
+    if np.isnan(parted).any():  # NaN sorts last, so one would be among the best
+        return most_probable(np.nan_to_num(probability, nan=-np.inf), count)
+    least = parted[0]
+    above = np.flatnonzero(flat > least)
+    equal = np.flatnonzero(flat == least)[above.size - count :]
+    best = np.concatenate([equal, above[np.argsort(flat[above], kind="stable")]])
+    rows, cols = np.divmod(best, probability.shape[1])
+    return list(zip(cols.tolist(), rows.tolist(), strict=True))

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a planner is: a policy from the drones' observations to their actions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Cell: TypeAlias = tuple[int, int]
+"""(col, row): col grows to the east, row to the south."""
+
+Observation: TypeAlias = tuple[NDArray[np.integer[Any]], NDArray[np.float32]]
+"""(position (2,) = (col, row), probability (G, G) indexed [row, col])."""
+
+
+class Planner(Protocol):
+    """A policy for one mission; it keeps what it needs to remember between the steps."""
+
+    def __call__(
+        self,
+        observations: Mapping[str, Observation],
+        infos: Mapping[str, Mapping[str, Any]],
+    ) -> dict[str, int]:
+        """Return an action number for every drone.
+
+        Args:
+            observations: By live agent, in the fixed order of the agents.
+            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid.
+        """
+        ...
+
+
+PlannerFactory: TypeAlias = Callable[..., Planner]
+"""Called with the legend (names of the actions) and the keyword `seed`."""
+
+
+def cells_of(observations: Mapping[str, Observation]) -> list[Cell]:
+    """Return the present cell of every drone, in the order of the observations."""
+    cells = []
+    for position, _ in observations.values():
+        col, row = position
+        cells.append((int(col), int(row)))
+    return cells
+
+
+def probability_of(observations: Mapping[str, Observation]) -> NDArray[np.float32]:
+    """Return the map (G, G) that all drones share; there must be an observation."""
+    return next(iter(observations.values()))[1]

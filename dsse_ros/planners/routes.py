@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Planner that flies every drone along a route of its own and searches each cell on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.avoidance import settle_around
+from dsse_ros.planners.legend import Legend
+from dsse_ros.planners.planner import Cell, Observation, cells_of, probability_of
+
+PATIENCE = 2
+"""Turns that a drone waits for a blocked cell before it steps aside."""
+
+RoutePlan: TypeAlias = Callable[
+    [Sequence[Cell], NDArray[np.float32], Legend], Sequence[Sequence[Cell]]
+]
+"""From the drones' cells and the map (G, G) to one route per drone, none empty."""
+
+
+@dataclass
+class Track:
+    """How far one drone is along its route, which it flies to and fro."""
+
+    route: Sequence[Cell]
+    index: int = 0
+    stride: int = 1
+    finished: bool = False
+    """Whether the whole route was searched once."""
+    waited: int = 0
+    """Turns spent in front of a blocked cell."""
+
+    @property
+    def goal(self) -> Cell:
+        """The next cell to search."""
+        return self.route[self.index]
+
+    def advance(self) -> None:
+        """Note that the goal was searched; the end of the route is where it turns back."""
+        self.index += self.stride
+        if not 0 <= self.index < len(self.route):
+            self.finished = True
+            self.stride = -self.stride
+            self.index = min(max(self.index + 2 * self.stride, 0), len(self.route) - 1)
+
+
+class RouteFollower:
+    """Flies each drone along its route: to the next cell, search there, and on.
+
+    The routes are planned from the first observation. A drone that has searched its whole
+    route waits for the others on the wing, next to the route's end and without searching;
+    when all live drones are through, each flies its route backwards, and so on to and fro.
+
+    No two drones ever go to one cell: a drone whose way is blocked searches where it is, and
+    steps aside after `PATIENCE` turns. An agent that was not there before makes it plan afresh.
+
+    Args:
+        plan: Makes the routes.
+        actions: Legend of the action numbers.
+        seed: For the choice of the cell to step aside to.
+
+    Raises:
+        ValueError: If the legend lacks search or a straight move.
+    """
+
+    def __init__(self, plan: RoutePlan, actions: Sequence[str], *, seed: int = 0) -> None:
+        self._plan = plan
+        self._legend = Legend(actions)
+        self._rng = np.random.default_rng(seed)
+        self._tracks: dict[str, Track] = {}
+        self._size = 0
+        self._swept = False
+
+    def __call__(
+        self,
+        observations: Mapping[str, Observation],
+        infos: Mapping[str, Mapping[str, Any]],
+    ) -> dict[str, int]:
+        """Return an action number for every observed drone; see `Planner`."""
+        if not observations:
+            return {}
+        present = cells_of(observations)
+        if not observations.keys() <= self._tracks.keys():
+            self._start(list(observations), present, probability_of(observations))
+        tracks = [self._tracks[agent] for agent in observations]
+        self._swept = self._swept or all(track.finished for track in tracks)
+
+        wishes: list[Cell | None] = []
+        exits: dict[int, list[Cell]] = {}
+        for drone, (track, cell) in enumerate(zip(tracks, present, strict=True)):
+            if track.finished and not self._swept:
+                exits[drone] = self._exits(cell, self._holding_cell(track, cell))
+                wishes.append(None)
+            elif cell == track.goal:
+                track.advance()
+                wishes.append(cell)
+            elif track.waited >= PATIENCE:
+                exits[drone] = self._exits(cell, track.goal)
+                wishes.append(None)
+            else:
+                wishes.append(self._legend.towards(cell, track.goal))
+
+        granted = settle_around(present, wishes, exits)
+        for track, wish, end in zip(tracks, wishes, granted, strict=True):
+            blocked = wish is not None and wish != end
+            track.waited = track.waited + 1 if blocked else 0
+        return {
+            agent: self._legend.action(cell, end)
+            for agent, cell, end in zip(observations, present, granted, strict=True)
+        }
+
+    def _start(
+        self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]
+    ) -> None:
+        self._size = len(probability)
+        routes = self._plan(cells, probability, self._legend)
+        self._tracks = {a: Track(route) for a, route in zip(agents, routes, strict=True)}
+        self._swept = False
+
+    @staticmethod
+    def _holding_cell(track: Track, cell: Cell) -> Cell:
+        """Return the route's last cell, from there the one before: it has to fly on."""
+        return track.route[-1] if cell != track.route[-1] else track.goal
+
+    def _exits(self, cell: Cell, goal: Cell) -> list[Cell]:
+        """Return the neighbouring cells, the one on the way to the goal first."""
+        others = self._legend.neighbours(cell, self._size)
+        self._rng.shuffle(others)
+        ahead = self._legend.towards(cell, goal)
+        return others if ahead == cell else [ahead, *(c for c in others if c != ahead)]

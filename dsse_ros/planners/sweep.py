@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parallel sweep: the grid is divided among the drones, each covers its share lane by lane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.legend import Legend
+from dsse_ros.planners.planner import Cell
+from dsse_ros.planners.routes import RouteFollower
+
+
+def make_sweep(actions: Sequence[str], *, seed: int = 0) -> RouteFollower:
+    """Return a planner that searches every cell once, each drone in its own share.
+
+    Args:
+        actions: Legend of the action numbers.
+        seed: For the choice of the cell to step aside to when a way is blocked.
+
+    Raises:
+        ValueError: If the legend lacks search or a straight move.
+    """
+    return RouteFollower(sweep_routes, actions, seed=seed)
+
+
+def sweep_routes(
+    cells: Sequence[Cell], probability: NDArray[np.float32], legend: Legend
+) -> list[list[Cell]]:
+    """Return the route of each drone through its share, from the corner nearest to it.
+
+    The shares go to the drones from west to east, then from north to south, so that drones in
+    the default start (row by row from the north-west corner) never cross on their way there.
+
+    Args:
+        cells: Present cell of each drone.
+        probability: Any map (G, G); only its size matters.
+        legend: Measures the way to the corners.
+    """
+    drones = sorted(range(len(cells)), key=lambda drone: cells[drone])
+    routes: list[list[Cell]] = [[] for _ in cells]
+    for drone, (cols, rows) in zip(drones, shares(len(probability), len(cells)), strict=True):
+        passes = [boustrophedon(c, r) for r in (rows, rows[::-1]) for c in (cols, cols[::-1])]
+        ways = [legend.distance(cells[drone], route[0]) for route in passes]
+        routes[drone] = passes[ways.index(min(ways))]
+    return routes
+
+
+def shares(size: int, count: int) -> list[tuple[range, range]]:
+    """Divide a size x size grid into count <= size**2 blocks (columns, rows).
+
+    Vertical strips whose widths differ by one at most; with more blocks than columns each
+    column is cut into bands of rows. In order of columns, then rows.
+    """
+    if count <= size:
+        return [(cols, range(size)) for cols in split(size, count)]
+    each, more = divmod(count, size)
+    return [
+        (range(col, col + 1), rows)
+        for col in range(size)
+        for rows in split(size, each + (col < more))
+    ]
+
+
+def split(length: int, parts: int) -> list[range]:
+    """Cut range(length) into consecutive ranges whose lengths differ by one at most."""
+    ends = [part * length // parts for part in range(parts + 1)]
+    return [range(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+
+
+def boustrophedon(cols: range, rows: range) -> list[Cell]:
+    """Return the cells of a block column by column, each second column in reverse."""
+    return [
+        (col, row)
+        for turn, col in enumerate(cols)
+        for row in (rows if turn % 2 == 0 else rows[::-1])
+    ]

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages that command drones, parsed into `Accepted` or `Rejected`, and made for planners."""
+
+from __future__ import annotations
+
+import array
+import math
+from collections.abc import Sequence
+
+from geometry_msgs.msg import Pose, PoseStamped
+from nav_msgs.msg import Path
+from std_msgs.msg import Int8, Int32MultiArray, String
+
+from msg_adapters.frames import GridFrame, map_to_cell
+from msg_adapters.result import Accepted, Rejected, Result, shown
+
+Cell = tuple[int, int]
+
+MAX_GOALS = 10_000
+"""Longest `command_path` that is accepted."""
+
+NO_ACTION = -1
+"""In a joint action: the place of a drone that is not live."""
+
+
+def parse_action(message: Int8, actions: Sequence[str]) -> Result[int]:
+    """Return the action number of a `cmd_action`.
+
+    Args:
+        message: The command.
+        actions: Legend of the rules: the action with number i is actions[i].
+
+    Returns:
+        The number, or `unknown_action`.
+    """
+    if not 0 <= message.data < len(actions):
+        return _unknown_action("data", message.data, actions)
+    return Accepted(int(message.data))
+
+
+def parse_action_name(message: String, actions: Sequence[str]) -> Result[int]:
+    """Return the action number of a `cmd_action_name`, whose name must be exactly the legend's.
+
+    Args:
+        message: The command.
+        actions: Legend of the rules.
+
+    Returns:
+        The number, or `unknown_action`.
+    """
+    names = list(actions)
+    if message.data not in names:
+        return Rejected(
+            "unknown_action",
+            f"data: {shown(message.data)} is not allowed; one of {', '.join(names)}",
+        )
+    return Accepted(names.index(message.data))
+
+
+def parse_goal(message: PoseStamped, frame: GridFrame) -> Result[Cell]:
+    """Return the cell (col, row) of a `command_pose`.
+
+    Args:
+        message: The goal; its altitude and heading are not used, but must be finite.
+        frame: The grid.
+
+    Returns:
+        The cell, or `foreign_frame`, `not_finite` or `outside_grid`.
+    """
+    if message.header.frame_id != frame.map_frame:
+        return _foreign_frame("header.frame_id", message.header.frame_id, frame)
+    return _goal_cell("pose", message.pose, frame)
+
+
+def parse_path(message: Path, frame: GridFrame) -> Result[tuple[Cell, ...]]:
+    """Return the cells (col, row) of a `command_path` in their order.
+
+    Args:
+        message: The goals; the frame of a single pose may be left empty.
+        frame: The grid.
+
+    Returns:
+        1 to `MAX_GOALS` cells, or `foreign_frame`, `empty_path`, `path_too_long`, `not_finite`
+        or `outside_grid`.
+    """
+    if message.header.frame_id != frame.map_frame:
+        return _foreign_frame("header.frame_id", message.header.frame_id, frame)
+    count = len(message.poses)
+    if count == 0:
+        return Rejected("empty_path", f"poses: 0 poses are not allowed; 1 to {MAX_GOALS}")
+    if count > MAX_GOALS:
+        return Rejected("path_too_long", f"poses: {count} poses are not allowed; 1 to {MAX_GOALS}")
+    cells = []
+    for index, stamped in enumerate(message.poses):
+        if stamped.header.frame_id not in ("", frame.map_frame):
+            field = f"poses[{index}].header.frame_id"
+            return _foreign_frame(field, stamped.header.frame_id, frame)
+        goal = _goal_cell(f"poses[{index}].pose", stamped.pose, frame)
+        if isinstance(goal, Rejected):
+            return goal
+        cells.append(goal.value)
+    return Accepted(tuple(cells))
+
+
+def parse_joint_action(
+    message: Int32MultiArray,
+    step: int,
+    num_drones: int,
+    actions: Sequence[str],
+    live: Sequence[bool],
+) -> Result[tuple[int, ...]]:
+    """Return the actions of a `joint_action`, for all drones or for none.
+
+    Args:
+        message: Its data are [step, a0, a1, ...].
+        step: Number of the step that is to come.
+        num_drones: Number of drones, N.
+        actions: Legend of the rules.
+        live: For each drone whether it takes part; the others' entries are ignored.
+
+    Returns:
+        N action numbers, `NO_ACTION` where a drone is not live, or `wrong_size`, `stale_step` or
+        `unknown_action`.
+    """
+    data = message.data
+    if len(data) != 1 + num_drones:
+        return Rejected(
+            "wrong_size",
+            f"data: {len(data)} numbers are not allowed; "
+            f"{1 + num_drones}: the step and {num_drones} actions",
+        )
+    if data[0] != step:
+        return Rejected("stale_step", f"data[0]: step {data[0]} is not allowed; {step} is")
+    chosen = []
+    for index, (action, takes_part) in enumerate(zip(data[1:], live, strict=True), start=1):
+        if not takes_part:
+            chosen.append(NO_ACTION)
+        elif 0 <= action < len(actions):
+            chosen.append(int(action))
+        else:
+            return _unknown_action(f"data[{index}]", action, actions)
+    return Accepted(tuple(chosen))
+
+
+def drone_terminated(drone_name: str) -> Rejected:
+    """Return the refusal of a command to a drone that is out of the search."""
+    return Rejected(
+        "drone_terminated", f"{drone_name}: a command is not allowed; the drone is terminated"
+    )
+
+
+def action_message(action: int) -> Int8:
+    """Return a `cmd_action` with an action number."""
+    return Int8(data=int(action))
+
+
+def action_name_message(name: str) -> String:
+    """Return a `cmd_action_name`."""
+    return String(data=name)
+
+
+def joint_action_message(step: int, actions: Sequence[int]) -> Int32MultiArray:
+    """Return a `joint_action`: [step, a0, a1, ...].
+
+    Args:
+        step: Number of the step that the actions are for.
+        actions: N action numbers in the order of the agents; any for a drone that is not live.
+    """
+    data = array.array("i", [int(step), *(int(action) for action in actions)])
+    return Int32MultiArray(data=data)
+
+
+def _goal_cell(field: str, pose: Pose, frame: GridFrame) -> Result[Cell]:
+    for part in ("position", "orientation"):
+        vector = getattr(pose, part)
+        for axis in "xyz" if part == "position" else "xyzw":
+            value = getattr(vector, axis)
+            if not math.isfinite(value):
+                return Rejected(
+                    "not_finite",
+                    f"{field}.{part}.{axis}: {value!r} is not allowed; a finite number",
+                )
+    cell = map_to_cell(frame, pose.position.x, pose.position.y)
+    if cell is None:
+        side_m = frame.grid_size * frame.cell_size_m
+        return Rejected(
+            "outside_grid",
+            f"{field}.position: ({pose.position.x:.6g}, {pose.position.y:.6g}) is not allowed; "
+            f"0 <= x, y < {side_m:.6g} m",
+        )
+    return Accepted(cell)
+
+
+def _foreign_frame(field: str, frame_id: str, frame: GridFrame) -> Rejected:
+    return Rejected(
+        "foreign_frame", f"{field}: {shown(frame_id)} is not allowed; {frame.map_frame!r} is"
+    )
+
+
+def _unknown_action(field: str, action: int, actions: Sequence[str]) -> Rejected:
+    legend = ", ".join(f"{number} {name}" for number, name in enumerate(actions))
+    return Rejected("unknown_action", f"{field}: action {action} is not allowed; {legend}")

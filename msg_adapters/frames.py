@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The grid in the `map` frame: cells (col, row) to metres and back, and the one flip of a matrix.
+
+The map frame is ENU (REP-103, REP-105): x east, y north, z up, in metres, with its origin at the
+grid's south-west corner. Columns grow to the east; rows grow to the south, row 0 is north.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+S = TypeVar("S", bound=np.generic)
+
+
+@dataclass(frozen=True)
+class GridFrame:
+    """Where the grid lies on the Earth and how high the drones fly.
+
+    Attributes:
+        grid_size: Cells along a side, G.
+        cell_size_m: Side of a cell.
+        origin_lat_deg: WGS84 latitude of the grid's south-west corner.
+        origin_lon_deg: WGS84 longitude of the grid's south-west corner.
+        origin_alt_m: Height of the map plane above the WGS84 ellipsoid at that corner.
+        alt_m: Flight altitude above the map plane.
+        map_frame: Name of the frame.
+
+    Raises:
+        ValueError: If a value is not allowed.
+    """
+
+    grid_size: int
+    cell_size_m: float
+    origin_lat_deg: float
+    origin_lon_deg: float
+    origin_alt_m: float
+    alt_m: float
+    map_frame: str = "map"
+
+    def __post_init__(self) -> None:
+        # Messages take Python numbers only; NumPy's would be corrupted silently.
+        object.__setattr__(self, "grid_size", int(self.grid_size))
+        for name in ("cell_size_m", "origin_lat_deg", "origin_lon_deg", "origin_alt_m", "alt_m"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+        if self.grid_size < 1:
+            raise ValueError(f"grid_size: {self.grid_size!r} is not allowed; at least 1")
+        if not (math.isfinite(self.cell_size_m) and self.cell_size_m > 0):
+            raise ValueError(f"cell_size_m: {self.cell_size_m!r} is not allowed; above 0")
+        for name, limit in (
+            ("origin_lat_deg", 90.0),
+            ("origin_lon_deg", 360.0),
+            ("origin_alt_m", 1e6),
+            ("alt_m", 1e6),
+        ):
+            value = getattr(self, name)
+            if not abs(value) <= limit:
+                raise ValueError(f"{name}: {value!r} is not allowed; from {-limit} to {limit}")
+        if not self.map_frame:
+            raise ValueError("map_frame: '' is not allowed; a name")
+
+
+@overload
+def cell_to_map(frame: GridFrame, col: float, row: float) -> tuple[float, float]: ...
+@overload
+def cell_to_map(
+    frame: GridFrame, col: NDArray[Any], row: NDArray[Any]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def cell_to_map(frame: GridFrame, col: Any, row: Any) -> tuple[Any, Any]:
+    """Return the centre of a cell in metres in the map frame, x east and y north.
+
+    Args:
+        frame: The grid.
+        col: Column; a fraction lies between cells. A number or an array.
+        row: Row, likewise and of the same shape.
+    """
+    x_m = (col + 0.5) * frame.cell_size_m
+    y_m = (frame.grid_size - 1 - row + 0.5) * frame.cell_size_m
+    return x_m, y_m
+
+
+def map_to_cell(frame: GridFrame, x_m: float, y_m: float) -> tuple[int, int] | None:
+    """Return the cell (col, row) that holds a point; None outside the grid or if not finite.
+
+    A cell holds its western and southern border.
+    """
+    east = x_m / frame.cell_size_m
+    north = y_m / frame.cell_size_m
+    if not (0 <= east < frame.grid_size and 0 <= north < frame.grid_size):
+        return None
+    return int(east), frame.grid_size - 1 - int(north)
+
+
+def matrix_to_map_rows(matrix: NDArray[S]) -> NDArray[S]:
+    """Flip a matrix with row 0 in the north to rows from the south up, as a map message has them.
+
+    Its own inverse, and a view: nothing is copied.
+    """
+    return matrix[::-1]

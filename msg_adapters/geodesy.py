@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Map frame to WGS84 and back, exact: ENU at the grid's south-west corner through ECEF.
+
+Flat-Earth formulas are off by metres within a few kilometres, hence pymap3d.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, overload
+
+import numpy as np
+import pymap3d
+from numpy.typing import NDArray
+
+from msg_adapters.frames import GridFrame, cell_to_map
+
+Floats = NDArray[np.float64]
+
+
+@overload
+def map_to_geodetic(
+    frame: GridFrame, x_m: float, y_m: float, z_m: float
+) -> tuple[float, float, float]: ...
+@overload
+def map_to_geodetic(
+    frame: GridFrame, x_m: NDArray[Any], y_m: NDArray[Any], z_m: float | NDArray[Any]
+) -> tuple[Floats, Floats, Floats]: ...
+def map_to_geodetic(frame: GridFrame, x_m: Any, y_m: Any, z_m: Any) -> tuple[Any, Any, Any]:
+    """Return latitude and longitude in degrees and height above the ellipsoid in metres.
+
+    Args:
+        frame: The grid; its origin is the point (0, 0, 0).
+        x_m: Metres east, a number or an array.
+        y_m: Metres north.
+        z_m: Metres above the plane that touches the ellipsoid's parallel surface at the origin.
+    """
+    return _through_ecef(pymap3d.enu2geodetic, frame, x_m, y_m, z_m)
+
+
+@overload
+def geodetic_to_map(
+    frame: GridFrame, lat_deg: float, lon_deg: float, alt_m: float
+) -> tuple[float, float, float]: ...
+@overload
+def geodetic_to_map(
+    frame: GridFrame, lat_deg: NDArray[Any], lon_deg: NDArray[Any], alt_m: float | NDArray[Any]
+) -> tuple[Floats, Floats, Floats]: ...
+def geodetic_to_map(
+    frame: GridFrame, lat_deg: Any, lon_deg: Any, alt_m: Any
+) -> tuple[Any, Any, Any]:
+    """Return x, y, z in metres in the map frame: the inverse of `map_to_geodetic`.
+
+    Args:
+        frame: The grid.
+        lat_deg: WGS84 latitude, a number or an array.
+        lon_deg: WGS84 longitude.
+        alt_m: Height above the ellipsoid.
+    """
+    return _through_ecef(pymap3d.geodetic2enu, frame, lat_deg, lon_deg, alt_m)
+
+
+@overload
+def cell_to_geodetic(
+    frame: GridFrame, col: float, row: float, z_m: float
+) -> tuple[float, float, float]: ...
+@overload
+def cell_to_geodetic(
+    frame: GridFrame, col: NDArray[Any], row: NDArray[Any], z_m: float | NDArray[Any]
+) -> tuple[Floats, Floats, Floats]: ...
+def cell_to_geodetic(frame: GridFrame, col: Any, row: Any, z_m: Any) -> tuple[Any, Any, Any]:
+    """Return latitude, longitude (degrees) and ellipsoidal height (m) over the centre of a cell.
+
+    Args:
+        frame: The grid.
+        col: Column, a number or an array; a fraction lies between cells.
+        row: Row.
+        z_m: Metres above the map plane.
+    """
+    x_m, y_m = cell_to_map(frame, col, row)
+    return map_to_geodetic(frame, x_m, y_m, z_m)
+
+
+@lru_cache(maxsize=1 << 16)
+def cell_fix(frame: GridFrame, col: int, row: int) -> tuple[float, float, float]:
+    """Return `cell_to_geodetic` at flight altitude, remembered: drones revisit few cells."""
+    return map_to_geodetic(frame, *cell_to_map(frame, col, row), frame.alt_m)
+
+
+def _through_ecef(
+    convert: Callable[..., tuple[Any, Any, Any]], frame: GridFrame, *point: Any
+) -> tuple[Any, Any, Any]:
+    # pymap3d does not broadcast, and its results differ in type between scalars and arrays.
+    arrays = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in point))
+    converted = convert(
+        *(np.atleast_1d(array) for array in arrays),
+        frame.origin_lat_deg,
+        frame.origin_lon_deg,
+        frame.origin_alt_m,
+    )
+    if arrays[0].ndim == 0:
+        first, second, third = (float(array[0]) for array in converted)
+        return first, second, third
+    return converted

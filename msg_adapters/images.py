@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The exact probability map as sensor_msgs/Image in 32FC1, and back."""
+
+from __future__ import annotations
+
+import array
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from numpy.typing import NDArray
+from sensor_msgs.msg import Image
+
+from msg_adapters.frames import GridFrame
+from msg_adapters.result import shown
+from msg_adapters.stamps import header
+
+ENCODING = "32FC1"
+
+
+def probability_image(
+    frame: GridFrame, probability: NDArray[np.floating[Any]], stamp: Time
+) -> Image:
+    """Return the map as little-endian float32, row 0 north.
+
+    Args:
+        frame: The grid.
+        probability: (G, G) floats, row 0 north.
+        stamp: Time of the map.
+
+    Raises:
+        ValueError: If the shape is not the grid's.
+    """
+    size = frame.grid_size
+    if probability.shape != (size, size):
+        raise ValueError(f"probability: shape {probability.shape} is not ({size}, {size})")
+    pixels = np.ascontiguousarray(probability, dtype="<f4")
+    data = array.array("B")
+    data.frombytes(pixels.data.cast("B"))
+    message = Image(header=header(frame.map_frame, stamp))
+    message.height = size
+    message.width = size
+    message.encoding = ENCODING
+    message.is_bigendian = 0
+    message.step = 4 * size
+    message.data = data
+    return message
+
+
+def image_to_probability(message: Image) -> NDArray[np.float32]:
+    """Return the map as read-only (G, G) float32, row 0 north; a view where the bytes allow.
+
+    Raises:
+        ValueError: If the encoding, the shape or the size of the data is not that of a map.
+    """
+    size = message.width
+    if message.encoding != ENCODING:
+        raise ValueError(f"encoding: {shown(message.encoding)} is not allowed; '{ENCODING}' is")
+    if size < 1 or message.height != size:
+        raise ValueError(f"width x height: {size} x {message.height} is not allowed; a square is")
+    if message.step < 4 * size:
+        raise ValueError(f"step: {message.step} is not allowed; at least 4 x width, {4 * size}")
+    if len(message.data) != message.step * size:
+        raise ValueError(
+            f"data: {len(message.data)} bytes are not allowed; "
+            f"step x height, {message.step * size}, are"
+        )
+    rows = np.frombuffer(message.data, dtype=np.uint8).reshape(size, message.step)
+    pixels = rows[:, : 4 * size].view(">f4" if message.is_bigendian else "<f4")
+    probability = pixels.astype(np.float32, copy=False)
+    probability.flags.writeable = False
+    return probability

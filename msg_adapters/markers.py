@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search as visualization_msgs/MarkerArray for RViz."""
+
+from __future__ import annotations
+
+import colorsys
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point
+from numpy.typing import ArrayLike
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.stamps import header
+from msg_adapters.tracks import corners
+
+Rgb = tuple[float, float, float]
+
+_GREY: Rgb = (0.5, 0.5, 0.5)
+_WHITE: Rgb = (1.0, 1.0, 1.0)
+_DATUM: Rgb = (1.0, 0.85, 0.1)
+_LOST: Rgb = (1.0, 0.2, 0.1)
+_SAVED: Rgb = (0.2, 0.9, 0.3)
+
+_CIRCLE_SEGMENTS = 72
+# Successive hues this far apart (the golden ratio) never come close to each other.
+_HUE_STEP = 0.6180339887498949
+
+
+def drone_color(index: int) -> Rgb:
+    """Return the red, green and blue (0 to 1) of a drone."""
+    red, green, blue = colorsys.hsv_to_rgb((0.55 + index * _HUE_STEP) % 1.0, 0.75, 1.0)
+    return red, green, blue
+
+
+def marker_array(
+    frame: GridFrame,
+    stamp: Time,
+    *,
+    drone_cells: ArrayLike,
+    names: Sequence[str],
+    tracks: Sequence[ArrayLike],
+    live: Sequence[bool],
+    datum: Sequence[float] | None,
+    radius_cells: float | None = None,
+    person_cells: ArrayLike | None = None,
+    found: Sequence[bool] | None = None,
+) -> MarkerArray:
+    """Return drones, tracks, datum and circle, and the persons when they are given.
+
+    The first marker deletes all earlier ones. Namespaces: `drones`, `names`, `tracks` and
+    `persons`, with the index as id, `datum` and `circle`.
+
+    Args:
+        frame: The grid.
+        stamp: Time of the state.
+        drone_cells: (N, 2) of (col, row).
+        names: The N names.
+        tracks: N tracks, each (K, 2) of (col, row).
+        live: N flags; a drone out of the search is grey.
+        datum: Cell (col, row) of the datum, a fraction lies between cells; None to leave out.
+        radius_cells: Radius of the circle about the datum; None to leave out.
+        person_cells: (M, 2) cells of the persons; None to leave out.
+        found: M flags; none is found if not given.
+
+    Raises:
+        ValueError: If the numbers of names, tracks, flags and cells differ.
+    """
+    head = header(frame.map_frame, stamp)
+    cell_m = frame.cell_size_m
+    alt_m = frame.alt_m
+
+    def marker(namespace: str, number: int, kind: int, scale: Rgb, color: Rgb) -> Marker:
+        made = Marker(header=head, ns=namespace, id=number, type=kind, action=Marker.ADD)
+        made.scale.x, made.scale.y, made.scale.z = (float(side) for side in scale)
+        made.color = ColorRGBA(r=color[0], g=color[1], b=color[2], a=1.0)
+        return made
+
+    def line(namespace: str, number: int, width_m: float, color: Rgb) -> Marker:
+        return marker(namespace, number, Marker.LINE_STRIP, (width_m, 0.0, 0.0), color)
+
+    markers = [Marker(header=head, action=Marker.DELETEALL)]
+    cells = np.asarray(drone_cells, dtype=np.float64).reshape(-1, 2)
+    for number, (place, name, track, flies) in enumerate(
+        zip(_points(frame, cells, alt_m), names, tracks, live, strict=True)
+    ):
+        color = drone_color(number) if flies else _GREY
+        side_m = 0.5 * cell_m
+        body = marker("drones", number, Marker.SPHERE, (side_m, side_m, 0.5 * side_m), color)
+        body.pose.position = place
+        label = marker("names", number, Marker.TEXT_VIEW_FACING, (0.0, 0.0, side_m), _WHITE)
+        label.pose.position = Point(x=place.x, y=place.y, z=place.z + cell_m)
+        label.text = name
+        markers += [body, label]
+        turns = corners(track)
+        if len(turns) > 1:
+            flown = line("tracks", number, 0.08 * cell_m, color)
+            flown.points = _points(frame, turns, alt_m)
+            markers.append(flown)
+
+    if datum is not None:
+        (centre,) = _points(frame, [datum], 0.0)
+        cross = marker("datum", 0, Marker.LINE_LIST, (0.08 * cell_m, 0.0, 0.0), _DATUM)
+        cross.points = [
+            Point(x=centre.x + dx * cell_m, y=centre.y + dy * cell_m, z=0.0)
+            for dx, dy in ((-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (0.5, -0.5))
+        ]
+        markers.append(cross)
+        if radius_cells is not None:
+            circle = line("circle", 0, 0.05 * cell_m, _DATUM)
+            circle.points = list(_circle(centre, float(radius_cells) * cell_m))
+            markers.append(circle)
+
+    if person_cells is not None:
+        places = _points(frame, person_cells, 0.0)
+        flags = [False] * len(places) if found is None else found
+        for number, (place, saved) in enumerate(zip(places, flags, strict=True)):
+            side_m = 0.4 * cell_m
+            color = _SAVED if saved else _LOST
+            person = marker("persons", number, Marker.CYLINDER, (side_m,) * 3, color)
+            person.pose.position = place
+            markers.append(person)
+    return MarkerArray(markers=markers)
+
+
+def _points(frame: GridFrame, cells: ArrayLike, z_m: float) -> list[Point]:
+    array = np.asarray(cells, dtype=np.float64).reshape(-1, 2)
+    x_m, y_m = cell_to_map(frame, array[:, 0], array[:, 1])
+    return [Point(x=x, y=y, z=z_m) for x, y in zip(x_m.tolist(), y_m.tolist(), strict=True)]
+
+
+def _circle(centre: Point, radius_m: float) -> Iterable[Point]:
+    for index in range(_CIRCLE_SEGMENTS + 1):
+        angle = math.tau * index / _CIRCLE_SEGMENTS
+        yield Point(
+            x=centre.x + radius_m * math.cos(angle), y=centre.y + radius_m * math.sin(angle), z=0.0
+        )

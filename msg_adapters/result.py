@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a parser of commands returns: a value, or why there is none. Parsers never raise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Accepted(Generic[T]):
+    """A command that was understood."""
+
+    value: T
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A command that was refused.
+
+    Attributes:
+        code: Short snake_case key that diagnostics count by, such as `not_finite`.
+        reason: One line that names the field, its value and what is allowed.
+    """
+
+    code: str
+    reason: str
+
+
+Result = Accepted[T] | Rejected
+"""`Result[int]` is `Accepted[int] | Rejected`."""
+
+
+def shown(value: object, limit: int = 60) -> str:
+    """Return a value as printable text of one line and at most `limit` + 3 characters."""
+    if isinstance(value, str | bytes):
+        value = value[: limit + 1]
+    text = repr(value)
+    return text if len(text) <= limit else text[:limit] + "..."

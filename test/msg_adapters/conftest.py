@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Grids for the properties of this folder: `st.from_type(GridFrame)`."""
+
+from hypothesis import settings
+from hypothesis import strategies as st
+
+from msg_adapters.frames import GridFrame
+
+# The machine may be busy: an example that takes long is no failure.
+settings.register_profile("msg_adapters", deadline=None)
+settings.load_profile("msg_adapters")
+
+st.register_type_strategy(
+    GridFrame,
+    st.builds(
+        GridFrame,
+        grid_size=st.integers(1, 400),
+        cell_size_m=st.floats(0.5, 500),
+        origin_lat_deg=st.floats(-80, 80),
+        origin_lon_deg=st.floats(-180, 180),
+        origin_alt_m=st.floats(-100, 3000),
+        alt_m=st.floats(0, 500),
+        map_frame=st.sampled_from(["map", "sea"]),
+    ),
+)

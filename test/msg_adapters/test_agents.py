@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What planners are told of the search."""
+
+import dataclasses
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from std_msgs.msg import String
+
+from msg_adapters.agents import AgentsInfo, Origin, agents_from_message, agents_message
+from msg_adapters.frames import GridFrame
+
+NAMES = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=5, unique=True).map(tuple)
+NUMBERS = st.floats(-1e5, 1e5)
+INFOS = st.builds(
+    AgentsInfo,
+    agents=NAMES,
+    actions=NAMES,
+    rules=st.text(min_size=1, max_size=8),
+    seed=st.none() | st.integers(),
+    grid_size=st.integers(1, 10_000),
+    cell_size_m=st.floats(0.001, 1e6),
+    timestep_limit=st.integers(1, 10**9),
+    step_duration_s=NUMBERS,
+    map_frame=st.text(min_size=1, max_size=8),
+    origin=st.builds(
+        Origin, lat_deg=st.floats(-90, 90), lon_deg=st.floats(-180, 180), alt_m=NUMBERS
+    ),
+    alt_m=NUMBERS,
+    mission=st.integers(0),
+)
+INFO = AgentsInfo(
+    agents=("drone0", "drone1"),
+    actions=("left", "right", "up", "down", "search"),
+    rules="paper",
+    seed=None,
+    grid_size=8,
+    cell_size_m=130.0,
+    timestep_limit=100,
+    step_duration_s=13.0,
+    map_frame="map",
+    origin=Origin(-24.04, -46.17, 0.0),
+    alt_m=120.0,
+    mission=1,
+)
+
+
+def changed(path, value):
+    document = json.loads(agents_message(INFO).data)
+    inner = document
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = value
+    return String(data=json.dumps(document))
+
+
+@given(INFOS)
+def test_the_information_comes_back(info):
+    assert agents_from_message(agents_message(info)) == info
+
+
+@given(INFOS)
+def test_the_same_information_gives_the_same_ascii_text(info):
+    text = agents_message(info).data
+    assert text.isascii()
+    assert text == agents_message(agents_from_message(String(data=text))).data
+    keys = list(json.loads(text))
+    assert keys == sorted(keys)
+
+
+def test_the_grid_of_the_information_is_the_simulators():
+    assert INFO.frame == GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0, "map")
+
+
+def test_keys_of_later_versions_are_ignored():
+    assert agents_from_message(changed(["battery_wh"], 80)) == INFO
+
+
+@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(AgentsInfo)])
+def test_a_missing_key_is_named(field):
+    document = json.loads(agents_message(INFO).data)
+    del document[field]
+    with pytest.raises(ValueError, match=f"^agents.{field}: missing$"):
+        agents_from_message(String(data=json.dumps(document)))
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (["agents"], []),
+        (["agents"], "drone0"),
+        (["agents"], ["drone0", "drone0"]),
+        (["actions"], [1, 2]),
+        (["actions"], [[], []]),
+        (["rules"], ""),
+        (["seed"], 1.5),
+        (["seed"], True),
+        (["grid_size"], 0),
+        (["grid_size"], "8"),
+        (["cell_size_m"], True),
+        (["cell_size_m"], 10**400),
+        (["timestep_limit"], -1),
+        (["mission"], None),
+        (["origin", "lat_deg"], "south"),
+        (["origin"], []),
+    ],
+)
+def test_a_value_of_the_wrong_kind_is_refused_by_its_key(path, value):
+    with pytest.raises(ValueError, match=f"^agents.{'.'.join(path)}: .* is not allowed; ") as error:
+        agents_from_message(changed(path, value))
+    assert len(str(error.value)) < 200
+
+
+@pytest.mark.parametrize(("path", "value"), [(["cell_size_m"], 0), (["origin", "lat_deg"], 91)])
+def test_a_grid_that_cannot_be_is_refused(path, value):
+    with pytest.raises(ValueError, match=f"^agents: .*{path[-1]}: .* is not allowed"):
+        agents_from_message(changed(path, value))
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "null", "[]", "NaN", '{"agents": NaN}', "[" * 100_000, "1" * 10_000]
+)
+def test_text_that_is_no_such_document_is_refused_in_one_line(text):
+    with pytest.raises(ValueError, match="^agents: ") as error:
+        agents_from_message(String(data=text))
+    assert len(str(error.value)) < 200 and str(error.value).isprintable()
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=3,
+)
+
+
+@given(
+    st.text()
+    | JSON.map(json.dumps)
+    | st.fixed_dictionaries(
+        {field.name: JSON for field in dataclasses.fields(AgentsInfo)},
+    ).map(json.dumps)
+)
+def test_hostile_text_is_refused_in_one_line(text):
+    with pytest.raises(ValueError, match="^agents") as error:
+        agents_from_message(String(data=text))
+    assert str(error.value).isprintable()
+
+
+@given(st.sampled_from([field.name for field in dataclasses.fields(AgentsInfo)]), JSON)
+def test_one_hostile_value_is_taken_or_refused_in_one_line(field, value):
+    try:
+        info = agents_from_message(changed([field], value))
+    except ValueError as error:
+        assert str(error).startswith("agents") and str(error).isprintable()
+    else:
+        assert math.isfinite(info.cell_size_m) and info.grid_size >= 1 and info.agents

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands from anyone: understood, or refused with a code and one clear line."""
+
+import array
+import math
+import re
+
+import pytest
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from hypothesis import given
+from hypothesis import strategies as st
+from nav_msgs.msg import Path
+from std_msgs.msg import Header, Int8, Int32MultiArray, String
+
+from msg_adapters import commands
+from msg_adapters.frames import GridFrame
+from msg_adapters.poses import path, pose_stamped
+from msg_adapters.result import Accepted, Rejected, shown
+from msg_adapters.stamps import to_stamp
+
+ACTIONS = ("left", "right", "up", "down", "search")
+FRAME = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
+STAMP = to_stamp(0)
+
+INT32 = st.integers(-(2**31), 2**31 - 1)
+CELLS = st.tuples(st.integers(0, 7), st.integers(0, 7))
+# What DDS can carry in a string: any text without surrogates.
+TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=200)
+FRAME_IDS = st.sampled_from(["map", "map", "map", "", "odom", "/map", "map "]) | TEXTS
+FLOATS = st.floats() | st.floats(-100, 1200)
+ORIENTATIONS = st.builds(Quaternion) | st.builds(Quaternion, x=FLOATS, w=FLOATS)
+POSES = st.builds(
+    Pose,
+    position=st.builds(Point, x=FLOATS, y=FLOATS, z=FLOATS),
+    orientation=ORIENTATIONS,
+)
+STAMPED = st.builds(PoseStamped, header=st.builds(Header, frame_id=FRAME_IDS), pose=POSES)
+
+
+def check(result, codes):
+    """Check that a result is a value, or a refusal by one of the codes and in one line."""
+    assert isinstance(result, Accepted | Rejected)
+    if isinstance(result, Rejected):
+        assert result.code in codes
+        assert result.reason.isprintable() and len(result.reason) < 300
+    return isinstance(result, Accepted)
+
+
+@given(st.integers(-128, 127))
+def test_an_action_is_its_number_in_the_legend_or_refused(number):
+    result = commands.parse_action(Int8(data=number), ACTIONS)
+    if check(result, {"unknown_action"}):
+        assert result.value == number and 0 <= number < 5
+    else:
+        assert not 0 <= number < 5
+        assert str(number) in result.reason and "4 search" in result.reason
+
+
+@given(st.sampled_from(ACTIONS) | TEXTS)
+def test_an_action_name_is_exactly_one_of_the_legend_or_refused(name):
+    result = commands.parse_action_name(String(data=name), ACTIONS)
+    if check(result, {"unknown_action"}):
+        assert ACTIONS[result.value] == name
+    else:
+        assert name not in ACTIONS
+        assert "left, right, up, down, search" in result.reason
+
+
+@pytest.mark.parametrize("name", ["Search", "search ", "", "4", "ѕearch", "search\x00"])
+def test_an_action_name_that_only_looks_right_is_refused(name):
+    result = commands.parse_action_name(String(data=name), ACTIONS)
+    assert isinstance(result, Rejected) and result.code == "unknown_action"
+
+
+@given(CELLS)
+def test_a_goal_is_the_cell_it_was_made_from(cell):
+    assert commands.parse_goal(pose_stamped(FRAME, cell, STAMP), FRAME) == Accepted(cell)
+
+
+@given(STAMPED)
+def test_any_goal_is_a_cell_of_the_grid_or_refused(message):
+    result = commands.parse_goal(message, FRAME)
+    if check(result, {"foreign_frame", "not_finite", "outside_grid"}):
+        assert message.header.frame_id == "map"
+        assert all(0 <= part < 8 and type(part) is int for part in result.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        (lambda m: setattr(m.header, "frame_id", "odom"), "foreign_frame", "'odom'.*'map'"),
+        (lambda m: setattr(m.header, "frame_id", ""), "foreign_frame", "header.frame_id: ''"),
+        (lambda m: setattr(m.pose.position, "x", math.nan), "not_finite", "position.x: nan"),
+        (lambda m: setattr(m.pose.position, "z", math.inf), "not_finite", "position.z: inf"),
+        (lambda m: setattr(m.pose.orientation, "w", math.nan), "not_finite", "orientation.w"),
+        (lambda m: setattr(m.pose.position, "y", 1040.0), "outside_grid", "1040"),
+        (lambda m: setattr(m.pose.position, "x", -1e-9), "outside_grid", "0 <= x, y < 1040 m"),
+    ],
+)
+def test_a_bad_goal_is_refused_by_its_fault(change, code, words):
+    message = pose_stamped(FRAME, (3, 3), STAMP)
+    change(message)
+    result = commands.parse_goal(message, FRAME)
+    assert isinstance(result, Rejected) and result.code == code
+    assert re.search(words, result.reason)
+
+
+@given(st.lists(CELLS, min_size=1, max_size=20))
+def test_a_path_is_the_cells_it_was_made_from(cells):
+    assert commands.parse_path(path(FRAME, cells, STAMP), FRAME) == Accepted(tuple(cells))
+
+
+@given(
+    st.builds(
+        Path,
+        header=st.builds(Header, frame_id=FRAME_IDS),
+        poses=st.lists(STAMPED, max_size=4),
+    )
+)
+def test_any_path_is_cells_of_the_grid_or_refused(message):
+    result = commands.parse_path(message, FRAME)
+    codes = {"foreign_frame", "not_finite", "outside_grid", "empty_path"}
+    if check(result, codes):
+        assert len(result.value) == len(message.poses) > 0
+        assert all(0 <= part < 8 for cell in result.value for part in cell)
+
+
+def test_the_goals_of_a_path_may_leave_their_own_frame_empty_but_not_foreign():
+    message = path(FRAME, [(1, 1), (2, 2)], STAMP)
+    for stamped in message.poses:
+        stamped.header = Header()
+    assert commands.parse_path(message, FRAME) == Accepted(((1, 1), (2, 2)))
+    message.poses[1].header = Header(frame_id="odom")
+    result = commands.parse_path(message, FRAME)
+    assert isinstance(result, Rejected) and result.code == "foreign_frame"
+    assert result.reason.startswith("poses[1].header.frame_id: 'odom'")
+
+
+def test_one_bad_goal_refuses_the_whole_path():
+    message = path(FRAME, [(1, 1), (2, 2)], STAMP)
+    message.poses[1].pose.position.x = math.nan
+    result = commands.parse_path(message, FRAME)
+    assert isinstance(result, Rejected) and result.code == "not_finite"
+    assert result.reason.startswith("poses[1].pose.position.x: nan")
+
+
+def test_a_path_of_no_or_of_too_many_goals_is_refused():
+    empty = commands.parse_path(path(FRAME, [], STAMP), FRAME)
+    assert isinstance(empty, Rejected) and empty.code == "empty_path"
+    message = path(FRAME, [(0, 0)], STAMP)
+    message.poses = message.poses * commands.MAX_GOALS
+    assert isinstance(commands.parse_path(message, FRAME), Accepted)
+    message.poses = [*message.poses, message.poses[0]]
+    result = commands.parse_path(message, FRAME)
+    assert isinstance(result, Rejected) and result.code == "path_too_long"
+
+
+@given(st.integers(0, 2**31 - 1), st.lists(st.integers(0, 4), max_size=8))
+def test_a_joint_action_comes_back(step, actions):
+    message = commands.joint_action_message(step, actions)
+    live = [True] * len(actions)
+    result = commands.parse_joint_action(message, step, len(actions), ACTIONS, live)
+    assert result == Accepted(tuple(actions))
+
+
+@given(
+    st.lists(st.integers(0, 6) | INT32, max_size=6),
+    st.integers(0, 3),
+    st.lists(st.booleans(), max_size=4),
+)
+def test_any_joint_action_is_for_all_live_drones_or_for_none(data, step, live):
+    message = Int32MultiArray(data=array.array("i", data))
+    result = commands.parse_joint_action(message, step, len(live), ACTIONS, live)
+    if check(result, {"wrong_size", "stale_step", "unknown_action"}):
+        assert data[0] == step and len(data) == len(result.value) + 1
+        for value, sent, takes_part in zip(result.value, data[1:], live, strict=True):
+            assert value == (sent if takes_part else commands.NO_ACTION)
+            assert not takes_part or 0 <= value < len(ACTIONS)
+
+
+@pytest.mark.parametrize("step", [4, 6, -1])
+def test_a_stale_or_future_joint_action_is_refused(step):
+    message = commands.joint_action_message(step, [0, 1])
+    result = commands.parse_joint_action(message, 5, 2, ACTIONS, [True, True])
+    assert isinstance(result, Rejected) and result.code == "stale_step"
+    assert f"step {step} " in result.reason and "; 5 is" in result.reason
+
+
+@pytest.mark.parametrize("actions", [[], [0], [0, 0, 0]])
+def test_a_joint_action_of_the_wrong_length_is_refused(actions):
+    message = commands.joint_action_message(5, actions)
+    result = commands.parse_joint_action(message, 5, 2, ACTIONS, [True, True])
+    assert isinstance(result, Rejected) and result.code == "wrong_size"
+
+
+def test_an_unknown_action_refuses_all_but_only_of_a_live_drone():
+    message = commands.joint_action_message(5, [0, 9])
+    refused = commands.parse_joint_action(message, 5, 2, ACTIONS, [True, True])
+    assert isinstance(refused, Rejected) and refused.code == "unknown_action"
+    assert refused.reason.startswith("data[2]: action 9 ")
+    accepted = commands.parse_joint_action(message, 5, 2, ACTIONS, [True, False])
+    assert accepted == Accepted((0, commands.NO_ACTION))
+
+
+@given(st.integers(0, 4))
+def test_the_messages_of_planners_are_understood(number):
+    assert commands.parse_action(commands.action_message(number), ACTIONS) == Accepted(number)
+    named = commands.action_name_message(ACTIONS[number])
+    assert commands.parse_action_name(named, ACTIONS) == Accepted(number)
+
+
+def test_a_command_to_a_terminated_drone_is_refused_by_its_name():
+    refused = commands.drone_terminated("drone3")
+    assert refused.code == "drone_terminated" and "drone3" in refused.reason
+
+
+@given(st.text() | st.binary() | st.integers() | st.floats() | st.lists(st.text()))
+def test_a_value_in_a_reason_is_short_and_printable(value):
+    text = shown(value)
+    assert len(text) <= 63 and text.isprintable()

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The grid in the map frame."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msg_adapters.frames import GridFrame, cell_to_map, map_to_cell, matrix_to_map_rows
+
+FRAMES = st.from_type(GridFrame)
+SANTOS = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
+
+
+def test_the_south_west_cell_is_at_the_origin_and_the_north_east_cell_opposite():
+    assert cell_to_map(SANTOS, 0, 7) == (65.0, 65.0)
+    assert cell_to_map(SANTOS, 7, 0) == (975.0, 975.0)
+
+
+@given(FRAMES, st.data())
+def test_a_cell_east_is_plus_x_and_a_cell_north_is_plus_y(frame, data):
+    col = data.draw(st.integers(0, frame.grid_size - 1))
+    row = data.draw(st.integers(0, frame.grid_size - 1))
+    x_m, y_m = cell_to_map(frame, col, row)
+    x_east, y_east = cell_to_map(frame, col + 1, row)
+    x_north, y_north = cell_to_map(frame, col, row - 1)
+    assert (x_east - x_m, y_east - y_m) == (pytest.approx(frame.cell_size_m), 0)
+    assert (x_north - x_m, y_north - y_m) == (0, pytest.approx(frame.cell_size_m))
+
+
+@given(FRAMES, st.data())
+def test_every_cell_comes_back_from_anywhere_well_inside_it(frame, data):
+    col = data.draw(st.integers(0, frame.grid_size - 1))
+    row = data.draw(st.integers(0, frame.grid_size - 1))
+    inside = st.floats(-0.49, 0.49)
+    point = cell_to_map(frame, col + data.draw(inside), row + data.draw(inside))
+    assert map_to_cell(frame, *point) == (col, row)
+
+
+@given(FRAMES, st.floats(), st.floats())
+def test_any_point_is_in_a_cell_of_the_grid_or_in_none(frame, x_m, y_m):
+    side_m = frame.grid_size * frame.cell_size_m
+    cell = map_to_cell(frame, x_m, y_m)
+    if cell is None:
+        almost = side_m * (1 - 1e-12)
+        assert not (0 <= x_m < almost and 0 <= y_m < almost)
+    else:
+        col, row = cell
+        assert 0 <= col < frame.grid_size and 0 <= row < frame.grid_size
+        centre_x, centre_y = cell_to_map(frame, col, row)
+        reach_m = frame.cell_size_m * 0.5 + 1e-9 * side_m
+        assert abs(centre_x - x_m) <= reach_m and abs(centre_y - y_m) <= reach_m
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308, -1e-9, 1040.0])
+def test_no_cell_holds_a_point_outside(value):
+    assert map_to_cell(SANTOS, value, 10.0) is None
+    assert map_to_cell(SANTOS, 10.0, value) is None
+
+
+@given(FRAMES, st.lists(st.tuples(st.integers(0, 399), st.integers(0, 399)), min_size=1))
+def test_arrays_of_cells_go_where_the_single_cells_go(frame, cells):
+    array = np.array(cells)
+    x_m, y_m = cell_to_map(frame, array[:, 0], array[:, 1])
+    assert list(zip(x_m, y_m, strict=True)) == [cell_to_map(frame, *cell) for cell in cells]
+
+
+@given(st.integers(1, 20))
+def test_the_flip_puts_the_southern_row_first_and_undoes_itself(size):
+    matrix = np.arange(size * size).reshape(size, size)
+    rows = matrix_to_map_rows(matrix)
+    np.testing.assert_array_equal(rows[0], matrix[-1])
+    np.testing.assert_array_equal(matrix_to_map_rows(rows), matrix)
+
+
+@given(st.integers(1, 20), st.data())
+def test_the_flipped_matrix_has_a_cell_where_its_map_coordinates_say(size, data):
+    frame = GridFrame(size, 1.0, 0.0, 0.0, 0.0, 0.0)
+    col, row = data.draw(st.integers(0, size - 1)), data.draw(st.integers(0, size - 1))
+    matrix = np.zeros((size, size))
+    matrix[row, col] = 1
+    x_m, y_m = cell_to_map(frame, col, row)
+    assert matrix_to_map_rows(matrix)[int(y_m), int(x_m)] == 1
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("grid_size", 0),
+        ("cell_size_m", 0.0),
+        ("cell_size_m", math.nan),
+        ("cell_size_m", math.inf),
+        ("origin_lat_deg", 90.1),
+        ("origin_lon_deg", math.nan),
+        ("origin_alt_m", math.inf),
+        ("alt_m", math.nan),
+        ("map_frame", ""),
+    ],
+)
+def test_a_grid_that_cannot_be_is_refused_by_the_name_of_its_field(field, value):
+    values = {
+        "grid_size": 8,
+        "cell_size_m": 130.0,
+        "origin_lat_deg": 0.0,
+        "origin_lon_deg": 0.0,
+        "origin_alt_m": 0.0,
+        "alt_m": 120.0,
+    }
+    with pytest.raises(ValueError, match=f"^{field}: "):
+        GridFrame(**{**values, field: value})

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Map frame to WGS84, checked by the formulas of the ellipsoid."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.geodesy import cell_fix, cell_to_geodetic, geodetic_to_map, map_to_geodetic
+
+FRAMES = st.from_type(GridFrame)
+SANTOS = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
+DISTANCES_M = st.floats(-50_000, 50_000)
+HEIGHTS_M = st.floats(-100, 1000)
+
+# WGS84 (NIMA TR8350.2): the defining axis and flattening.
+SEMI_MAJOR_M = 6378137.0
+FLATTENING = 1 / 298.257223563
+
+
+def ecef(lat_deg, lon_deg, alt_m):
+    lat, lon = math.radians(lat_deg), math.radians(lon_deg)
+    eccentricity2 = FLATTENING * (2 - FLATTENING)
+    normal_m = SEMI_MAJOR_M / math.sqrt(1 - eccentricity2 * math.sin(lat) ** 2)
+    return np.array(
+        [
+            (normal_m + alt_m) * math.cos(lat) * math.cos(lon),
+            (normal_m + alt_m) * math.cos(lat) * math.sin(lon),
+            (normal_m * (1 - eccentricity2) + alt_m) * math.sin(lat),
+        ]
+    )
+
+
+def on_the_ellipsoid(frame, x_m, y_m, z_m):
+    """Return a point of the map frame in ECEF."""
+    lat, lon = math.radians(frame.origin_lat_deg), math.radians(frame.origin_lon_deg)
+    east = np.array([-math.sin(lon), math.cos(lon), 0.0])
+    up = np.array([math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)])
+    north = np.cross(up, east)
+    origin = ecef(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m)
+    return origin + x_m * east + y_m * north + z_m * up
+
+
+@given(FRAMES, DISTANCES_M, DISTANCES_M, HEIGHTS_M)
+def test_a_fix_is_the_point_of_the_ellipsoids_formulas_to_a_millimetre(frame, x_m, y_m, z_m):
+    fix = map_to_geodetic(frame, x_m, y_m, z_m)
+    error_m = np.linalg.norm(ecef(*fix) - on_the_ellipsoid(frame, x_m, y_m, z_m))
+    assert error_m < 1e-3
+
+
+@given(FRAMES, DISTANCES_M, DISTANCES_M, HEIGHTS_M)
+def test_a_point_comes_back_from_its_fix_to_a_millimetre(frame, x_m, y_m, z_m):
+    fix = map_to_geodetic(frame, x_m, y_m, z_m)
+    assert geodetic_to_map(frame, *fix) == pytest.approx((x_m, y_m, z_m), abs=1e-3)
+
+
+@given(FRAMES)
+def test_the_origin_of_the_map_is_the_given_place(frame):
+    lat_deg, lon_deg, alt_m = map_to_geodetic(frame, 0.0, 0.0, 0.0)
+    assert lat_deg == pytest.approx(frame.origin_lat_deg, abs=1e-9)
+    assert math.remainder(lon_deg - frame.origin_lon_deg, 360) == pytest.approx(0, abs=1e-9)
+    assert alt_m == pytest.approx(frame.origin_alt_m, abs=1e-6)
+
+
+@given(FRAMES)
+def test_east_is_more_longitude_and_north_more_latitude(frame):
+    lat_deg, lon_deg, _ = map_to_geodetic(frame, 0.0, 0.0, 0.0)
+    _, lon_east, _ = map_to_geodetic(frame, 130.0, 0.0, 0.0)
+    lat_north, _, _ = map_to_geodetic(frame, 0.0, 130.0, 0.0)
+    assert math.remainder(lon_east - lon_deg, 360) > 0
+    assert lat_north > lat_deg
+
+
+@given(FRAMES, st.lists(st.tuples(DISTANCES_M, DISTANCES_M, HEIGHTS_M), min_size=1, max_size=5))
+def test_arrays_give_what_single_points_give(frame, points):
+    x_m, y_m, z_m = np.array(points).T
+    fixes = np.array(map_to_geodetic(frame, x_m, y_m, z_m)).T
+    singles = np.array([map_to_geodetic(frame, *point) for point in points])
+    np.testing.assert_allclose(fixes, singles, rtol=0, atol=1e-9)
+
+
+def test_one_height_serves_an_array_of_points():
+    lats, lons, alts = map_to_geodetic(SANTOS, np.array([0.0, 130.0]), np.zeros(2), 120.0)
+    assert lats.shape == lons.shape == alts.shape == (2,)
+    assert alts == pytest.approx([120.0, 120.0], abs=0.01)
+
+
+def test_single_points_are_python_floats():
+    assert {type(value) for value in map_to_geodetic(SANTOS, 1, 2, 3)} == {float}
+    assert {type(value) for value in geodetic_to_map(SANTOS, -24, -46, 0)} == {float}
+
+
+@given(FRAMES, st.data())
+def test_the_fix_of_a_cell_is_that_of_its_centre_at_flight_altitude(frame, data):
+    col = data.draw(st.integers(0, frame.grid_size - 1))
+    row = data.draw(st.integers(0, frame.grid_size - 1))
+    fix = cell_fix(frame, col, row)
+    assert fix == cell_to_geodetic(frame, col, row, frame.alt_m)
+    expected = (*cell_to_map(frame, col, row), frame.alt_m)
+    assert geodetic_to_map(frame, *fix) == pytest.approx(expected, abs=1e-3)

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The step report as a point cloud."""
+
+import array
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from sensor_msgs.msg import PointCloud2, PointField
+
+from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.stamps import to_stamp
+from msg_adapters.step_report import (
+    MAX_ACTIONS,
+    make_step_report,
+    step_report_dtype,
+    step_report_from_message,
+    step_report_message,
+)
+
+FRAME = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
+STAMP = to_stamp(13 * 10**9)
+
+REPORTS = st.integers(1, 9).flatmap(
+    lambda actions: hnp.arrays(step_report_dtype(actions), st.integers(0, 6))
+)
+
+
+def small_report():
+    return make_step_report(
+        FRAME,
+        step=7,
+        cells=np.array([(0, 7), (7, 0), (3, 4)]),
+        actions=[1, 4, -1],
+        rewards=[1.0, 10000.1, -100000.0],
+        terminated=np.array([False, True, True]),
+        truncated=[0, 0, 1],
+        found=[False, True, False],
+        held=[True, False, False],
+        action_mask=np.array([[0, 1, 1, 0, 1], [1, 0, 0, 1, 1], [1, 1, 1, 1, 1]], dtype=np.int8),
+    )
+
+
+def test_a_report_has_all_that_it_was_made_of():
+    report = small_report()
+    x_m, y_m = cell_to_map(FRAME, report["col"].astype(int), report["row"].astype(int))
+    assert report["x"].tolist() == x_m.tolist() and report["y"].tolist() == y_m.tolist()
+    assert report["z"].tolist() == [120.0] * 3
+    assert report["step"].tolist() == [7] * 3
+    assert report["col"].tolist() == [0, 7, 3] and report["row"].tolist() == [7, 0, 4]
+    assert report["action"].tolist() == [1, 4, -1]
+    assert report["reward"].tolist() == [1.0, 10000.1, -100000.0]
+    assert report["terminated"].tolist() == [0, 1, 1]
+    assert report["truncated"].tolist() == [0, 0, 1]
+    assert report["found"].tolist() == [0, 1, 0]
+    assert report["held"].tolist() == [1, 0, 0]
+    assert report["action_mask"][0].tolist() == [0, 1, 1, 0, 1]
+
+
+def test_a_report_of_shapes_that_do_not_match_is_refused():
+    arguments = {
+        "step": 0,
+        "cells": [(0, 0), (1, 1)],
+        "actions": [0, 0],
+        "rewards": [0.0, 0.0],
+        "terminated": [0, 0],
+        "truncated": [0, 0],
+        "found": [0, 0],
+        "held": [0, 0],
+        "action_mask": np.ones((2, 5)),
+    }
+    assert len(make_step_report(FRAME, **arguments)) == 2
+    for field, wrong in (
+        ("actions", [0, 0, 0]),
+        ("rewards", [0.0] * 3),
+        ("held", [0] * 3),
+        ("action_mask", np.ones((3, 5))),
+        ("action_mask", np.ones(5)),
+    ):
+        with pytest.raises(ValueError, match="shape"):
+            make_step_report(FRAME, **{**arguments, field: wrong})
+
+
+@given(REPORTS)
+def test_a_report_comes_back_and_is_written_again_with_the_same_bytes(report):
+    message = step_report_message(FRAME, report, STAMP)
+    read = step_report_from_message(message)
+    assert read.dtype == report.dtype and read.tobytes() == report.tobytes()
+    assert step_report_message(FRAME, read, STAMP) == message
+
+
+def test_the_cloud_is_laid_out_as_point_clouds_are():
+    message = step_report_message(FRAME, small_report(), STAMP)
+    assert message.header.frame_id == "map" and message.header.stamp == STAMP
+    assert (message.height, message.width) == (1, 3)
+    assert message.is_bigendian is False and message.is_dense is True
+    assert message.row_step == 3 * message.point_step == len(message.data)
+    sizes = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 8: 8}
+    end = 0
+    for field in message.fields:
+        assert field.offset == end
+        end += sizes[field.datatype] * field.count
+    assert end == message.point_step
+    assert [field.name for field in message.fields[:3]] == ["x", "y", "z"]
+    assert {field.datatype for field in message.fields[:3]} == {PointField.FLOAT32}
+    assert message.fields[-1].name == "action_mask" and message.fields[-1].count == 5
+
+
+def test_any_reader_of_point_clouds_finds_a_field_by_its_offset():
+    message = step_report_message(FRAME, small_report(), STAMP)
+    offsets = {field.name: field.offset for field in message.fields}
+    second = bytes(message.data)[message.point_step : 2 * message.point_step]
+    assert struct.unpack_from("<fff", second, offsets["x"]) == (975.0, 975.0, 120.0)
+    assert struct.unpack_from("<d", second, offsets["reward"]) == (10000.1,)
+    assert struct.unpack_from("<hh", second, offsets["col"]) == (7, 0)
+
+
+@pytest.mark.parametrize("bigendian", [False, True])
+def test_a_cloud_that_a_relay_laid_out_anew_is_read_the_same(bigendian):
+    report = small_report()
+    message = step_report_message(FRAME, report, STAMP)
+    names = report.dtype.names
+    order = ">" if bigendian else "<"
+    layout = np.dtype(
+        {
+            "names": names,
+            "formats": [report.dtype[name].newbyteorder(order) for name in names],
+            "offsets": [8 + 16 * index for index in reversed(range(len(names)))],
+            "itemsize": 256,
+        }
+    )
+    moved = np.zeros(len(report), dtype=layout)
+    for name in names:
+        moved[name] = report[name]
+    for field in message.fields:
+        field.offset = layout.fields[field.name][1]
+    extra = PointField(name="intensity", offset=0, datatype=PointField.FLOAT32, count=1)
+    message.fields = [extra, *reversed(message.fields)]
+    message.is_bigendian = bigendian
+    message.point_step = 256
+    message.row_step = 256 * len(report)
+    message.data = array.array("B", moved.tobytes())
+    assert step_report_from_message(message).tobytes() == report.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda m: setattr(m, "height", 2), "^height: 2"),
+        (lambda m: setattr(m, "width", 4), "^data: "),
+        (lambda m: setattr(m, "row_step", 1), "^data: "),
+        (lambda m: m.data.pop(), "^data: "),
+        (lambda m: setattr(m, "fields", []), "^fields: x is missing"),
+        (lambda m: setattr(m.fields[3], "name", "stop"), "^fields: step is missing"),
+        (lambda m: setattr(m.fields[3], "name", "x"), "^fields: two of the name x"),
+        (lambda m: setattr(m.fields[0], "datatype", 8), "^fields: datatype 8 of x"),
+        (lambda m: setattr(m.fields[0], "count", 0), "^fields: count 0 of x"),
+        (lambda m: setattr(m.fields[0], "offset", 2**32 - 1), "^fields: offset 4294967295 of x"),
+        (lambda m: setattr(m.fields[-1], "count", 0), "^num_actions: 0"),
+        (lambda m: setattr(m.fields[-1], "count", 2**32 - 1), "^num_actions: 4294967295"),
+        (lambda m: setattr(m.fields[-1], "count", 6), "^fields: offset .* of action_mask"),
+    ],
+)
+def test_a_malformed_cloud_is_refused_by_its_fault(change, words):
+    message = step_report_message(FRAME, small_report(), STAMP)
+    change(message)
+    with pytest.raises(ValueError, match=words):
+        step_report_from_message(message)
+
+
+UINT32 = st.integers(0, 64) | st.integers(0, 2**32 - 1)
+FIELDS = st.builds(
+    PointField,
+    name=st.sampled_from([*step_report_dtype(1).names, "intensity"]) | st.text(max_size=5),
+    offset=UINT32,
+    datatype=st.integers(0, 9),
+    count=UINT32,
+)
+
+
+@given(st.data())
+def test_a_hostile_cloud_is_a_report_or_one_clear_line(data):
+    message = step_report_message(FRAME, small_report(), STAMP)
+    for _ in range(data.draw(st.integers(1, 3))):
+        kind = data.draw(st.sampled_from(["size", "field", "data", "alien"]))
+        if kind == "size":
+            name = data.draw(st.sampled_from(["height", "width", "point_step", "row_step"]))
+            setattr(message, name, data.draw(UINT32))
+        elif kind == "field":
+            index = data.draw(st.integers(0, len(message.fields)))
+            message.fields = [
+                *message.fields[:index],
+                data.draw(FIELDS),
+                *message.fields[index + 1 :],
+            ]
+        elif kind == "data":
+            message.data = array.array("B", data.draw(st.binary(max_size=120)))
+        else:
+            message = data.draw(
+                st.builds(
+                    PointCloud2,
+                    width=UINT32,
+                    height=UINT32,
+                    point_step=UINT32,
+                    row_step=UINT32,
+                    fields=st.lists(FIELDS, max_size=15),
+                )
+            )
+    try:
+        report = step_report_from_message(message)
+    except ValueError as error:
+        assert len(str(error).splitlines()) == 1
+    else:
+        assert len(report) == message.width
+        assert report.dtype == step_report_dtype(report["action_mask"].shape[1])
+
+
+def test_an_array_that_is_no_report_is_refused():
+    for array_ in (
+        np.zeros(3),
+        np.zeros(3, dtype=[("action_mask", "u1")]),
+        np.zeros(3, dtype=[("x", "f4"), ("action_mask", "u1", (5,))]),
+    ):
+        with pytest.raises(ValueError, match="^report: "):
+            step_report_message(FRAME, array_, STAMP)
+    for number in (0, MAX_ACTIONS + 1):
+        with pytest.raises(ValueError, match="^num_actions: "):
+            step_report_dtype(number)
