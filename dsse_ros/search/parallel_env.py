@@ -200,14 +200,12 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         for plane, things in ((1, drones[drones["alive"]]), (2, persons[~persons["found"]])):
             inside = (things["x"] >= 0) & (things["y"] >= 0)
             np.add.at(state[plane], (things["y"][inside], things["x"][inside]), 1)
-        assert self.scenario.timestep_limit
         state[3] = world.worlds["t"][0] / self.scenario.timestep_limit
         return state
 
     def view(self) -> rendering.MissionView:
         """Return what a picture of the mission shows; tracks are kept in a render mode only."""
         world, s = self.world, self.scenario
-        assert s.cell_size and s.timestep_limit
         return rendering.MissionView(
             probability=self.probability,
             tracks=np.stack([*self._track], axis=1) if self._track else self._xy[:, None],

@@ -112,11 +112,11 @@ def draw(view: MissionView, figure: Figure) -> None:
         )  # fmt: skip
     if view.datum is not None:
         axes.plot(*place(view.datum), "+", color="black", markersize=size * 1.3, label="datum")
-    for found, label, colour in ((False, "person", "red"), (True, "person found", "limegreen")):
+    for found, label, fill in ((False, "person", "red"), (True, "person found", "limegreen")):
         cells = view.persons[view.found == found]
         if len(cells):
             axes.plot(
-                *place(cells), "*", color=colour, markersize=size * 1.6, markeredgecolor="black",
+                *place(cells), "*", color=fill, markersize=size * 1.6, markeredgecolor="black",
                 linestyle="none", label=label, zorder=5,
             )  # fmt: skip
     if grid <= 50:

@@ -186,7 +186,7 @@ class Scenario:
                     given = {**dict.fromkeys(set(other) - set(given), None), **given}
         return dataclasses.replace(self, **given)
 
-    def resolve(self, rules: Rules) -> Scenario:
+    def resolve(self, rules: Rules) -> ResolvedScenario:
         """Return the scenario with nothing left to derive.
 
         Raises:
@@ -206,26 +206,27 @@ class Scenario:
         check_multipliers(multipliers, self.person_amount)
         if rules.person_scatter:
             check_scatter(self.person_amount, person, grid, rules.person_scatter)
-        return dataclasses.replace(
-            self,
-            grid_size=grid,
-            zone_size=None,
-            cell_size=cell,
-            num_drones=len(positions),
-            drones_positions=positions,
-            vector=self._resolve_vector(rules),
-            current_speed=None,
-            current_toward=None,
-            person_initial_position=person,
-            person_pod_multipliers=multipliers or (1.0,) * self.person_amount,
-            sigma=sigma,
-            sigma_x=self.sigma_x or sigma,
-            sigma_y=self.sigma_y or sigma,
-            dispersion_inc=(
+        derived = {
+            "grid_size": grid,
+            "zone_size": None,
+            "cell_size": cell,
+            "num_drones": len(positions),
+            "drones_positions": positions,
+            "vector": self._resolve_vector(rules),
+            "current_speed": None,
+            "current_toward": None,
+            "person_initial_position": person,
+            "person_pod_multipliers": multipliers or (1.0,) * self.person_amount,
+            "sigma": sigma,
+            "sigma_x": self.sigma_x or sigma,
+            "sigma_y": self.sigma_y or sigma,
+            "dispersion_inc": (
                 rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
             ),
-            timestep_limit=self.timestep_limit or rules.timestep_limit,
-        )
+            "timestep_limit": self.timestep_limit or rules.timestep_limit,
+        }
+        given = {f.name: getattr(self, f.name) for f in dataclasses.fields(Scenario)}
+        return ResolvedScenario(**{**given, **derived})
 
     def _resolve_grid(self, rules: Rules, cell: float) -> int:
         if self.zone_size is None:
@@ -261,11 +262,27 @@ class Scenario:
         check_positions(self.drones_positions, grid, count)
         return self.drones_positions
 
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedScenario(Scenario):
+    """A scenario with nothing left to derive."""
+
+    grid_size: int
+    cell_size: float
+    num_drones: int
+    drones_positions: tuple[tuple[int, int], ...]
+    vector: tuple[float, float]
+    person_initial_position: tuple[int, int]
+    sigma: float
+    sigma_x: float
+    sigma_y: float
+    dispersion_inc: float
+    person_pod_multipliers: tuple[float, ...]
+    timestep_limit: int
+
     @property
     def step_duration_s(self) -> float:
         """Time of one step, cell_size / drone_speed (13 s for the paper's cell), in seconds."""
-        if self.cell_size is None:
-            raise FieldError("cell_size is not resolved yet")
         return self.cell_size / self.drone_speed
 
     @property

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.rules import ACTION_VECTORS, Rules
-from dsse_ros.search.scenario import Scenario
+from dsse_ros.search.scenario import ResolvedScenario, Scenario
 
 HOLD = -1
 """The action of a drone that does nothing; it is rewarded like a move."""
 
 
-def constants_of(scenario: Scenario, rules: Rules) -> NDArray[np.void]:
+def constants_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
     """Return scenario and rules as the kernels read them, (1,) of `kernels.CONSTANTS`."""
     constants = np.zeros(1, kernels.CONSTANTS)
-    for name in kernels.CONSTANTS.names:
+    for name in kernels.CONSTANTS.names or ():
         for source in (scenario, rules):
             if hasattr(source, name):
                 constants[name] = getattr(source, name)
@@ -58,16 +58,15 @@ class World:
     def __init__(
         self, scenario: Scenario, rules: Rules, num_worlds: int = 1, *, write_maps: bool = True
     ) -> None:
-        self.scenario = scenario = scenario.resolve(rules)
+        self.scenario = resolved = scenario.resolve(rules)
         self.rules = rules
-        assert scenario.grid_size and scenario.num_drones
-        self.grid_size: int = scenario.grid_size
+        self.grid_size = resolved.grid_size
         self.num_worlds = num_worlds
-        self.num_drones: int = scenario.num_drones
-        self.constants = constants_of(scenario, rules)
+        self.num_drones = resolved.num_drones
+        self.constants = constants_of(resolved, rules)
         self.worlds = np.zeros(num_worlds, kernels.WORLDS)
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
-        self.persons = np.zeros((num_worlds, scenario.person_amount), kernels.PERSONS)
+        self.persons = np.zeros((num_worlds, resolved.person_amount), kernels.PERSONS)
         self.terminated = np.zeros((num_worlds, self.num_drones), bool)
         self.truncated = np.zeros_like(self.terminated)
         self.found = np.zeros_like(self.terminated)
@@ -76,11 +75,11 @@ class World:
         self._map_shape = (num_worlds, side, side)
         self.maps = np.zeros(self._map_shape, np.float32)
         # A constant spread needs one table for all worlds.
-        tables = num_worlds if scenario.dispersion_inc else 1
+        tables = num_worlds if resolved.dispersion_inc else 1
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         for table in range(tables):
-            for axis, sigma in enumerate((scenario.sigma_x, scenario.sigma_y)):
+            for axis, sigma in enumerate((resolved.sigma_x, resolved.sigma_y)):
                 kernels.fill_axis(
                     self.gauss[table, axis], self.tails[table, axis], self.grid_size, sigma
                 )
@@ -113,7 +112,7 @@ class World:
             drift *= np.hypot(*drift) * self.rules.drift_relation
         self.worlds["drift_x"], self.worlds["drift_y"] = drift
         person = person_initial_position or s.person_initial_position
-        self.worlds["start_x"], self.worlds["start_y"] = person  # type: ignore[misc]
+        self.worlds["start_x"], self.worlds["start_y"] = person
         self.persons["pod_multiplier"] = (
             s.person_pod_multipliers if person_pod_multipliers is None else person_pod_multipliers
         )
