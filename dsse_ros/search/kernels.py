@@ -32,6 +32,7 @@ CONSTANTS = np.dtype(
         ("move", "f8"),
         ("leave_grid", "f8"),
         ("leave_terminates", "?"),
+        ("leave_flies_on", "?"),
         ("collisions", "?"),
         ("collision", "f8"),
         ("search_min_probability", "f8"),
@@ -41,14 +42,22 @@ CONSTANTS = np.dtype(
         ("find", "f8"),
         ("find_bonus", "f8"),
         ("one_find_per_search", "?"),
+        ("found_persons_stay", "?"),
         ("time_out", "f8"),
         ("time_out_grace", "i8"),
-        ("drift_keeps_remainder", "?"),
+        ("time_out_acts", "?"),
+        ("time_out_total", "?"),
+        ("both_flags", "?"),
+        ("ends_together", "?"),
+        ("drift_remainder_dropped", "?"),
+        ("drift_remainder_less_one", "?"),
         ("drift_axes_independent", "?"),
-        ("reset_map_steps", "i8"),
-        ("reset_person_steps", "i8"),
+        ("drift_by_speed", "?"),
+        ("drone_speed", "f8"),
+        ("reset_sea_steps", "i8"),
         ("circle", "?"),
         ("circle_on_previous_datum", "?"),
+        ("person_drifts", "?"),
         ("person_first", "?"),
         ("person_walks_blind", "?"),
         ("person_scatter", "i8"),
@@ -68,12 +77,14 @@ WORLDS = np.dtype(
         ("circle_y", "i8"),
         ("remainder_x", "f8"),  # drift not yet moved, cells
         ("remainder_y", "f8"),
+        ("vector_x", "f8"),  # the scenario's drift
+        ("vector_y", "f8"),
         ("drift_x", "f8"),  # drift per step, cells
         ("drift_y", "f8"),
         ("scale", "f8"),  # 1 / sum of the Gaussian over the possible cells; 0: one cell has it all
         ("start_x", "i8"),  # cell of the person at reset
         ("start_y", "i8"),
-        ("over", "?"),  # no drone left: all found, time out, or all lost
+        ("over", "?"),  # the search has ended: all found, time out, or no drone left
     ],
     align=True,
 )
@@ -84,13 +95,23 @@ DRONES = np.dtype(
         ("y", "i8"),
         ("start_x", "i8"),
         ("start_y", "i8"),
+        ("earned", "f8"),  # sum of rewards, before collisions replaced any
         ("alive", "?"),
     ],
     align=True,
 )
 
 PERSONS = np.dtype(
-    [("x", "i8"), ("y", "i8"), ("pod_multiplier", "f8"), ("found", "?")],
+    [
+        ("x", "i8"),
+        ("y", "i8"),
+        ("pod_multiplier", "f8"),
+        ("remainder_x", "f8"),  # own drift not yet moved, cells
+        ("remainder_y", "f8"),
+        ("drift_x", "f8"),  # own drift per step, cells
+        ("drift_y", "f8"),
+        ("found", "?"),
+    ],
     align=True,
 )
 
@@ -252,10 +273,16 @@ def write_map(c, w, gauss, out):
 
 
 @njit(cache=True, nogil=True)
+def less_one(remainder):
+    """Return the remainder with one cell taken off once it has reached one."""
+    return remainder - np.sign(remainder) if abs(remainder) >= 1 else remainder
+
+
+@njit(cache=True, nogil=True)
 def drift(c, w):
     """Move the datum by the drift of one step."""
     g = c.grid_size
-    if not c.drift_keeps_remainder:
+    if c.drift_remainder_dropped:
         if abs(w.remainder_x) >= 1:
             w.remainder_x = 0.0
         if abs(w.remainder_y) >= 1:
@@ -263,7 +290,9 @@ def drift(c, w):
     w.remainder_x += w.drift_x
     w.remainder_y += w.drift_y
     dx, dy = np.int64(w.remainder_x), np.int64(w.remainder_y)
-    if c.drift_keeps_remainder:
+    if c.drift_remainder_less_one:
+        w.remainder_x, w.remainder_y = less_one(w.remainder_x), less_one(w.remainder_y)
+    elif not c.drift_remainder_dropped:
         w.remainder_x -= dx
         w.remainder_y -= dy
     x, y = w.datum_x + dx, w.datum_y + dy
@@ -293,7 +322,7 @@ def map_step(c, w, gauss, tails):
 
 
 @njit(cache=True, nogil=True)
-def person_step(c, w, gauss, person):
+def person_to_best_cell(c, w, gauss, person):
     """Move a person to the best of the 3 x 3 window, each cell weighted by U{1..100} / 100."""
     best, best_dx, best_dy = 0.0, 0, 0
     for dy in range(-1, 2):
@@ -308,52 +337,97 @@ def person_step(c, w, gauss, person):
     person.y += best_dy
 
 
+DRIFT_WEIGHT = 0.05
+"""Added to the probability of the cell that a person drifts to (DSSE 1.1.9)."""
+
+
+@njit(cache=True, nogil=True)
+def person_with_drift(c, w, gauss, person):
+    """Draw a person's step from the 3 x 3 window when its own drift has gathered a cell."""
+    moves = abs(person.remainder_x) >= 1 or abs(person.remainder_y) >= 1
+    person.remainder_x += person.drift_x
+    person.remainder_y += person.drift_y
+    if not moves:
+        return
+    # np.round rounds halves to even.
+    drift_dx = np.sign(np.round(person.remainder_x))
+    drift_dy = np.sign(np.round(person.remainder_y))
+    total = DRIFT_WEIGHT
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            total += cell_probability(c, w, gauss, person.x + dx, person.y + dy)
+    left = draw_unit(w) * total
+    step_x, step_y = np.int64(drift_dx), np.int64(drift_dy)
+    for k in range(9):
+        dx, dy = np.int64(k % 3 - 1), np.int64(k // 3 - 1)
+        left -= cell_probability(c, w, gauss, person.x + dx, person.y + dy)
+        if dx == drift_dx and dy == drift_dy:
+            left -= DRIFT_WEIGHT
+        if left < 0:
+            step_x, step_y = dx, dy
+            break
+    if 0 <= person.x + step_x < c.grid_size:
+        person.x += step_x
+    if 0 <= person.y + step_y < c.grid_size:
+        person.y += step_y
+    person.remainder_x = less_one(person.remainder_x)
+    person.remainder_y = less_one(person.remainder_y)
+
+
 @njit(cache=True, nogil=True)
 def persons_step(c, w, gauss, persons):
-    """Move every person that is not found yet."""
+    """Move every person that is still adrift."""
     for p in range(len(persons)):
-        if not persons[p].found:
-            person_step(c, w, gauss, persons[p])
+        if persons[p].found and not c.found_persons_stay:
+            continue
+        if c.person_drifts:
+            person_with_drift(c, w, gauss, persons[p])
+        else:
+            person_to_best_cell(c, w, gauss, persons[p])
+
+
+@njit(cache=True, nogil=True)
+def drift_per_step(c, x, y):
+    """Return the drift (x, y) in cells per step of a vector."""
+    if not c.drift_by_speed:
+        return x, y
+    share = np.hypot(x, y) / c.drone_speed
+    return x * share, y * share
+
+
+@njit(cache=True, nogil=True)
+def draw_own_drift(c, w, person):
+    """Draw a person's drift: the mean of the vector and of a turned and scaled copy of it.
+
+    The angle comes from one of four ranges, the scale falls with its distance from a right angle
+    (measured on DSSE 1.1.9).
+    """
+    k = draw_below(w, 4)
+    low = (0.0, 20.0, 300.0, 315.0)[k]
+    high = (45.0, 55.0, 360.0, 360.0)[k]
+    angle = np.radians(low + draw_unit(w) * (high - low))
+    scale = 0.5 + np.exp(-abs(angle - np.pi / 2) / np.pi)
+    turned_x = scale * (np.cos(angle) * w.vector_x - np.sin(angle) * w.vector_y)
+    turned_y = scale * (np.sin(angle) * w.vector_x + np.cos(angle) * w.vector_y)
+    person.drift_x, person.drift_y = drift_per_step(
+        c, (w.vector_x + turned_x) / 2, (w.vector_y + turned_y) / 2
+    )
 
 
 @njit(cache=True, nogil=True)
 def scatter_persons(c, w, persons):
-    """Put the persons in different cells within `person_scatter` of the start, at random."""
+    """Put all but the first person in different cells within `person_scatter` of the start."""
     g, s = c.grid_size, c.person_scatter
     x0, y0 = max(w.start_x - s, 0), max(w.start_y - s, 0)
     width = min(w.start_x + s, g - 1) - x0 + 1
     height = min(w.start_y + s, g - 1) - y0 + 1
     cells = np.arange(width * height)
-    for p in range(len(persons)):
+    start = (w.start_y - y0) * width + w.start_x - x0
+    cells[0], cells[start] = cells[start], cells[0]
+    for p in range(1, len(persons)):
         k = p + draw_below(w, len(cells) - p)
         cells[p], cells[k] = cells[k], cells[p]
         persons[p].x, persons[p].y = x0 + cells[p] % width, y0 + cells[p] // width
-
-
-@njit(cache=True, nogil=True)
-def reset_world(c, w, drones, persons, gauss, tails):
-    """Set a world to its start: persons at the start cell, which has all the probability."""
-    w.t = w.map_steps = 0
-    w.datum_x = w.circle_x = w.start_x
-    w.datum_y = w.circle_y = w.start_y
-    w.remainder_x = w.remainder_y = 0.0
-    w.scale = 0.0
-    w.over = False
-    for n in range(len(drones)):
-        d = drones[n]
-        d.x, d.y = d.start_x, d.start_y
-        d.alive = True
-    for p in range(len(persons)):
-        persons[p].x, persons[p].y = w.start_x, w.start_y
-        persons[p].found = False
-    if c.person_scatter > 0:
-        scatter_persons(c, w, persons)
-    for _ in range(c.pre_search_steps):
-        sea_step(c, w, persons, gauss, tails)
-    for _ in range(c.reset_map_steps):
-        map_step(c, w, gauss, tails)
-    for _ in range(c.reset_person_steps):
-        persons_step(c, w, gauss, persons)
 
 
 @njit(cache=True, nogil=True)
@@ -367,22 +441,55 @@ def sea_step(c, w, persons, gauss, tails):
 
 
 @njit(cache=True, nogil=True)
+def reset_world(c, w, drones, persons, gauss, tails):
+    """Set a world to its start: persons at the start cell, which has all the probability."""
+    w.t = w.map_steps = 0
+    w.datum_x = w.circle_x = w.start_x
+    w.datum_y = w.circle_y = w.start_y
+    w.remainder_x = w.remainder_y = 0.0
+    w.drift_x, w.drift_y = drift_per_step(c, w.vector_x, w.vector_y)
+    w.scale = 0.0
+    w.over = False
+    for n in range(len(drones)):
+        d = drones[n]
+        d.x, d.y = d.start_x, d.start_y
+        d.earned = 0.0
+        d.alive = True
+    for p in range(len(persons)):
+        person = persons[p]
+        person.x, person.y = w.start_x, w.start_y
+        person.remainder_x = person.remainder_y = 0.0
+        person.found = False
+        if c.person_drifts:
+            draw_own_drift(c, w, person)
+    if c.person_scatter > 0:
+        scatter_persons(c, w, persons)
+    for _ in range(c.pre_search_steps + c.reset_sea_steps):
+        sea_step(c, w, persons, gauss, tails)
+
+
+@njit(cache=True, nogil=True)
 def search_cell(c, w, gauss, d, persons):
     """Return (reward, found) of a search by a drone where it is."""
     finds = 0
     for p in range(len(persons)):
         person = persons[p]
-        if person.found or person.x != d.x or person.y != d.y:
+        gone = person.found and not c.found_persons_stay
+        if gone or person.x != d.x or person.y != d.y:
             continue
         chance = min(person.pod_multiplier * c.probability_of_detection, 1.0)
         if chance >= 1.0 or draw_unit(w) < chance:
             person.found = True
             finds += 1
-            if c.one_find_per_search:
-                break
+        if c.one_find_per_search:
+            break
     if finds > 0:
         return finds * (c.find + c.find_bonus * (1.0 - w.t / c.timestep_limit)), True
-    probability = cell_probability(c, w, gauss, d.x, d.y)
+    x, y = d.x, d.y
+    if c.leave_flies_on:
+        # A drone outside to the west or north sees the cell that a negative index names.
+        x, y = (x + c.grid_size if x < 0 else x), (y + c.grid_size if y < 0 else y)
+    probability = cell_probability(c, w, gauss, x, y)
     enough = probability > c.search_min_probability or (
         c.search_min_inclusive and probability == c.search_min_probability
     )
@@ -390,18 +497,13 @@ def search_cell(c, w, gauss, d, persons):
 
 
 @njit(cache=True, nogil=True)
-def act(c, w, gauss, d, persons, action):
-    """Return (reward, terminated, found) of one action of a drone; unknown ones do nothing."""
-    if action == c.search_action:
-        reward, found = search_cell(c, w, gauss, d, persons)
-        return reward, False, found
-    if action < 0 or action >= c.num_actions:
-        return c.move, False, False
+def move(c, d, action):
+    """Move a drone; returns (reward, whether it left the grid)."""
     x, y = d.x + c.dx[action], d.y + c.dy[action]
-    if 0 <= x < c.grid_size and 0 <= y < c.grid_size:
+    inside = 0 <= x < c.grid_size and 0 <= y < c.grid_size
+    if inside or c.leave_flies_on:
         d.x, d.y = x, y
-        return c.move, False, False
-    return c.leave_grid, c.leave_terminates, False
+    return (c.move if inside else c.leave_grid), not inside
 
 
 @njit(cache=True, nogil=True)
@@ -412,15 +514,86 @@ def collide(c, drones, occupied, rewards, terminated):
     """
     g = c.grid_size
     for n in range(len(drones)):
-        if drones[n].alive and not terminated[n]:
-            occupied[drones[n].y * g + drones[n].x] += 1
+        d = drones[n]
+        if is_flying(c, d, terminated[n]) and is_inside(g, d):
+            occupied[d.y * g + d.x] += 1
     for n in range(len(drones)):
         d = drones[n]
-        if d.alive and not terminated[n] and occupied[d.y * g + d.x] > 1:
+        if not is_flying(c, d, terminated[n]):
+            continue
+        if is_inside(g, d):
+            crash = occupied[d.y * g + d.x] > 1
+        else:
+            crash = False
+            for m in range(len(drones)):
+                crash = crash or (m != n and drones[m].x == d.x and drones[m].y == d.y)
+        if crash:
             rewards[n] = c.collision
             terminated[n] = True
     for n in range(len(drones)):
-        occupied[drones[n].y * g + drones[n].x] = 0
+        if is_inside(g, drones[n]):
+            occupied[drones[n].y * g + drones[n].x] = 0
+
+
+@njit(cache=True, nogil=True)
+def is_inside(g, d):
+    """Return whether a drone is on the grid."""
+    return 0 <= d.x < g and 0 <= d.y < g
+
+
+@njit(cache=True, nogil=True)
+def is_flying(c, d, terminated):
+    """Return whether a drone can collide; where drones end together, flags ground nobody."""
+    return d.alive and (c.ends_together or not terminated)
+
+
+@njit(cache=True, nogil=True)
+def step_drones(c, w, drones, persons, gauss, actions, rewards, terminated, truncated, found):
+    """Do the actions in index order against the map of the last observation."""
+    out_of_time = w.t >= c.timestep_limit + c.time_out_grace
+    for n in range(len(drones)):
+        d, action = drones[n], actions[n]
+        rewards[n] = 0.0
+        found[n] = False
+        if not d.alive:
+            continue
+        reward = c.move
+        if out_of_time and not c.time_out_acts:
+            pass
+        elif action == c.search_action:
+            reward, found[n] = search_cell(c, w, gauss, d, persons)
+            if found[n] and c.ends_together:
+                terminated[:] = True
+        elif 0 <= action < c.num_actions:
+            reward, left = move(c, d, action)
+            terminated[n] = left and (c.leave_terminates or c.leave_flies_on)
+        if out_of_time:
+            reward = c.time_out - (d.earned if c.time_out_total else 0.0)
+            truncated[n] = True
+        rewards[n] = reward
+        d.earned += reward
+
+
+@njit(cache=True, nogil=True)
+def settle_flags(c, w, drones, persons, terminated, truncated):
+    """Flag the drones whose search is over, and the world when all are."""
+    all_found = not c.ends_together
+    for p in range(len(persons)):
+        all_found = all_found and persons[p].found
+    any_flag = False
+    any_alive = False
+    for n in range(len(drones)):
+        d = drones[n]
+        if not d.alive:
+            continue
+        terminated[n] = terminated[n] or all_found
+        if c.both_flags:
+            terminated[n] = truncated[n] = terminated[n] or truncated[n]
+        flag = terminated[n] or truncated[n]
+        any_flag = any_flag or flag
+        d.alive = c.ends_together or not flag
+        any_alive = any_alive or d.alive
+    w.over = any_flag if c.ends_together else not any_alive
 
 
 @njit(cache=True, nogil=True)
@@ -428,32 +601,18 @@ def step_world(
     c, w, drones, persons, gauss, tails, actions, rewards, terminated, truncated, found, occupied
 ):  # fmt: skip
     """Advance one world: drones in index order, then the sea, then collisions."""
-    out_of_time = w.t >= c.timestep_limit + c.time_out_grace
-    for n in range(len(drones)):
-        d = drones[n]
-        rewards[n] = 0.0
-        found[n] = False
-        if not d.alive:
-            continue
-        if out_of_time:
-            rewards[n] = c.time_out
-            truncated[n] = True
-        else:
-            rewards[n], terminated[n], found[n] = act(c, w, gauss, d, persons, actions[n])
+    if c.ends_together:
+        terminated[:] = False
+        truncated[:] = False
+    if c.found_persons_stay:
+        for p in range(len(persons)):
+            persons[p].found = False
+    step_drones(c, w, drones, persons, gauss, actions, rewards, terminated, truncated, found)
     w.t += 1
     sea_step(c, w, persons, gauss, tails)
     if c.collisions:
         collide(c, drones, occupied, rewards, terminated)
-    all_found = True
-    for p in range(len(persons)):
-        all_found = all_found and persons[p].found
-    w.over = True
-    for n in range(len(drones)):
-        d = drones[n]
-        if d.alive:
-            terminated[n] = terminated[n] or all_found
-            d.alive = not (terminated[n] or truncated[n])
-            w.over = w.over and not d.alive
+    settle_flags(c, w, drones, persons, terminated, truncated)
 
 
 @njit(cache=True, nogil=True)

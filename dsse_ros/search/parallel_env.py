@@ -27,7 +27,7 @@ from dsse_ros.search.scenario import (
     check_positions,
     check_scatter,
 )
-from dsse_ros.search.world import World
+from dsse_ros.search.world import HOLD, World
 
 Observation = tuple[NDArray[np.int64], NDArray[np.float32]]
 """Position (2,) int64 as (x, y) and probability (G, G) float32 as [y, x], of one agent."""
@@ -73,11 +73,17 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.world = World(scenario, rules)
         self.scenario = self.world.scenario
         g = self.world.grid_size
+        # A drone that flies on outside is one cell off the grid when its search ends.
+        margin = int(rules.leave_policy == "fly_on")
+        span, first = [g + 2 * margin] * 2, [-margin] * 2
         self.possible_agents = [f"drone{i}" for i in range(self.world.num_drones)]
         self.agents: list[str] = []
         self.observation_spaces = {
             agent: spaces.Tuple(
-                (spaces.MultiDiscrete([g, g]), spaces.Box(0.0, 1.0, (g, g), np.float32))
+                (
+                    spaces.MultiDiscrete(span, start=first),
+                    spaces.Box(0.0, 1.0, (g, g), np.float32),
+                )
             )
             for agent in self.possible_agents
         }
@@ -87,7 +93,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.state_space = spaces.Box(0.0, float(len(self.possible_agents) + 1), (4, g, g))
         self._live = np.arange(0)
         self._masks = _action_masks(rules.actions)
-        self._edge = [(i == 0) + 2 * (i == g - 1) for i in range(g)]
+        # The last entry is for a drone just outside, at -1 or G.
+        self._edge = [(i == 0) + 2 * (i == g - 1) for i in range(g)] + [0]
         # x and y open each drone's record.
         self._xy = self.world.drones[0].view(np.int64).reshape(self.world.num_drones, -1)[:, :2]
         self._track: list[NDArray[np.int64]] = []
@@ -152,7 +159,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             self._observations(agents, live),
             dict(zip(agents, world.rewards[0, live].tolist(), strict=True)),
             dict(zip(agents, world.terminated[0, live].tolist(), strict=True)),
-            dict(zip(agents, world.truncated[0, live].tolist(), strict=True)),
+            dict(zip(agents, self._truncated(live), strict=True)),
             self._infos(agents, live),
         )
         self._show()
@@ -166,6 +173,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.world.step(joint.reshape(1, -1))
         if self.render_mode is not None:
             self._track.append(self.positions)
+        if self.world.worlds["over"][0]:
+            self._live, self.agents = np.arange(0), []
+            return
         alive = self.world.drones["alive"][0]
         if np.count_nonzero(alive) < len(self.agents):
             self._live = np.flatnonzero(alive)
@@ -258,6 +268,13 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             for agent, (x, y) in zip(agents, self._xy[live].tolist(), strict=True)
         }
 
+    def _truncated(self, live: NDArray[np.int64]) -> list[bool]:
+        """Return the flags of these drones; whom the end of all ends unflagged, it truncates."""
+        truncated = self.world.truncated[0, live]
+        if self.rules.ends_together and not self.agents:
+            truncated = truncated | ~self.world.terminated[0, live]
+        return truncated.tolist()
+
     def _joint_action(self, actions: Mapping[str, int]) -> NDArray[np.int8]:
         """Return the joint action (N,) of the live agents' actions, checked."""
         try:
@@ -266,7 +283,11 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             if values.max() >= len(self.rules.actions) or values.min() < 0:
                 raise ValueError
         except (KeyError, TypeError, ValueError):
-            raise self._action_error(actions) from None
+            if not self.rules.noop_actions or any(agent not in actions for agent in self.agents):
+                raise self._action_error(actions) from None
+            known = range(len(self.rules.actions))
+            numbers = (actions[agent] for agent in self.agents)
+            values = np.array([n if n in known else HOLD for n in numbers], np.int8)
         if len(values) == self.world.num_drones:
             return values
         joint = np.zeros(self.world.num_drones, np.int8)

@@ -43,13 +43,17 @@ class Rules:
 
     profile: str = field("str", "Name of the profile these rules started from.")
     actions: tuple[str, ...] = field("names", "Legend: the action with number i is actions[i].")
+    noop_actions: bool = field(
+        "bool", "Whether an unknown action number does nothing, or is refused.", False
+    )
 
     move: float = field("float", "Reward of any action that no other rule rewards.")
     leave_grid: float = field("float", "Reward of a move that would leave the grid.")
     leave_policy: str = field(
         "str",
-        "A drone that would leave the grid keeps its cell, and is terminated or goes on.",
-        choices=("terminate", "stay"),
+        "A drone that would leave the grid keeps its cell and is terminated, keeps its cell and "
+        "goes on, or flies on outside.",
+        choices=("terminate", "stay", "fly_on"),
     )
     collisions: bool = field("bool", "Whether drones in one cell after all moved collide.")
     collision: float = field("float", "Reward of each drone that collided.", 0.0)
@@ -64,24 +68,49 @@ class Rules:
     find: float = field("float", "Reward of finding a person.")
     find_bonus: float = field("float", "Added to `find`, times (1 - t / L).")
     one_find_per_search: bool = field(
-        "bool", "Whether one search finds one person at most, or all in the cell.", False
+        "bool", "Whether a search looks for the first person in the cell only, or for all.", False
+    )
+    found_persons_stay: bool = field(
+        "bool", "Whether a found person drifts on and can be found again.", False
     )
     time_out: float = field("float", "Reward of an action after the time limit.")
     time_out_grace: int = field(
         "int", "Out of time is t >= L + this many steps.", 0, low=0, high=1000, unit="steps"
     )
+    time_out_acts: bool = field(
+        "bool", "Whether an action after the time limit is still done.", False
+    )
+    time_out_total: bool = field(
+        "bool",
+        "Whether a time-out makes the drone's sum of rewards the time_out reward; rewards that "
+        "a collision replaced count as they were.",
+        False,
+    )
+    both_flags: bool = field(
+        "bool", "Whether a drone that is terminated or truncated is flagged as both.", False
+    )
+    ends_together: bool = field(
+        "bool",
+        "Whether the first flag ends the search for all; a find then flags every drone but those "
+        "that move after it in the same step.",
+        False,
+    )
 
-    drift_keeps_remainder: bool = field(
-        "bool", "Whether the fraction of a cell left after the datum moved is kept."
+    drift_remainder: str = field(
+        "str",
+        "The remainder of a drift that moved the datum is kept; dropped; or less one cell.",
+        "kept",
+        choices=("kept", "dropped", "less_one"),
     )
     drift_axes_independent: bool = field(
         "bool", "Whether an axis of the datum that would leave the grid stays alone, or both do."
     )
-    drift_relation: float = field(
-        "float", "Drift per step is v times norm(v) times this; 0 means v itself.", 0.0, low=0
+    drift_by_speed: bool = field(
+        "bool", "Whether the drift per step is v times norm(v) / drone_speed, or v.", False
     )
-    reset_map_steps: int = field("int", "Map steps that reset does.", 0, low=0, high=1)
-    reset_person_steps: int = field("int", "Person steps that reset does.", 0, low=0, high=1)
+    reset_sea_steps: int = field(
+        "int", "Steps of map and persons that reset does.", 0, low=0, high=1000, unit="steps"
+    )
     circle: bool = field("bool", "Whether only cells inside the growing circle are possible.")
     circle_on_previous_datum: bool = field(
         "bool", "Whether the circle is centred on the datum of the step before.", False
@@ -90,13 +119,21 @@ class Rules:
     dispersion_inc: float = field(
         "float", "Default growth of the spread per step.", 0.0, low=0, unit="cells"
     )
+    person_motion: str = field(
+        "str",
+        "A person goes to the best cell of the window, weighted at random, or is drawn towards "
+        "its own drift.",
+        "window",
+        choices=("window", "drift"),
+    )
     person_first: bool = field("bool", "Whether persons step before the map does.", False)
     person_walks_blind: bool = field(
         "bool", "Whether a person with an all-zero window walks (-1, -1), or stays.", False
     )
     person_scatter: int = field(
         "int",
-        "Persons start in different cells within this distance of the given one; 0: all in it.",
+        "One person starts in the given cell, the others in different ones within this "
+        "distance; 0: all in it.",
         0,
         low=0,
         high=2,
@@ -144,7 +181,6 @@ _PAPER = Rules(
     find=10000,
     find_bonus=10000,
     time_out=-100000,
-    drift_keeps_remainder=True,
     drift_axes_independent=True,
     circle=True,
     sigma=10,
@@ -152,7 +188,58 @@ _PAPER = Rules(
     vector=(-0.5, -0.5),
 )
 
-PROFILES: dict[str, Rules] = {"paper": _PAPER}
+_V1 = _PAPER.override(
+    profile="v1",
+    noop_actions=True,
+    leave_policy="fly_on",
+    search_min_inclusive=False,
+    find=100000,
+    find_bonus=100000,
+    found_persons_stay=True,
+    time_out_grace=1,
+    time_out_acts=True,
+    time_out_total=True,
+    both_flags=True,
+    ends_together=True,
+    drift_remainder="dropped",
+    drift_axes_independent=False,
+    reset_sea_steps=1,
+    circle_on_previous_datum=True,
+    person_walks_blind=True,
+    grid_size=7,
+    person_initial_position=(0, 0),
+)
+
+_V2 = Rules(
+    profile="v2",
+    actions=_STAR,
+    move=0,
+    leave_grid=0,
+    leave_policy="stay",
+    collisions=False,
+    search_below=0,
+    search_scale=0,
+    find=1,
+    find_bonus=1,
+    one_find_per_search=True,
+    time_out=0,
+    both_flags=True,
+    drift_remainder="less_one",
+    drift_axes_independent=False,
+    drift_by_speed=True,
+    reset_sea_steps=1,
+    circle=False,
+    sigma=0.5,
+    dispersion_inc=0.1,
+    person_motion="drift",
+    person_first=True,
+    person_scatter=2,
+    grid_size=20,
+    vector=(1.1, 1),
+    person_initial_position=(0, 0),
+)
+
+PROFILES: dict[str, Rules] = {rules.profile: rules for rules in (_PAPER, _V1, _V2)}
 """The profiles by name."""
 
 

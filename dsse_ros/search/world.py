@@ -31,6 +31,10 @@ def constants_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
     constants["dx"][0, : len(vectors)] = [dx for dx, _ in vectors]
     constants["dy"][0, : len(vectors)] = [dy for _, dy in vectors]
     constants["leave_terminates"] = rules.leave_policy == "terminate"
+    constants["leave_flies_on"] = rules.leave_policy == "fly_on"
+    constants["drift_remainder_dropped"] = rules.drift_remainder == "dropped"
+    constants["drift_remainder_less_one"] = rules.drift_remainder == "less_one"
+    constants["person_drifts"] = rules.person_motion == "drift"
     return constants
 
 
@@ -107,10 +111,7 @@ class World:
         s = self.scenario
         starts = np.asarray(s.drones_positions if drones_positions is None else drones_positions)
         self.drones["start_x"], self.drones["start_y"] = starts[:, 0], starts[:, 1]
-        drift = np.array(s.vector if vector is None else vector, float)
-        if self.rules.drift_relation:
-            drift *= np.hypot(*drift) * self.rules.drift_relation
-        self.worlds["drift_x"], self.worlds["drift_y"] = drift
+        self.worlds["vector_x"], self.worlds["vector_y"] = s.vector if vector is None else vector
         person = person_initial_position or s.person_initial_position
         self.worlds["start_x"], self.worlds["start_y"] = person
         self.persons["pod_multiplier"] = (

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+# Set-up, simulation and tests from a fresh clone; `make` alone lists the targets.
+
+PYTHON ?= python3
+DISTRO ?= jazzy
+
+# ROS 2 as wheels, one set for each distribution.
+WHEELS_jazzy := 'ros-rclpy[fastrtps]==7.1.6' 'ros-common-interfaces==5.3.6'
+WHEELS_kilted := 'ros-rclpy[fastrtps]==9.1.2' 'ros-common-interfaces==5.5.1'
+
+# A sourced ROS 2 takes the place of the wheels.
+SOURCED := $(if $(ROS_DISTRO),$(shell $(PYTHON) -c 'import rclpy' 2>/dev/null && echo $(ROS_DISTRO)))
+
+# The stamp's name says what the environment was made of, so another choice makes another one.
+VENV := .venv
+BIN := $(VENV)/bin
+BASE := $(VENV)/.made-of-$(if $(SOURCED),sourced-$(SOURCED),wheels-$(DISTRO))-$(subst /,_,$(PYTHON))
+SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz scripts \
+	-name __pycache__ -prune -o -print) package.xml
+# Errors only; Python compiles what it imports, which is a small part of what is installed.
+PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no-compile
+
+MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
+	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
+
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
+# Left over from another environment of wheels, it would keep ours from finding its libraries.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+.PHONY: help sim test lint format clean
+
+help: ## List the targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
+		printf 'make %-8s %s\n' "$$target" "$$text"; done
+
+sim: $(VENV)/.sim ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder
+	@$(BIN)/run_mission $(MISSION)
+
+test: lint ## Lint, check the types and run all tests
+	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest
+
+lint: $(VENV)/.test ## Lint and check the types
+	@$(BIN)/ruff check
+	@$(BIN)/ruff format --check
+	@$(BIN)/mypy
+
+format: $(VENV)/.test ## Format the code and mend what the linter can
+	@$(BIN)/ruff check --fix
+	@$(BIN)/ruff format
+
+clean: ## Remove the environment and everything built
+	rm -rf $(VENV) build dist install log *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+$(BASE):
+	$(if $(SOURCED)$(WHEELS_$(DISTRO)),,$(error DISTRO=$(DISTRO): choose jazzy or kilted))
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null || \
+		{ echo '$(PYTHON) is not Python 3.10 or later: name one with PYTHON=...' >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+		{ echo '$(PYTHON) cannot make virtual environments: install python3-venv' >&2; exit 1; }
+	@echo 'Setting up $(VENV) with $(if $(SOURCED),the sourced ROS 2 $(SOURCED),ROS 2 $(DISTRO) from wheels)'
+	@rm -rf $(VENV)
+	@$(PYTHON) -m venv $(if $(SOURCED),--system-site-packages) $(VENV)
+	@$(PIP_INSTALL) 'setuptools>=70.1' $(if $(SOURCED),,$(WHEELS_$(DISTRO)))
+	@touch $@
+
+# Requirements are looked at again only when they may have changed. The build has a new folder of
+# its own each time: setuptools would pack the modules that an earlier one left behind.
+$(VENV)/.sim: EXTRAS := viz
+$(VENV)/.test: EXTRAS := viz,test
+$(VENV)/.sim $(VENV)/.test: $(BASE) setup.py pyproject.toml $(SOURCES)
+	@echo 'Installing the package'
+	@rm -rf $(VENV)/build && mkdir $(VENV)/build
+	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg
+	@DIST_EXTRA_CONFIG=$(CURDIR)/$(VENV)/build/cfg $(PIP_INSTALL) --no-build-isolation \
+		$(if $(filter $(BASE) setup.py,$?),'.[$(EXTRAS)]',--no-deps .)
+	@touch $@

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The package as pip and colcon install it; name, version and maintainer come from package.xml.
+
+rclpy and the message packages are no Python requirements here: they come with ROS 2, or from the
+wheels that the Makefile installs.
+"""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+# colcon runs this file through a symbolic link in its build folder.
+ROOT = Path(__file__).resolve().parent
+
+
+def files(pattern: str) -> list[str]:
+    """Files that match, relative to the root, as `data_files` wants them."""
+    return sorted(str(path.relative_to(ROOT)) for path in ROOT.glob(pattern) if path.is_file())
+
+
+manifest = ElementTree.parse(ROOT / "package.xml").getroot()
+maintainer = manifest.find("maintainer")
+name = manifest.findtext("name")
+scripts = files("scripts/*")
+
+setup(
+    name=name,
+    version=manifest.findtext("version"),
+    description=" ".join(manifest.findtext("description").split()),
+    maintainer=maintainer.text,
+    maintainer_email=maintainer.get("email"),
+    license=manifest.findtext("license"),
+    python_requires=">=3.10",
+    packages=find_packages(include=["dsse_ros", "dsse_ros.*", "msg_adapters", "msg_adapters.*"]),
+    # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
+    install_requires=[
+        "gymnasium>=1.0",
+        "numba>=0.58",
+        "numpy>=1.26",
+        "pettingzoo>=1.25",
+        "pymap3d>=3.0",
+        "pymavlink>=2.4.41",
+        "pyyaml>=6.0",
+    ],
+    extras_require={
+        "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
+        "test": [
+            "colcon-common-extensions>=0.3",
+            "hypothesis>=6.100",
+            "mypy>=1.15",
+            "pytest==8.3.*",
+            "ruff>=0.9",
+            "setuptools>=70.1",
+            "types-PyYAML",
+        ],
+    },
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
+        (f"share/{name}", ["package.xml"]),
+        *((f"share/{name}/{sub}", files(f"{sub}/*")) for sub in ("config", "launch", "rviz")),
+        (f"lib/{name}", scripts),
+    ],
+    entry_points={
+        "console_scripts": [
+            f"{node} = dsse_ros.nodes.{node}:main" for node in (Path(file).name for file in scripts)
+        ],
+    },
+    zip_safe=True,
+)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Record golden traces of DSSE 0.1.13 or 1.1.9, in an environment where that package is installed.
+
+Usage: python test/oracles/record.py {0.1.13,1.1.9} WHEEL [DIRECTORY]. See README.md beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+import oracle_v1
+import oracle_v2
+from oracle_common import WHEELS, provenance, write_json, write_maps
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("version", choices=sorted(WHEELS))
+    parser.add_argument("wheel", type=Path, help="the wheel that is installed, from PyPI")
+    parser.add_argument("directory", type=Path, nargs="?", default=Path(__file__).parent / "data")
+    arguments = parser.parse_args()
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+
+    prefix, oracle = {"0.1.13": ("v1", oracle_v1), "1.1.9": ("v2", oracle_v2)}[arguments.version]
+    source = {
+        what: provenance(arguments.version, arguments.wheel, what)
+        for what in ("maps", "episodes", "person")
+    }
+    out = arguments.directory
+    out.mkdir(parents=True, exist_ok=True)
+    write_maps(out / f"{prefix}_maps.npz", source["maps"], oracle.record_maps())
+    write_json(
+        out / f"{prefix}_episodes.json",
+        source["episodes"],
+        "episodes",
+        [oracle.play(script) for script in oracle.episodes()],
+    )
+    write_json(
+        out / f"{prefix}_person.json", source["person"], "situations", oracle.record_person()
+    )
+
+
+if __name__ == "__main__":
+    main()

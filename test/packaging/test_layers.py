@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dependencies point one way: nodes may import anything, what lies below knows nothing of them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+OURS = ("dsse_ros", "msg_adapters")
+# What a layer may import of this package, and what it may not import of the world.
+LAYERS: dict[str, tuple[set[str], set[str]]] = {
+    "dsse_ros": (set(), {"ros", "messages", "mavlink"}),
+    "dsse_ros.search": ({"dsse_ros.search"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.planners": (
+        {"dsse_ros.planners", "dsse_ros.search"},
+        {"ros", "messages", "mavlink"},
+    ),
+    "msg_adapters": ({"msg_adapters", "dsse_ros.search"}, {"effects", "ros"}),
+    "dsse_ros.flight": (
+        {"dsse_ros.flight", "msg_adapters", "dsse_ros.search"},
+        {"ros", "messages"},
+    ),
+}
+KINDS = {
+    "ros": {"ament_index_python", "launch", "launch_ros", "rclpy", "tf2_ros"},
+    "mavlink": {"pymavlink"},
+    "effects": {"logging", "socket", "threading", "time"},
+}
+
+
+def kind_of(module: str) -> str:
+    """Kind of a module from outside, or an empty string."""
+    top = module.split(".")[0]
+    if top.endswith(("_msgs", "_srvs", "_interfaces")):
+        return "messages"
+    return next((kind for kind, names in KINDS.items() if top in names), "")
+
+
+def layer_of(module: str) -> str:
+    """Layer of a module of ours: its first package, or its second one in `dsse_ros`."""
+    parts = module.split(".")
+    return ".".join(parts[:2]) if parts[0] == "dsse_ros" and len(parts) > 1 else parts[0]
+
+
+def imports(code: str, module: str, *, package: bool = False) -> Iterator[str]:
+    """Absolute names that a module imports, inside functions and by `import_module` too."""
+    for node in ast.walk(ast.parse(code)):
+        match node:
+            case ast.Import(names=names):
+                yield from (alias.name for alias in names)
+            case ast.ImportFrom(module=name, names=names, level=level):
+                parents = module.split(".")[: -level + package or None] if level else []
+                base = ".".join([*parents, *filter(None, [name])])
+                yield from (f"{base}.{alias.name}" for alias in names)
+            case ast.Call(
+                func=ast.Attribute(attr="import_module")
+                | ast.Name(id="import_module" | "__import__"),
+                args=[ast.Constant(value=str(name)), *_],
+            ):
+                yield name
+
+
+def breaches(code: str, module: str, *, package: bool = False) -> list[str]:
+    """Imports of a module that its layer does not allow."""
+    own_layers, foreign_kinds = LAYERS[layer_of(module)]
+    return [
+        name
+        for name in imports(code, module, package=package)
+        if (
+            layer_of(name) not in own_layers | {"dsse_ros"}
+            if name.split(".")[0] in OURS
+            else kind_of(name) in foreign_kinds
+        )
+    ]
+
+
+def modules() -> dict[str, Path]:
+    """Modules by name, but for those of the nodes."""
+    named = {}
+    for file in sorted(file for top in OURS for file in (ROOT / top).rglob("*.py")):
+        path = file.relative_to(ROOT).with_suffix("")
+        named[".".join(path.parent.parts if path.name == "__init__" else path.parts)] = file
+    return {name: file for name, file in named.items() if layer_of(name) != "dsse_ros.nodes"}
+
+
+@pytest.mark.parametrize(("module", "file"), modules().items())
+def test_a_module_imports_only_from_below(module: str, file: Path) -> None:
+    assert breaches(file.read_text(), module, package=file.name == "__init__.py") == []
+
+
+@pytest.mark.parametrize(
+    ("module", "code"),
+    [
+        ("dsse_ros.search.world", "import rclpy"),
+        ("dsse_ros.search.world", "from pymavlink import mavutil"),
+        ("dsse_ros.search.world", "from nav_msgs.msg import OccupancyGrid"),
+        ("dsse_ros.search.world", "def f():\n    from msg_adapters import geodesy"),
+        ("dsse_ros.search.world", "from ..nodes import sim_node"),
+        ("dsse_ros.search.world", "from .. import planners"),
+        ("dsse_ros.search.world", "import importlib\nimportlib.import_module('rclpy.node')"),
+        ("dsse_ros.planners.sweep", "from dsse_ros.nodes.sim_node import SimNode"),
+        ("dsse_ros.planners.sweep", "from msg_adapters.poses import pose"),
+        ("dsse_ros.flight.link", "from rclpy.node import Node"),
+        ("msg_adapters.poses", "from rclpy.time import Time"),
+        ("msg_adapters.poses", "from dsse_ros.nodes import sim_node"),
+        ("msg_adapters.poses", "import logging"),
+    ],
+)
+def test_an_import_from_above_is_seen(module: str, code: str) -> None:
+    assert breaches(code, module)
+
+
+@pytest.mark.parametrize(
+    ("module", "code"),
+    [
+        (
+            "dsse_ros.search.world",
+            "import numpy as np\nfrom . import kernels\nfrom .rules import Rules",
+        ),
+        ("dsse_ros.planners.sweep", "from ..search.rules import Rules"),
+        ("dsse_ros.flight.link", "from pymavlink import mavutil"),
+        (
+            "msg_adapters.poses",
+            "from geometry_msgs.msg import Pose\nfrom dsse_ros.search import Rules",
+        ),
+    ],
+)
+def test_an_import_from_below_is_allowed(module: str, code: str) -> None:
+    assert breaches(code, module) == []

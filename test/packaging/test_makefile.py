@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `make` says before it has set anything up."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("dsse_ros", "msg_adapters", "config", "launch", "resource", "rviz", "scripts"):
+        (tmp_path / name).mkdir()
+    for name in ("Makefile", "package.xml", "pyproject.toml", "setup.py"):
+        shutil.copy(ROOT / name, tmp_path)
+    return tmp_path
+
+
+def make(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    env = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
+    return subprocess.run(
+        ["make", *arguments], cwd=folder, env=env, capture_output=True, text=True, timeout=60
+    )
+
+
+def test_make_alone_lists_every_target_with_a_line(folder: Path) -> None:
+    phony = next(
+        line.split()[1:]
+        for line in (folder / "Makefile").read_text().splitlines()
+        if line.startswith(".PHONY:")
+    )
+    listed = make(folder).stdout.splitlines()
+    assert {"sim", "test"} < set(phony)
+    assert [line.split()[:2] for line in listed] == [["make", target] for target in phony]
+    assert all(len(line.split()) > 2 for line in listed)
+
+
+def test_an_unknown_distribution_gets_one_clear_line(folder: Path) -> None:
+    done = make(folder, "sim", "DISTRO=nonesuch")
+    assert done.returncode != 0
+    assert len(done.stderr.splitlines()) == 1
+    assert "DISTRO=nonesuch: choose jazzy or kilted" in done.stderr
+
+
+def test_a_python_that_is_too_old_or_missing_gets_a_clear_line(folder: Path) -> None:
+    done = make(folder, "sim", "PYTHON=nonesuch")
+    assert done.returncode != 0
+    assert done.stderr.startswith("nonesuch is not Python 3.10 or later")
+    assert not (folder / ".venv").exists()
+
+
+def test_the_mission_gets_the_options_that_are_given_and_no_other(folder: Path) -> None:
+    planned = make(folder, "--dry-run", "sim", "PLANNER=greedy", "SEED=0").stdout.split()
+    options = planned[planned.index(".venv/bin/run_mission") + 1 :]
+    assert options == ["--planner", "'greedy'", "--seed", "'0'"]
+
+
+@pytest.mark.parametrize(("distro", "version"), [("jazzy", "7.1.6"), ("kilted", "9.1.2")])
+def test_a_distribution_comes_with_its_own_wheels(folder: Path, distro: str, version: str) -> None:
+    planned = make(folder, "--dry-run", "test", f"DISTRO={distro}").stdout
+    assert f"ros-rclpy[fastrtps]=={version}" in planned

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""package.xml, the changelog and the files for launch and RViz, as ROS tools read them."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from catkin_pkg.changelog import get_changelog_from_path
+from catkin_pkg.cli.tag_changelog import get_forthcoming_label
+from catkin_pkg.package import Package, parse_package
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def manifest() -> Package:
+    return parse_package(str(ROOT))
+
+
+def test_the_manifest_is_valid_without_a_warning() -> None:
+    warnings: list[str] = []
+    parse_package(str(ROOT), warnings=warnings).validate(warnings)
+    assert warnings == []
+
+
+def test_colcon_takes_it_for_an_ament_package_of_format_3(manifest: Package) -> None:
+    assert manifest.package_format == 3
+    assert manifest.get_build_type() == "ament_python"
+
+
+def test_pip_knows_the_name_and_version_of_the_manifest(manifest: Package) -> None:
+    command = [sys.executable, "setup.py", "--name", "--version"]
+    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60).stdout
+    assert printed.split() == [manifest.name, manifest.version]
+
+
+def test_every_ros_package_that_is_imported_is_a_dependency(manifest: Package) -> None:
+    imported = set()
+    for file in (*ROOT.glob("dsse_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                imported.add(node.module.split(".")[0])
+    suffixes = ("_interfaces", "_msgs", "_srvs")
+    ros = {name for name in imported if name == "rclpy" or name.endswith(suffixes)}
+    assert "rclpy" in ros
+    optional = {"simulation_interfaces"}
+    assert ros - optional <= {dependency.name for dependency in manifest.exec_depends}
+
+
+def test_the_licence_of_the_manifest_is_the_one_in_the_tree(manifest: Package) -> None:
+    assert manifest.licenses == ["Apache-2.0"]
+    assert manifest.licenses[0].file == "LICENSE"
+    assert "Apache License" in (ROOT / "LICENSE").read_text()
+
+
+@pytest.mark.filterwarnings("ignore:nodes.Node.traverse")
+def test_the_changelog_is_one_that_ros_tools_read(manifest: Package) -> None:
+    changelog = get_changelog_from_path(str(ROOT), manifest.name)
+    released = {version for version, _, _ in changelog.foreach_version()}
+    assert manifest.version in released or get_forthcoming_label(changelog.rst)
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "launch").iterdir()), ids=lambda path: path.name)
+def test_a_launch_file_starts_only_executables_that_exist(file: Path) -> None:
+    module = ast.parse(file.read_text(), filename=str(file))
+    compile(module, str(file), "exec")
+    assert "generate_launch_description" in {getattr(node, "name", "") for node in module.body}
+    ours = set()
+    for node in ast.walk(module):
+        if isinstance(node, ast.Call):
+            given = {key.arg: key.value for key in node.keywords}
+            package, executable = given.get("package"), given.get("executable")
+            if isinstance(package, ast.Constant) and package.value == "dsse_ros":
+                assert isinstance(executable, ast.Constant)
+                ours.add(executable.value)
+    assert ours
+    assert ours <= {path.name for path in (ROOT / "scripts").iterdir()}
+
+
+def test_rviz_asks_for_what_the_simulation_latches() -> None:
+    shown = yaml.safe_load((ROOT / "rviz" / "mission.rviz").read_text())["Visualization Manager"]
+    topics = {display["Topic"]["Value"]: display["Topic"] for display in shown["Displays"][:3]}
+    assert set(topics) == {"probability_grid", "markers", "drones"}
+    assert {topic["Durability Policy"] for topic in topics.values()} == {"Transient Local"}
+    assert shown["Global Options"]["Fixed Frame"] == "map"
