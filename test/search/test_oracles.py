@@ -34,8 +34,10 @@ def read(name: str, key: str) -> list[dict[str, Any]]:
 
 
 def world_of(version: str, case: dict[str, Any], **fields: Any) -> World:
-    names = ("vector", "sigma", "dispersion_inc", "person_amount", "timestep_limit",
-             "probability_of_detection", "drone_speed")  # fmt: skip
+    names = (
+        "vector", "sigma", "dispersion_inc", "dispersion_start", "person_amount",
+        "timestep_limit", "probability_of_detection", "drone_speed",
+    )  # fmt: skip
     given = {name: case[name] for name in names if name in case}
     start = case.get("start", case.get("person_initial_position"))
     cell = case.get("grid_cell_size", 130)
@@ -48,7 +50,7 @@ def world_of(version: str, case: dict[str, Any], **fields: Any) -> World:
             "pre_search_minutes": minutes,
             **given,
             **fields,
-        }  # fmt: skip
+        }
     )
     world = World(scenario, profile(version))
     world.seed(1)
