@@ -5,6 +5,7 @@ from dsse_ros.search.fields import FieldError
 from dsse_ros.search.parallel_env import SearchEnv, aec_env, parallel_env, raw_env
 from dsse_ros.search.rules import ACTION_VECTORS, PROFILES, Rules, profile
 from dsse_ros.search.scenario import Scenario
+from dsse_ros.search.vector_env import JointVectorEnv, LazyMaps, VectorEnv, vector_env
 from dsse_ros.search.world import HOLD, World
 
 __all__ = [
@@ -12,12 +13,16 @@ __all__ = [
     "HOLD",
     "PROFILES",
     "FieldError",
+    "JointVectorEnv",
+    "LazyMaps",
     "Rules",
     "Scenario",
     "SearchEnv",
+    "VectorEnv",
     "World",
     "aec_env",
     "parallel_env",
     "profile",
     "raw_env",
+    "vector_env",
 ]

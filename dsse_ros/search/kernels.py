@@ -84,6 +84,8 @@ WORLDS = np.dtype(
         ("scale", "f8"),  # 1 / sum of the Gaussian over the possible cells; 0: one cell has it all
         ("start_x", "i8"),  # cell of the person at reset
         ("start_y", "i8"),
+        ("flying", "i8"),  # drones still in the search
+        ("adrift", "i8"),  # persons not found
         ("over", "?"),  # the search has ended: all found, time out, or no drone left
     ],
     align=True,
@@ -205,7 +207,7 @@ def normalise(c, w, gauss, tails):
     if c.circle:
         r = radius(w)
         half_width = np.int64(r)
-        for ady in range(np.int64(r) + 1):
+        for ady in range(min(half_width, max(w.circle_y, g - 1 - w.circle_y)) + 1):
             while half_width >= 0 and not inside_circle(half_width, ady, r * r):
                 half_width -= 1
             if half_width < 0:
@@ -234,11 +236,12 @@ def write_row(c, w, gauss, out, y, half_width):
         hi = min(w.circle_x + half_width + 1, g)
     row = out[y]
     row[:lo] = 0
-    k = w.scale * gauss[1, g + y - w.datum_y]
-    shifted = gauss[0, g - w.datum_x : 2 * g - w.datum_x]
-    for x in range(lo, hi):
-        row[x] = k * shifted[x]
     row[hi:] = 0
+    k = w.scale * gauss[1, g + y - w.datum_y]
+    # Slices that start at 0 compile to vector code.
+    possible, weights = row[lo:hi], gauss[0, g - w.datum_x + lo : g - w.datum_x + hi]
+    for i in range(len(possible)):
+        possible[i] = k * weights[i]
 
 
 @njit(cache=True, nogil=True)
@@ -256,7 +259,7 @@ def write_map(c, w, gauss, out):
     r = radius(w)
     half_width = np.int64(r)
     ady = 0
-    while ady <= g:
+    while ady <= max(w.circle_y, g - 1 - w.circle_y):
         while half_width >= 0 and not inside_circle(half_width, ady, r * r):
             half_width -= 1
         if half_width < 0:
@@ -313,7 +316,10 @@ def map_step(c, w, gauss, tails):
     if c.dispersion_inc > 0:
         grown = w.map_steps * c.dispersion_inc
         fill_axis(gauss[0], tails[0], c.grid_size, c.sigma_x + grown)
-        fill_axis(gauss[1], tails[1], c.grid_size, c.sigma_y + grown)
+        if c.sigma_x == c.sigma_y:
+            gauss[1], tails[1] = gauss[0], tails[0]
+        else:
+            fill_axis(gauss[1], tails[1], c.grid_size, c.sigma_y + grown)
     w.map_steps += 1
     w.circle_x, w.circle_y = w.datum_x, w.datum_y
     if c.circle_on_previous_datum:
@@ -357,9 +363,9 @@ def person_with_drift(c, w, gauss, person):
         for dx in range(-1, 2):
             total += cell_probability(c, w, gauss, person.x + dx, person.y + dy)
     left = draw_unit(w) * total
-    step_x, step_y = np.int64(drift_dx), np.int64(drift_dy)
+    step_x, step_y = int(drift_dx), int(drift_dy)
     for k in range(9):
-        dx, dy = np.int64(k % 3 - 1), np.int64(k // 3 - 1)
+        dx, dy = k % 3 - 1, k // 3 - 1
         left -= cell_probability(c, w, gauss, person.x + dx, person.y + dy)
         if dx == drift_dx and dy == drift_dy:
             left -= DRIFT_WEIGHT
@@ -450,6 +456,8 @@ def reset_world(c, w, drones, persons, gauss, tails):
     w.drift_x, w.drift_y = drift_per_step(c, w.vector_x, w.vector_y)
     w.scale = 0.0
     w.over = False
+    w.flying = len(drones)
+    w.adrift = len(persons)
     for n in range(len(drones)):
         d = drones[n]
         d.x, d.y = d.start_x, d.start_y
@@ -577,11 +585,12 @@ def step_drones(c, w, drones, persons, gauss, actions, rewards, terminated, trun
 @njit(cache=True, nogil=True)
 def settle_flags(c, w, drones, persons, terminated, truncated):
     """Flag the drones whose search is over, and the world when all are."""
-    all_found = not c.ends_together
+    w.adrift = 0
     for p in range(len(persons)):
-        all_found = all_found and persons[p].found
+        w.adrift += not persons[p].found
+    all_found = w.adrift == 0 and not c.ends_together
     any_flag = False
-    any_alive = False
+    w.flying = 0
     for n in range(len(drones)):
         d = drones[n]
         if not d.alive:
@@ -592,8 +601,8 @@ def settle_flags(c, w, drones, persons, terminated, truncated):
         flag = terminated[n] or truncated[n]
         any_flag = any_flag or flag
         d.alive = c.ends_together or not flag
-        any_alive = any_alive or d.alive
-    w.over = any_flag if c.ends_together else not any_alive
+        w.flying += d.alive
+    w.over = any_flag if c.ends_together else w.flying == 0
 
 
 @njit(cache=True, nogil=True)
@@ -618,7 +627,7 @@ def step_world(
 @njit(cache=True, nogil=True)
 def step_worlds(
     constants, worlds, drones, persons, gauss, tails, actions, maps, rewards, terminated, truncated,
-    found, occupied,
+    found, occupied, auto_reset,
 ):  # fmt: skip
     """Advance B worlds by one step and write their maps.
 
@@ -636,14 +645,22 @@ def step_worlds(
         truncated: (B, N) bool, in and out.
         found: (B, N) bool out, whether the drone found a person in this step.
         occupied: (G * G,) int32 scratch, all zero.
+        auto_reset: Whether a world that is over is reset instead, whatever its actions.
     """
     c = constants[0]
     for b in range(len(worlds)):
         table = min(b, len(gauss) - 1)
-        step_world(
-            c, worlds[b], drones[b], persons[b], gauss[table], tails[table], actions[b],
-            rewards[b], terminated[b], truncated[b], found[b], occupied,
-        )  # fmt: skip
+        if auto_reset and worlds[b].over:
+            reset_world(c, worlds[b], drones[b], persons[b], gauss[table], tails[table])
+            rewards[b] = 0.0
+            terminated[b] = False
+            truncated[b] = False
+            found[b] = False
+        else:
+            step_world(
+                c, worlds[b], drones[b], persons[b], gauss[table], tails[table], actions[b],
+                rewards[b], terminated[b], truncated[b], found[b], occupied,
+            )  # fmt: skip
         if maps.shape[1] > 0:
             write_map(c, worlds[b], gauss[table], maps[b])
 
@@ -658,3 +675,22 @@ def reset_worlds(constants, worlds, drones, persons, gauss, tails, maps, which):
             reset_world(c, worlds[b], drones[b], persons[b], gauss[table], tails[table])
             if maps.shape[1] > 0:
                 write_map(c, worlds[b], gauss[table], maps[b])
+
+
+@njit(cache=True, nogil=True)
+def read_cells(constants, worlds, gauss, x, y, out):
+    """Write the probabilities of cells of B worlds, 0 outside the grid.
+
+    Args:
+        constants: (1,) of `CONSTANTS`.
+        worlds: (B,) of `WORLDS`.
+        gauss: (1 or B, 2, 2 G + 1) float64.
+        x: (B, K) int64.
+        y: (B, K) int64.
+        out: (B, K) float32 out.
+    """
+    c = constants[0]
+    for b in range(len(worlds)):
+        table = gauss[min(b, len(gauss) - 1)]
+        for k in range(x.shape[1]):
+            out[b, k] = cell_probability(c, worlds[b], table, x[b, k], y[b, k])

@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from itertools import repeat
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -16,28 +14,14 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
 
 from dsse_ros.search import rendering
-from dsse_ros.search.fields import FieldError, check_known, specs
-from dsse_ros.search.rules import ACTION_VECTORS, Rules, profile
-from dsse_ros.search.scenario import (
-    SPECS,
-    SYNONYMS,
-    Scenario,
-    check_cell,
-    check_multipliers,
-    check_positions,
-    check_scatter,
-)
+from dsse_ros.search.fields import FieldError
+from dsse_ros.search.options import check_options, check_seed
+from dsse_ros.search.rules import ACTION_VECTORS, Rules
+from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.world import HOLD, World
 
 Observation = tuple[NDArray[np.int64], NDArray[np.float32]]
 """Position (2,) int64 as (x, y) and probability (G, G) float32 as [y, x], of one agent."""
-
-RESET_OPTIONS = (
-    "drones_positions",
-    "vector",
-    "person_initial_position",
-    "person_pod_multipliers",
-)
 
 
 class SearchEnv(ParallelEnv[str, Observation, int]):
@@ -91,12 +75,18 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             agent: spaces.Discrete(len(rules.actions)) for agent in self.possible_agents
         }
         self.state_space = spaces.Box(0.0, float(len(self.possible_agents) + 1), (4, g, g))
-        self._live = np.arange(0)
+        self._live: list[int] = []
         self._masks = _action_masks(rules.actions)
         # The last entry is for a drone just outside, at -1 or G.
         self._edge = [(i == 0) + 2 * (i == g - 1) for i in range(g)] + [0]
-        # x and y open each drone's record.
-        self._xy = self.world.drones[0].view(np.int64).reshape(self.world.num_drones, -1)[:, :2]
+        # Views on the world's arrays; x and y open each drone's record.
+        world = self.world
+        self._xy = world.drones[0].view(np.int64).reshape(world.num_drones, -1)[:, :2]
+        self._alive = world.drones["alive"][0]
+        self._flying, self._over = world.worlds["flying"], world.worlds["over"]
+        self._adrift = world.worlds["adrift"]
+        self._terminated, self._truncated = world.terminated[0], world.truncated[0]
+        self._rewards = world.rewards[0]
         self._track: list[NDArray[np.int64]] = []
         self._viewer: rendering.Viewer | None = None
 
@@ -122,15 +112,15 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         Raises:
             FieldError: If an option is not allowed; the mission under way stays as it is.
         """
-        start = self._check_options(options or {})
+        start = check_options(options or {}, self.scenario, self.rules)
         if seed is not None:
             self.world.seed(check_seed(seed))
         self.world.place(**start)
         self.world.reset()
         self.agents = self.possible_agents[:]
-        self._live = np.arange(self.world.num_drones)
+        self._live = list(range(self.world.num_drones))
         self._track = [self.positions]
-        result = self._observations(self.agents, self._live), self._infos(self.agents, self._live)
+        result = self._observe(self.agents, self._live)
         self._show()
         return result
 
@@ -151,16 +141,26 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         Raises:
             FieldError: If an action is missing or not allowed; the mission stays as it is.
         """
-        agents, live, world = self.agents, self._live, self.world
+        agents, live = self.agents, self._live
         if not agents:
             return {}, {}, {}, {}, {}
         self.advance(self._joint_action(actions))
+        rewards = self._rewards.tolist()
+        terminated, truncated = self._terminated.tolist(), self._truncated.tolist()
+        if len(agents) < len(rewards):
+            rewards, terminated, truncated = (
+                [values[i] for i in live] for values in (rewards, terminated, truncated)
+            )
+        if self.rules.ends_together and not self.agents:
+            # Whom the end of all ends unflagged, it truncates.
+            truncated = [not t or u for t, u in zip(terminated, truncated, strict=True)]
+        observations, infos = self._observe(agents, live)
         result = (
-            self._observations(agents, live),
-            dict(zip(agents, world.rewards[0, live].tolist(), strict=True)),
-            dict(zip(agents, world.terminated[0, live].tolist(), strict=True)),
-            dict(zip(agents, self._truncated(live), strict=True)),
-            self._infos(agents, live),
+            observations,
+            dict(zip(agents, rewards, strict=True)),
+            dict(zip(agents, terminated, strict=True)),
+            dict(zip(agents, truncated, strict=True)),
+            infos,
         )
         self._show()
         return result
@@ -173,12 +173,10 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.world.step(joint.reshape(1, -1))
         if self.render_mode is not None:
             self._track.append(self.positions)
-        if self.world.worlds["over"][0]:
-            self._live, self.agents = np.arange(0), []
-            return
-        alive = self.world.drones["alive"][0]
-        if np.count_nonzero(alive) < len(self.agents):
-            self._live = np.flatnonzero(alive)
+        if self._over[0]:
+            self._live, self.agents = [], []
+        elif self._flying[0] < len(self.agents):
+            self._live = np.flatnonzero(self._alive).tolist()
             self.agents = [self.possible_agents[i] for i in self._live]
 
     @property
@@ -190,7 +188,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     def probability(self) -> NDArray[np.float32]:
         """The map (G, G) as [y, x] of the last observation, read-only."""
         probability = self.world.maps[0]
-        probability.flags.writeable = False
+        probability.setflags(write=False)
         return probability
 
     def action_masks(self) -> NDArray[np.int8]:
@@ -257,37 +255,33 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         if self.render_mode == "human":
             self.render()
 
-    def _observations(self, agents: list[str], live: NDArray[np.int64]) -> dict[str, Observation]:
-        return dict(zip(agents, zip(self._xy[live], repeat(self.probability)), strict=False))
-
-    def _infos(self, agents: list[str], live: NDArray[np.int64]) -> dict[str, dict[str, Any]]:
-        edge, masks = self._edge, self._masks
-        found = bool(self.world.persons["found"][0].all())
-        return {
+    def _observe(
+        self, agents: list[str], live: list[int]
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Return observations and infos of these agents."""
+        cells = self._xy.copy() if len(agents) == len(self._xy) else self._xy[live]
+        observations = dict(zip(agents, zip(cells, repeat(self.probability)), strict=False))
+        edge, masks, found = self._edge, self._masks, bool(self._adrift[0] == 0)
+        infos = {
             agent: {"Found": found, "action_mask": masks[edge[x] + 4 * edge[y]]}
-            for agent, (x, y) in zip(agents, self._xy[live].tolist(), strict=True)
+            for agent, (x, y) in zip(agents, cells.tolist(), strict=True)
         }
-
-    def _truncated(self, live: NDArray[np.int64]) -> list[bool]:
-        """Return the flags of these drones; whom the end of all ends unflagged, it truncates."""
-        truncated = self.world.truncated[0, live]
-        if self.rules.ends_together and not self.agents:
-            truncated = truncated | ~self.world.terminated[0, live]
-        return truncated.tolist()
+        return observations, infos
 
     def _joint_action(self, actions: Mapping[str, int]) -> NDArray[np.int8]:
         """Return the joint action (N,) of the live agents' actions, checked."""
         try:
-            # bytes() takes nothing but integers from 0 to 255.
-            values = np.frombuffer(bytes([actions[agent] for agent in self.agents]), np.int8)
-            if values.max() >= len(self.rules.actions) or values.min() < 0:
+            # bytearray() takes nothing but integers from 0 to 255.
+            numbers = bytearray([actions[agent] for agent in self.agents])
+            if max(numbers) >= len(self.rules.actions):
                 raise ValueError
+            values = np.frombuffer(numbers, np.int8)
         except (KeyError, TypeError, ValueError):
             if not self.rules.noop_actions or any(agent not in actions for agent in self.agents):
                 raise self._action_error(actions) from None
             known = range(len(self.rules.actions))
-            numbers = (actions[agent] for agent in self.agents)
-            values = np.array([n if n in known else HOLD for n in numbers], np.int8)
+            wanted = (actions[agent] for agent in self.agents)
+            values = np.array([n if n in known else HOLD for n in wanted], np.int8)
         if len(values) == self.world.num_drones:
             return values
         joint = np.zeros(self.world.num_drones, np.int8)
@@ -303,38 +297,6 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             if not self.action_spaces[agent].contains(actions[agent]):
                 return FieldError(f"{agent}: action {actions[agent]!r} is not allowed; {legend}")
         return FieldError("actions: not a mapping of agents to action numbers")
-
-    def _check_options(self, options: Mapping[str, Any]) -> dict[str, Any]:
-        for name in options:
-            near = difflib.get_close_matches(str(name), RESET_OPTIONS, n=1, cutoff=0.75)
-            if near and name != near[0]:
-                raise FieldError(f"options: {name!r} is not an option; did you mean {near[0]}?")
-        start = {
-            name: SPECS[name].check(name, options[name])
-            for name in RESET_OPTIONS
-            if options.get(name) is not None
-        }
-        g, scenario = self.world.grid_size, self.scenario
-        if "drones_positions" in start:
-            check_positions(start["drones_positions"], g, self.world.num_drones)
-        check_multipliers(start.get("person_pod_multipliers"), scenario.person_amount)
-        if "person_initial_position" in start:
-            cell, scatter = start["person_initial_position"], self.rules.person_scatter
-            check_cell("person_initial_position", cell, g)
-            if scatter:
-                check_scatter(scenario.person_amount, cell, g, scatter)
-        return start
-
-
-def check_seed(seed: Any) -> int:
-    """Return the seed as an int.
-
-    Raises:
-        FieldError: If it is not an integer >= 0.
-    """
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise FieldError(f"seed: {seed!r} is not allowed; an integer >= 0")
-    return int(seed)
 
 
 def _action_masks(actions: tuple[str, ...]) -> list[NDArray[np.int8]]:
@@ -412,7 +374,7 @@ class Conventional(BaseParallelWrapper[str, Any, int]):
 
 
 def parallel_env(
-    scenario: Scenario | Mapping[str, Any] | str | PathLike[str] | None = None,
+    scenario: ScenarioSource = None,
     *,
     rules: str | Rules = "paper",
     grid_size: int | None = None,
@@ -448,23 +410,21 @@ def parallel_env(
     Raises:
         FieldError: If a field is unknown or a value is not allowed.
     """
-    named = {
-        "grid_size": grid_size,
-        "num_drones": num_drones,
-        "vector": vector,
-        "person_initial_position": person_initial_position,
-        "person_amount": person_amount,
-        "sigma": sigma,
-        "timestep_limit": timestep_limit,
-        "cell_size": cell_size,
-        "drone_speed": drone_speed,
-    }
-    scenario_fields = {*SPECS, *SYNONYMS}
-    check_known("a scenario or of the rules", fields, [*scenario_fields, *specs(Rules)])
-    of_scenario = {name: fields[name] for name in fields if name in scenario_fields}
-    of_rules = {name: fields[name] for name in fields if name not in scenario_fields}
-    chosen = rules.override(**of_rules) if isinstance(rules, Rules) else profile(rules, **of_rules)
-    return SearchEnv(Scenario.of(scenario).override(**named, **of_scenario), chosen, render_mode)
+    chosen = scenario_and_rules(
+        scenario,
+        rules,
+        grid_size=grid_size,
+        num_drones=num_drones,
+        vector=vector,
+        person_initial_position=person_initial_position,
+        person_amount=person_amount,
+        sigma=sigma,
+        timestep_limit=timestep_limit,
+        cell_size=cell_size,
+        drone_speed=drone_speed,
+        **fields,
+    )
+    return SearchEnv(*chosen, render_mode)
 
 
 def raw_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:

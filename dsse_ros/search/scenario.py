@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
-from dsse_ros.search.rules import Rules
+from dsse_ros.search.rules import Rules, profile
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
 """A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real
@@ -155,7 +155,7 @@ class Scenario:
             raise FieldError(f"scenario {os.fspath(path)!r}: {error}") from None
 
     @classmethod
-    def of(cls, source: Scenario | Mapping[str, Any] | str | os.PathLike[str] | None) -> Scenario:
+    def of(cls, source: ScenarioSource) -> Scenario:
         """Return a scenario from any form it may have: itself, a mapping, a YAML path or None.
 
         Raises:
@@ -299,6 +299,27 @@ _ALTERNATIVES = (
 
 SPECS: dict[str, Spec] = specs(Scenario)
 """What each field of a scenario may be."""
+
+ScenarioSource = Scenario | Mapping[str, Any] | str | os.PathLike[str] | None
+"""A scenario, its fields, the path of its YAML file, or None for the profile's defaults."""
+
+
+def scenario_and_rules(
+    scenario: ScenarioSource = None, rules: str | Rules = "paper", **fields: Any
+) -> tuple[Scenario, Rules]:
+    """Return scenario and rules with single fields of either overridden by name.
+
+    A field that both have is the scenario's. A None leaves a field as it is.
+
+    Raises:
+        FieldError: If a field is unknown or a value is not allowed.
+    """
+    of_scenario = {*SPECS, *SYNONYMS}
+    check_known("the scenario or the rules", fields, [*of_scenario, *specs(Rules)])
+    chosen = profile(rules) if isinstance(rules, str) else rules
+    chosen = chosen.override(**{k: v for k, v in fields.items() if k not in of_scenario})
+    given = {k: v for k, v in fields.items() if k in of_scenario}
+    return Scenario.of(scenario).override(**given), chosen
 
 
 def check_cell(name: str, cell: tuple[int, int], grid_size: int) -> None:

@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -45,13 +48,16 @@ class World:
         scenario: Resolved or not; it is resolved with the rules.
         rules: The rules of the search.
         num_worlds: B.
-        write_maps: Whether `maps` is written; without it cells can still be asked for.
+        write_maps: Whether `maps` is written; `cells` answers without it.
+        reuse_maps: Whether `maps` is one array that every step overwrites, or a new one.
+        auto_reset: Whether a step resets a world that is over, instead of going on.
+        threads: How many threads share the worlds.
 
     Attributes:
         worlds, drones, persons: The whole hidden state, structured arrays (B,), (B, N), (B, P)
             of `kernels.WORLDS`, `kernels.DRONES` and `kernels.PERSONS`.
-        maps: (B, G, G) float32, the probability of cell [row, col]; a new array every step.
-        rewards: (B, N) float64 of the last step; a new array every step.
+        maps: (B, G, G) float32, the probability of cell [row, col].
+        rewards: (B, N) float64 of the last step.
         terminated, truncated: (B, N) bool since the last reset.
         found: (B, N) bool, whether the drone found a person in the last step.
 
@@ -60,7 +66,15 @@ class World:
     """
 
     def __init__(
-        self, scenario: Scenario, rules: Rules, num_worlds: int = 1, *, write_maps: bool = True
+        self,
+        scenario: Scenario,
+        rules: Rules,
+        num_worlds: int = 1,
+        *,
+        write_maps: bool = True,
+        reuse_maps: bool = False,
+        auto_reset: bool = False,
+        threads: int = 1,
     ) -> None:
         self.scenario = resolved = scenario.resolve(rules)
         self.rules = rules
@@ -87,7 +101,12 @@ class World:
                 kernels.fill_axis(
                     self.gauss[table, axis], self.tails[table, axis], self.grid_size, sigma
                 )
-        self._occupied = np.zeros(self.grid_size**2, np.int32)
+        self._reuse_maps = reuse_maps
+        self._auto_reset = auto_reset
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        bounds = np.linspace(0, num_worlds, threads + 1).astype(int)
+        self._parts = [slice(a, b) for a, b in itertools.pairwise(bounds) if a < b]
+        self._occupied = np.zeros((len(self._parts), self.grid_size**2), np.int32)
         self.seed()
         self.place()
 
@@ -125,7 +144,7 @@ class World:
         self.terminated[which] = False
         self.truncated[which] = False
         self.found[which] = False
-        self.rewards = np.zeros_like(self.rewards)
+        self.rewards[which] = 0.0
         self.maps = np.empty(self._map_shape, np.float32) if which.all() else self.maps.copy()
         kernels.reset_worlds(
             self.constants, self.worlds, self.drones, self.persons, self.gauss, self.tails,
@@ -139,13 +158,37 @@ class World:
             actions: (B, N) int8, numbers of the rules' legend or `HOLD`; what stands for a drone
                 that is terminated or truncated does not count.
         """
-        self.rewards = np.empty_like(self.rewards)
-        self.maps = np.empty(self._map_shape, np.float32)
+        if not self._reuse_maps:
+            self.maps = np.empty(self._map_shape, np.float32)
+        if self._pool is None:
+            kernels.step_worlds(
+                self.constants, self.worlds, self.drones, self.persons, self.gauss, self.tails,
+                actions, self.maps, self.rewards, self.terminated, self.truncated, self.found,
+                self._occupied[0], self._auto_reset,
+            )  # fmt: skip
+        else:
+            list(self._pool.map(self._step_part, repeat(actions), range(len(self._parts))))
+
+    def _step_part(self, actions: NDArray[np.int8], index: int) -> None:
+        part = self._parts[index]
+        tables = part if len(self.gauss) > 1 else slice(None)
         kernels.step_worlds(
-            self.constants, self.worlds, self.drones, self.persons, self.gauss, self.tails,
-            actions, self.maps, self.rewards, self.terminated, self.truncated, self.found,
-            self._occupied,
+            self.constants, self.worlds[part], self.drones[part], self.persons[part],
+            self.gauss[tables], self.tails[tables], actions[part], self.maps[part],
+            self.rewards[part], self.terminated[part], self.truncated[part], self.found[part],
+            self._occupied[index], self._auto_reset,
         )  # fmt: skip
+
+    def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return the probabilities (B, K) float32 of cells, 0 outside the grid.
+
+        Args:
+            x: (B, K) int64 columns.
+            y: (B, K) int64 rows.
+        """
+        out = np.empty(x.shape, np.float32)
+        kernels.read_cells(self.constants, self.worlds, self.gauss, x, y, out)
+        return out
 
     def state_bytes(self) -> bytes:
         """Return the whole hidden state, random state included, for comparison."""

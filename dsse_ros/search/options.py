@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a reset can be told, for the single environment and the batch alike."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dsse_ros.search.fields import FieldError
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import (
+    SPECS,
+    ResolvedScenario,
+    check_cell,
+    check_multipliers,
+    check_positions,
+    check_scatter,
+)
+
+RESET_OPTIONS = (
+    "drones_positions",
+    "vector",
+    "person_initial_position",
+    "person_pod_multipliers",
+)
+
+
+def check_options(
+    options: Mapping[str, Any], scenario: ResolvedScenario, rules: Rules
+) -> dict[str, Any]:
+    """Return the reset options that were given, in their canonical types.
+
+    PettingZoo's tests ask that unknown options are ignored; one that looks like a misspelling of
+    a known one is refused.
+
+    Raises:
+        FieldError: If an option is not allowed.
+    """
+    for name in options:
+        near = difflib.get_close_matches(str(name), RESET_OPTIONS, n=1, cutoff=0.75)
+        if near and name != near[0]:
+            raise FieldError(f"options: {name!r} is not an option; did you mean {near[0]}?")
+    start = {
+        name: SPECS[name].check(name, options[name])
+        for name in RESET_OPTIONS
+        if options.get(name) is not None
+    }
+    if "drones_positions" in start:
+        check_positions(start["drones_positions"], scenario.grid_size, scenario.num_drones)
+    check_multipliers(start.get("person_pod_multipliers"), scenario.person_amount)
+    if "person_initial_position" in start:
+        cell = start["person_initial_position"]
+        check_cell("person_initial_position", cell, scenario.grid_size)
+        if rules.person_scatter:
+            check_scatter(scenario.person_amount, cell, scenario.grid_size, rules.person_scatter)
+    return start
+
+
+def check_seed(seed: Any) -> int:
+    """Return the seed as an int.
+
+    Raises:
+        FieldError: If it is not an integer >= 0.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise FieldError(f"seed: {seed!r} is not allowed; an integer >= 0")
+    return int(seed)

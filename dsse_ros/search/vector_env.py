@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many searches at once as arrays, for training: the same worlds and the same compiled step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from dsse_ros.search.fields import FieldError, Spec
+from dsse_ros.search.options import check_options, check_seed
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
+from dsse_ros.search.world import HOLD, World
+
+Observations = dict[str, Any]
+
+
+class LazyMaps:
+    """The maps of B worlds as their parameters: asked for cell by cell, never written out.
+
+    It tells of the worlds as they are now, not as they were when it was handed out.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def cells(self, cells: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return probabilities (B, K) float32 of cells (B, K, 2) as (x, y); 0 off the grid."""
+        return self._world.cells(cells[..., 0], cells[..., 1])
+
+    def windows(self, centres: NDArray[np.int64], reach: int) -> NDArray[np.float32]:
+        """Return the squares of 2 reach + 1 cells around centres.
+
+        Args:
+            centres: (B, K, 2) as (x, y).
+            reach: Cells on each side of the centre.
+
+        Returns:
+            (B, K, 2 reach + 1, 2 reach + 1) float32 as [y, x]; 0 outside the grid.
+        """
+        offsets = np.arange(-reach, reach + 1)
+        batch, count = centres.shape[:2]
+        shape = (batch, count, len(offsets), len(offsets))
+        x = np.broadcast_to(centres[..., 0, None, None] + offsets, shape)
+        y = np.broadcast_to(centres[..., 1, None, None] + offsets[:, None], shape)
+        flat = self._world.cells(x.reshape(batch, -1), y.reshape(batch, -1))
+        return flat.reshape(shape)
+
+    def dense(self) -> NDArray[np.float32]:
+        """Return the whole maps (B, G, G) float32 as [y, x]."""
+        g, batch = self._world.grid_size, self._world.num_worlds
+        y, x = (np.broadcast_to(a.ravel(), (batch, g * g)) for a in np.indices((g, g)))
+        return self._world.cells(x, y).reshape(batch, g, g)
+
+
+class VectorEnv:
+    """B searches, stepped together.
+
+    World b of a batch seeded with s is bit for bit the single environment seeded with s + b. A
+    world that is over is reset by the next step, whatever its actions, with reward 0 and no flag
+    (Gymnasium's `AutoresetMode.NEXT_STEP`); its generator goes on.
+
+    Observations are `{"positions": (B, N, 2) int64 as (x, y), "probability": (B, G, G) float32 as
+    [y, x]}`; in the lazy mode `probability` is a `LazyMaps`. Infos are `{"Found": (B,) bool every
+    person found, "step": (B,) int64 steps done, "over": (B,) bool}`.
+
+    Args:
+        num_envs: B.
+        scenario: The scenario of all worlds.
+        rules: The rules of all worlds.
+        lazy: Whether to keep only the maps' parameters.
+        copy: Whether every step returns new arrays, or overwrites those it returned before.
+        threads: How many threads share the worlds.
+
+    Raises:
+        FieldError: If the scenario does not fit the rules, or a number is not allowed.
+    """
+
+    def __init__(
+        self,
+        num_envs: int,
+        scenario: Scenario,
+        rules: Rules,
+        *,
+        lazy: bool = False,
+        copy: bool = True,
+        threads: int = 1,
+    ) -> None:
+        self.num_envs = Spec("int", "", low=1).check("num_envs", num_envs)
+        threads = Spec("int", "", low=1, high=1024).check("threads", threads)
+        self.rules = rules
+        self.world = World(
+            scenario, rules, self.num_envs, write_maps=not lazy, reuse_maps=not copy,
+            auto_reset=True, threads=threads,
+        )  # fmt: skip
+        self.scenario = self.world.scenario
+        self._copy = copy
+        self._lazy = LazyMaps(self.world) if lazy else None
+        self._shape = (self.num_envs, self.world.num_drones)
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, NDArray[Any]]]:
+        """Start a new mission in every world; arguments as in `SearchEnv.reset`.
+
+        The options hold until the next call, through automatic resets too.
+
+        Raises:
+            FieldError: If an option is not allowed; the missions under way stay as they are.
+        """
+        start = check_options(options or {}, self.scenario, self.rules)
+        if seed is not None:
+            self.world.seed(check_seed(seed))
+        self.world.place(**start)
+        self.world.reset()
+        return self._observations(), self._infos()
+
+    def step(
+        self, actions: NDArray[np.int8]
+    ) -> tuple[
+        Observations,
+        NDArray[np.float64],
+        NDArray[np.bool_],
+        NDArray[np.bool_],
+        dict[str, NDArray[Any]],
+    ]:
+        """Advance every world by one step.
+
+        Args:
+            actions: (B, N) integers. Those of drones that are out do not count; a number that is
+                no action does nothing.
+
+        Returns:
+            Observations, rewards (B, N) float64, terminated (B, N), truncated (B, N), infos.
+
+        Raises:
+            FieldError: If the actions are not (B, N) integers; the missions stay as they are.
+        """
+        actions = np.asarray(actions)
+        if actions.shape != self._shape or actions.dtype.kind not in "iu":
+            raise FieldError(
+                f"actions: {actions.dtype} {actions.shape} is not allowed; integers {self._shape}"
+            )
+        if actions.dtype != np.int8:
+            known = (actions >= 0) & (actions < len(self.rules.actions))
+            actions = np.where(known, actions, HOLD).astype(np.int8)
+        world = self.world
+        world.step(np.ascontiguousarray(actions))
+        arrays = (world.rewards, world.terminated, world.truncated)
+        if self._copy:
+            arrays = (arrays[0].copy(), arrays[1].copy(), arrays[2].copy())
+        return self._observations(), *arrays, self._infos()
+
+    def _observations(self) -> Observations:
+        drones = self.world.drones
+        return {
+            "positions": np.stack([drones["x"], drones["y"]], axis=-1),
+            "probability": self._lazy or self.world.maps,
+        }
+
+    def _infos(self) -> dict[str, NDArray[Any]]:
+        worlds = self.world.worlds
+        return {
+            "Found": worlds["adrift"] == 0,
+            "step": worlds["t"].copy(),
+            "over": worlds["over"].copy(),
+        }
+
+
+def vector_env(
+    num_envs: int,
+    scenario: ScenarioSource = None,
+    *,
+    rules: str | Rules = "paper",
+    lazy: bool = False,
+    copy: bool = True,
+    threads: int = 1,
+    **fields: Any,
+) -> VectorEnv:
+    """Return many searches at once; scenario, rules and fields as in `parallel_env`.
+
+    Raises:
+        FieldError: If a field is unknown or a value is not allowed.
+    """
+    chosen = scenario_and_rules(scenario, rules, **fields)
+    return VectorEnv(num_envs, *chosen, lazy=lazy, copy=copy, threads=threads)
+
+
+class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
+    """A `VectorEnv` as Gymnasium knows it: one agent per world, who commands all its drones.
+
+    The action is (N,) numbers, the reward is the sum over the drones, a world is truncated when
+    its time is out and terminated when its search ended otherwise.
+
+    Args:
+        env: A `VectorEnv` with dense maps.
+
+    Raises:
+        FieldError: If the environment is lazy.
+    """
+
+    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(self, env: VectorEnv) -> None:
+        if env.world.maps.shape[1] == 0:
+            raise FieldError("lazy: true is not allowed here; observations must be arrays")
+        self.env = env
+        self.num_envs = env.num_envs
+        g, n = env.world.grid_size, env.world.num_drones
+        margin = int(env.rules.leave_policy == "fly_on")
+        cells = spaces.Box(-margin, g - 1 + margin, (n, 2), np.int64)
+        self.single_observation_space = spaces.Dict(
+            positions=cells, probability=spaces.Box(0.0, 1.0, (g, g), np.float32)
+        )
+        self.single_action_space = spaces.MultiDiscrete([len(env.rules.actions)] * n)
+        batch = gymnasium.vector.utils.batch_space
+        self.observation_space = batch(self.single_observation_space, self.num_envs)
+        self.action_space = batch(self.single_action_space, self.num_envs)
+
+    def reset(self, *, seed: Any = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        """Start a new mission in every world."""
+        return self.env.reset(seed, options)
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Advance every world by one step."""
+        observations, rewards, _, truncated, infos = self.env.step(actions)
+        over = infos["over"]
+        out_of_time = over & ~infos["Found"] & truncated.any(axis=1)
+        return observations, rewards.sum(axis=1), over & ~out_of_time, out_of_time, infos
