@@ -5,6 +5,7 @@ from dsse_ros.search.fields import FieldError
 from dsse_ros.search.parallel_env import SearchEnv, aec_env, parallel_env, raw_env
 from dsse_ros.search.rules import ACTION_VECTORS, PROFILES, Rules, profile
 from dsse_ros.search.scenario import Scenario
+from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.vector_env import JointVectorEnv, LazyMaps, VectorEnv, vector_env
 from dsse_ros.search.world import HOLD, World
 
@@ -18,6 +19,8 @@ __all__ = [
     "Rules",
     "Scenario",
     "SearchEnv",
+    "Snapshot",
+    "SnapshotError",
     "VectorEnv",
     "World",
     "aec_env",

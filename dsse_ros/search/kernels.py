@@ -309,18 +309,24 @@ def drift(c, w):
 
 
 @njit(cache=True, nogil=True)
+def disperse(c, w, gauss, tails):
+    """Write the tables for the spread that the map has now: the first map has the first one."""
+    grown = max(w.map_steps - 1, 0) * c.dispersion_inc
+    fill_axis(gauss[0], tails[0], c.grid_size, c.sigma_x + grown)
+    if c.sigma_x == c.sigma_y:
+        gauss[1], tails[1] = gauss[0], tails[0]
+    else:
+        fill_axis(gauss[1], tails[1], c.grid_size, c.sigma_y + grown)
+
+
+@njit(cache=True, nogil=True)
 def map_step(c, w, gauss, tails):
     """Advance the map by one step: drift, dispersion, circle, normaliser."""
     previous_x, previous_y = w.datum_x, w.datum_y
     drift(c, w)
-    if c.dispersion_inc > 0:
-        grown = w.map_steps * c.dispersion_inc
-        fill_axis(gauss[0], tails[0], c.grid_size, c.sigma_x + grown)
-        if c.sigma_x == c.sigma_y:
-            gauss[1], tails[1] = gauss[0], tails[0]
-        else:
-            fill_axis(gauss[1], tails[1], c.grid_size, c.sigma_y + grown)
     w.map_steps += 1
+    if c.dispersion_inc > 0:
+        disperse(c, w, gauss, tails)
     w.circle_x, w.circle_y = w.datum_x, w.datum_y
     if c.circle_on_previous_datum:
         w.circle_x, w.circle_y = previous_x, previous_y
@@ -675,6 +681,17 @@ def reset_worlds(constants, worlds, drones, persons, gauss, tails, maps, which):
             reset_world(c, worlds[b], drones[b], persons[b], gauss[table], tails[table])
             if maps.shape[1] > 0:
                 write_map(c, worlds[b], gauss[table], maps[b])
+
+
+@njit(cache=True, nogil=True)
+def refresh_worlds(constants, worlds, gauss, tails, maps):
+    """Write the tables and the maps that the state asks for; arguments as in `step_worlds`."""
+    c = constants[0]
+    for b in range(len(gauss)):
+        disperse(c, worlds[b], gauss[b], tails[b])
+    if maps.shape[1] > 0:
+        for b in range(len(worlds)):
+            write_map(c, worlds[b], gauss[min(b, len(gauss) - 1)], maps[b])
 
 
 @njit(cache=True, nogil=True)

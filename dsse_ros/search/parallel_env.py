@@ -18,6 +18,7 @@ from dsse_ros.search.fields import FieldError
 from dsse_ros.search.options import check_options, check_seed
 from dsse_ros.search.rules import ACTION_VECTORS, Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
+from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
 
 Observation = tuple[NDArray[np.int64], NDArray[np.float32]]
@@ -178,6 +179,22 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         elif self._flying[0] < len(self.agents):
             self._live = np.flatnonzero(self._alive).tolist()
             self.agents = [self.possible_agents[i] for i in self._live]
+
+    def snapshot(self) -> Snapshot:
+        """Return the whole state of the mission, random state included."""
+        return self.world.snapshot()
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot, bit for bit; the tracks of pictures start anew.
+
+        Raises:
+            SnapshotError: If it is of another scenario or other rules; the mission under way
+                stays as it is.
+        """
+        self.world.restore(snapshot)
+        self._live = [] if self._over[0] else np.flatnonzero(self._alive).tolist()
+        self.agents = [self.possible_agents[i] for i in self._live]
+        self._track = [self.positions]
 
     @property
     def positions(self) -> NDArray[np.int64]:

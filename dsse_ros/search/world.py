@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from dsse_ros.search import kernels
 from dsse_ros.search.rules import ACTION_VECTORS, Rules
 from dsse_ros.search.scenario import ResolvedScenario, Scenario
+from dsse_ros.search.snapshot import Snapshot
 
 HOLD = -1
 """The action of a drone that does nothing; it is rewarded like a move."""
@@ -96,11 +98,6 @@ class World:
         tables = num_worlds if resolved.dispersion_inc else 1
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
-        for table in range(tables):
-            for axis, sigma in enumerate((resolved.sigma_x, resolved.sigma_y)):
-                kernels.fill_axis(
-                    self.gauss[table, axis], self.tails[table, axis], self.grid_size, sigma
-                )
         self._reuse_maps = reuse_maps
         self._auto_reset = auto_reset
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
@@ -109,6 +106,10 @@ class World:
         self._occupied = np.zeros((len(self._parts), self.grid_size**2), np.int32)
         self.seed()
         self.place()
+        # A constant spread is written once, here.
+        kernels.refresh_worlds(
+            self.constants, self.worlds, self.gauss, self.tails, self.maps[:, :0, :0]
+        )
 
     def seed(self, seed: int | None = None) -> None:
         """Seed world b with seed + b, or all from the system's entropy."""
@@ -190,9 +191,42 @@ class World:
         kernels.read_cells(self.constants, self.worlds, self.gauss, x, y, out)
         return out
 
+    def snapshot(self) -> Snapshot:
+        """Return the whole state, random state included."""
+        arrays = {name: array.copy() for name, array in self._state().items()}
+        return Snapshot(self._identity(), arrays)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot, bit for bit.
+
+        Raises:
+            SnapshotError: If it is of another scenario, other rules or another number of worlds;
+                the state stays as it is.
+        """
+        state = self._state()
+        snapshot.check(self._identity(), state)
+        for name, array in state.items():
+            array[...] = snapshot.arrays[name]
+        self.maps = np.empty(self._map_shape, np.float32)
+        kernels.refresh_worlds(self.constants, self.worlds, self.gauss, self.tails, self.maps)
+
     def state_bytes(self) -> bytes:
-        """Return the whole hidden state, random state included, for comparison."""
-        arrays: list[NDArray[Any]] = [
-            self.worlds, self.drones, self.persons, self.terminated, self.truncated,
-        ]  # fmt: skip
-        return b"".join(array.tobytes() for array in arrays)
+        """Return the whole state as bytes, for comparison."""
+        return b"".join(array.tobytes() for array in self._state().values())
+
+    def _state(self) -> dict[str, NDArray[Any]]:
+        return {
+            "worlds": self.worlds,
+            "drones": self.drones,
+            "persons": self.persons,
+            "rewards": self.rewards,
+            "terminated": self.terminated,
+            "truncated": self.truncated,
+            "found": self.found,
+        }
+
+    def _identity(self) -> dict[str, Any]:
+        return {
+            "scenario": dataclasses.asdict(self.scenario),
+            "rules": dataclasses.asdict(self.rules),
+        }

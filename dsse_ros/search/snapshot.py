@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A whole state as a file: versioned, with a checksum, written atomically."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+import tempfile
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAGIC = b"dsse_ros snapshot"
+VERSION = 1
+
+
+class SnapshotError(ValueError):
+    """A snapshot that cannot be used; its text is one line."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Arrays by name, and what they belong to.
+
+    Attributes:
+        identity: JSON values that must be equal where the snapshot is restored: scenario, rules.
+        arrays: Arrays without objects; structured ones are allowed.
+        extra: Further JSON values of whoever took the snapshot.
+    """
+
+    identity: dict[str, Any]
+    arrays: dict[str, NDArray[Any]]
+    extra: dict[str, Any] = field(default_factory=dict)
+
+    def to_bytes(self) -> bytes:
+        """Return magic, version and SHA-256 on the first line, then the content."""
+        content = io.BytesIO()
+        meta = json.dumps({"identity": self.identity, "extra": self.extra}, sort_keys=True)
+        np.savez(content, allow_pickle=False, **{"meta": np.array(meta)}, **self.arrays)  # type: ignore[arg-type]
+        body = content.getvalue()
+        digest = hashlib.sha256(body).hexdigest()
+        return MAGIC + f" {VERSION} {digest}\n".encode() + body
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Snapshot:
+        """Return the snapshot that `to_bytes` gave.
+
+        Raises:
+            SnapshotError: If it is of another kind or version, or damaged.
+        """
+        head, _, body = data.partition(b"\n")
+        if not head.startswith(MAGIC + b" "):
+            raise SnapshotError("not a snapshot of dsse_ros")
+        version, _, digest = head[len(MAGIC) + 1 :].decode("ascii", "replace").partition(" ")
+        if version != str(VERSION):
+            raise SnapshotError(f"snapshot version {version[:20]!r}; version {VERSION} is read")
+        if hashlib.sha256(body).hexdigest() != digest:
+            raise SnapshotError("the snapshot is damaged: its checksum does not match")
+        try:
+            with np.load(io.BytesIO(body), allow_pickle=False) as stored:
+                arrays = {name: stored[name] for name in stored.files}
+            meta = json.loads(str(arrays.pop("meta")))
+            return cls(meta["identity"], arrays, meta["extra"])
+        except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
+            raise SnapshotError(f"the snapshot cannot be read: {error}") from None
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the file so that a crash leaves the old one or the new one, never a part.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
+        target = Path(path)
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(self.to_bytes())
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, target)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+            raise
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Snapshot:
+        """Return the snapshot in a file.
+
+        Raises:
+            SnapshotError: If the file cannot be read or is no whole snapshot.
+        """
+        try:
+            data = Path(path).read_bytes()
+        except OSError as error:
+            raise SnapshotError(f"{os.fspath(path)!r}: {error.strerror}") from None
+        try:
+            return cls.from_bytes(data)
+        except SnapshotError as error:
+            raise SnapshotError(f"{os.fspath(path)!r}: {error}") from None
+
+    def check(self, identity: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+        """Raise unless the snapshot fits a state of this identity and these arrays.
+
+        Raises:
+            SnapshotError: If it belongs to another scenario or other rules.
+        """
+        # JSON has lists where the identity has tuples.
+        wanted = json.loads(json.dumps(identity))
+        for part, values in wanted.items():
+            theirs = self.identity.get(part)
+            if theirs == values:
+                continue
+            names = [
+                n for n in values if not isinstance(theirs, dict) or theirs.get(n) != values[n]
+            ]
+            raise SnapshotError(f"the snapshot is of another {part}: {', '.join(names)} differ")
+        for name, array in arrays.items():
+            stored = self.arrays.get(name)
+            if stored is None or stored.shape != array.shape or stored.dtype != array.dtype:
+                raise SnapshotError(f"the snapshot is of another shape: {name} differs")
