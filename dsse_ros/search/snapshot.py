@@ -30,12 +30,13 @@ class Snapshot:
     """Arrays by name, and what they belong to.
 
     Attributes:
-        identity: JSON values that must be equal where the snapshot is restored: scenario, rules.
+        identity: JSON values by part and name (scenario, rules) that must be equal where the
+            snapshot is restored.
         arrays: Arrays without objects; structured ones are allowed.
         extra: Further JSON values of whoever took the snapshot.
     """
 
-    identity: dict[str, Any]
+    identity: dict[str, dict[str, Any]]
     arrays: dict[str, NDArray[Any]]
     extra: dict[str, Any] = field(default_factory=dict)
 
@@ -106,22 +107,17 @@ class Snapshot:
         except SnapshotError as error:
             raise SnapshotError(f"{os.fspath(path)!r}: {error}") from None
 
-    def check(self, identity: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+    def check(self, identity: dict[str, dict[str, Any]], arrays: dict[str, NDArray[Any]]) -> None:
         """Raise unless the snapshot fits a state of this identity and these arrays.
 
         Raises:
             SnapshotError: If it belongs to another scenario or other rules.
         """
-        # JSON has lists where the identity has tuples.
-        wanted = json.loads(json.dumps(identity))
-        for part, values in wanted.items():
-            theirs = self.identity.get(part)
-            if theirs == values:
-                continue
-            names = [
-                n for n in values if not isinstance(theirs, dict) or theirs.get(n) != values[n]
-            ]
-            raise SnapshotError(f"the snapshot is of another {part}: {', '.join(names)} differ")
+        for part, values in identity.items():
+            theirs = self.identity.get(part, {})
+            names = [name for name in values if theirs.get(name) != values[name]]
+            if names:
+                raise SnapshotError(f"the snapshot is of another {part}: {', '.join(names)}")
         for name, array in arrays.items():
             stored = self.arrays.get(name)
             if stored is None or stored.shape != array.shape or stored.dtype != array.dtype:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import json
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
@@ -226,7 +227,6 @@ class World:
         }
 
     def _identity(self) -> dict[str, Any]:
-        return {
-            "scenario": dataclasses.asdict(self.scenario),
-            "rules": dataclasses.asdict(self.rules),
-        }
+        parts = {"scenario": self.scenario, "rules": self.rules}
+        # Through JSON, as in a file: a tuple becomes a list.
+        return {k: json.loads(json.dumps(dataclasses.asdict(v))) for k, v in parts.items()}

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A snapshot holds everything: what goes on from it goes on as if nothing had happened."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from play import some_actions, started
+
+from dsse_ros.search import Snapshot, SnapshotError, parallel_env, vector_env
+
+MISSION: dict[str, Any] = {
+    "grid_size": 10,
+    "num_drones": 3,
+    "vector": (0.4, -0.3),
+    "person_initial_position": (5, 5),
+    "timestep_limit": 60,
+}
+
+
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
+def test_a_restored_mission_goes_on_bit_for_bit(rules: str, tmp_path: Path) -> None:
+    env = started(seed=4, rules=rules, **MISSION)
+    generator = np.random.default_rng(0)
+    for _ in range(6):
+        env.step(some_actions(env, generator, careful=True))
+    env.snapshot().save(tmp_path / "mission.snapshot")
+    twin = parallel_env(rules=rules, **MISSION)
+    twin.restore(Snapshot.load(tmp_path / "mission.snapshot"))
+    assert np.array_equal(twin.probability, env.probability)
+    assert twin.agents == env.agents
+    for _ in range(40):
+        actions = some_actions(env, generator)
+        results = env.step(actions), twin.step(actions)
+        assert results[0][1:4] == results[1][1:4]
+        assert env.world.state_bytes() == twin.world.state_bytes()
+        assert np.array_equal(twin.probability, env.probability)
+        if not env.agents:
+            env.reset()
+            twin.reset()
+
+
+def test_a_batch_goes_on_too_and_through_its_automatic_resets() -> None:
+    batch = vector_env(4, **MISSION)
+    batch.reset(seed=0)
+    actions = np.random.default_rng(1).integers(0, 5, (80, 4, 3)).astype(np.int8)
+    for joint in actions[:20]:
+        batch.step(joint)
+    twin = vector_env(4, **MISSION)
+    twin.world.restore(batch.world.snapshot())
+    for joint in actions[20:]:
+        batch.step(joint)
+        twin.step(joint)
+        assert batch.world.state_bytes() == twin.world.state_bytes()
+        assert np.array_equal(batch.world.maps, twin.world.maps)
+
+
+def test_a_snapshot_does_not_change_with_the_world_it_was_taken_of() -> None:
+    env = started(seed=0, **MISSION)
+    snapshot = env.snapshot()
+    before = snapshot.to_bytes()
+    env.step(dict.fromkeys(env.agents, 3))
+    assert snapshot.to_bytes() == before
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_a_damaged_snapshot_is_refused(data: st.DataObject) -> None:
+    whole = started(seed=0, **MISSION).snapshot().to_bytes()
+    if data.draw(st.booleans()):
+        damaged = whole[: data.draw(st.integers(0, len(whole) - 1))]
+    else:
+        at = data.draw(st.integers(0, len(whole) - 1))
+        damaged = bytearray(whole)
+        damaged[at] ^= data.draw(st.integers(1, 255))
+    with pytest.raises(SnapshotError) as error:
+        Snapshot.from_bytes(bytes(damaged))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "change, named",
+    [({"grid_size": 11}, "grid_size"), ({"rules": "v1"}, "rules"), ({"sigma": 2}, "sigma")],
+)
+def test_a_snapshot_of_another_mission_is_refused_and_nothing_changes(
+    change: dict[str, Any], named: str
+) -> None:
+    snapshot = started(seed=0, **MISSION).snapshot()
+    other = started(seed=0, **{**MISSION, **change})
+    before = other.world.state_bytes()
+    with pytest.raises(SnapshotError, match=named):
+        other.restore(snapshot)
+    assert other.world.state_bytes() == before
+
+
+def test_a_missing_file_and_a_foreign_one_are_named(tmp_path: Path) -> None:
+    (tmp_path / "foreign").write_bytes(b"PK\x03\x04")
+    for name, reason in (("none", "No such file"), ("foreign", "not a snapshot")):
+        with pytest.raises(SnapshotError, match=f"{name}.*{reason}"):
+            Snapshot.load(tmp_path / name)
+
+
+def test_a_writer_killed_at_any_moment_leaves_a_whole_snapshot(tmp_path: Path) -> None:
+    path = tmp_path / "mission.snapshot"
+    started(seed=0, **MISSION).snapshot().save(path)
+    program = (
+        "import sys; from dsse_ros.search import Snapshot\n"
+        "snapshot = Snapshot.load(sys.argv[1]); print('ready', flush=True)\n"
+        "while True: snapshot.save(sys.argv[1])"
+    )
+    for pause in (0.0, 0.003, 0.01):
+        with subprocess.Popen(
+            [sys.executable, "-c", program, str(path)],
+            stdout=subprocess.PIPE,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        ) as child:
+            assert child.stdout is not None and child.stdout.readline() == b"ready\n"
+            with pytest.raises(subprocess.TimeoutExpired):
+                child.wait(pause)
+            child.kill()
+        Snapshot.load(path)
+
+
+def test_a_snapshot_that_cannot_be_written_leaves_no_file_behind(tmp_path: Path) -> None:
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(OSError):
+        started(seed=0, **MISSION).snapshot().save(tmp_path / "taken")
+    assert [p.name for p in tmp_path.iterdir()] == ["taken"]

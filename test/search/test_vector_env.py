@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A batch is its single environments, bit for bit, dense or lazy, on one thread or several."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import data_equivalence
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dsse_ros.search import FieldError, JointVectorEnv, parallel_env, vector_env
+
+BATCH, DRONES, GRID = 5, 3, 9
+MISSION: dict[str, Any] = {
+    "grid_size": GRID,
+    "num_drones": DRONES,
+    "vector": (0.3, -0.2),
+    "person_initial_position": (4, 5),
+    "person_amount": 2,
+    "timestep_limit": 25,
+}
+PROFILES = ("paper", "v1", "v2")
+
+
+def random_actions(env: Any, steps: int, seed: int = 0) -> Any:
+    count = len(env.rules.actions)
+    generator = np.random.default_rng(seed)
+    return generator.integers(0, count, (steps, env.num_envs, DRONES)).astype(np.int8)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize("rules", PROFILES)
+def test_world_b_is_the_single_environment_of_seed_s_plus_b(rules: str, threads: int) -> None:
+    batch = vector_env(BATCH, rules=rules, threads=threads, **MISSION)
+    singles = [parallel_env(rules=rules, **MISSION) for _ in range(BATCH)]
+    observations, infos = batch.reset(seed=7)
+    for b, single in enumerate(singles):
+        single.reset(seed=7 + b)
+        assert np.array_equal(single.probability, observations["probability"][b])
+    over = infos["over"]
+    resets = 0
+    for actions in random_actions(batch, 150):
+        observations, rewards, terminated, truncated, infos = batch.step(actions)
+        for b, single in enumerate(singles):
+            if over[b]:
+                single.reset()
+                resets += 1
+                assert not rewards[b].any() and not (terminated | truncated)[b].any()
+            else:
+                single.step({a: int(actions[b, int(a[5:])]) for a in single.agents})
+                assert np.array_equal(rewards[b], single.world.rewards[0])
+            for mine, theirs in (
+                (batch.world.worlds, single.world.worlds),
+                (batch.world.drones, single.world.drones),
+                (batch.world.persons, single.world.persons),
+            ):
+                assert mine[b].tobytes() == theirs[0].tobytes()
+            assert np.array_equal(observations["probability"][b], single.probability)
+            assert np.array_equal(observations["positions"][b], single.positions)
+        over = infos["over"]
+    assert resets > BATCH
+
+
+@pytest.mark.parametrize("rules", PROFILES)
+def test_a_lazy_batch_plays_the_same_missions_and_knows_every_cell(rules: str) -> None:
+    dense = vector_env(BATCH, rules=rules, **MISSION)
+    lazy = vector_env(BATCH, rules=rules, lazy=True, **MISSION)
+    dense.reset(seed=3)
+    lazy.reset(seed=3)
+    for actions in random_actions(dense, 60):
+        observations, rewards, *flags, _ = dense.step(actions)
+        lazy_observations, lazy_rewards, *lazy_flags, _ = lazy.step(actions)
+        maps, parameters = observations["probability"], lazy_observations["probability"]
+        assert np.array_equal(parameters.dense(), maps)
+        assert data_equivalence((rewards, flags), (lazy_rewards, lazy_flags))
+        centres = observations["positions"]
+        padded = np.pad(maps, ((0, 0), (3, 3), (3, 3)))
+        windows = parameters.windows(centres, 2)
+        for b in range(BATCH):
+            for n, (x, y) in enumerate(centres[b] + 3):
+                around = padded[b, y - 2 : y + 3, x - 2 : x + 3]
+                assert np.array_equal(windows[b, n], around)
+        assert np.array_equal(parameters.cells(centres), windows[:, :, 2, 2])
+
+
+def test_what_a_step_returned_stays_unless_reuse_was_asked_for() -> None:
+    for copy in (True, False):
+        env = vector_env(BATCH, copy=copy, **MISSION)
+        env.reset(seed=0)
+        first = env.step(random_actions(env, 1)[0])
+        before = first[0]["probability"].copy(), *(a.copy() for a in first[1:4])
+        for actions in random_actions(env, 5, seed=1):
+            env.step(actions)
+        after = first[0]["probability"], *first[1:4]
+        assert all(map(np.array_equal, before, after)) == copy
+
+
+@settings(max_examples=30)
+@given(st.lists(st.integers(-(2**40), 2**40), min_size=DRONES, max_size=DRONES))
+def test_a_number_that_is_no_action_does_nothing(numbers: list[int]) -> None:
+    env = vector_env(1, rules="v2", **MISSION)
+    env.reset(seed=0)
+    before = env.world.drones.copy()
+    known = [0 <= n < len(env.rules.actions) for n in numbers]
+    env.step(np.array([numbers]))
+    moved = (env.world.drones["x"] != before["x"]) | (env.world.drones["y"] != before["y"])
+    assert not (moved[0] & ~np.array(known)).any()
+
+
+@pytest.mark.parametrize(
+    "actions",
+    [np.zeros((BATCH, DRONES + 1), int), np.zeros(DRONES, int), np.zeros((5, 3)), [["a"]]],
+)
+def test_actions_of_another_shape_or_kind_are_refused_and_nothing_moves(actions: Any) -> None:
+    env = vector_env(BATCH, **MISSION)
+    env.reset(seed=0)
+    before = env.world.state_bytes()
+    with pytest.raises(FieldError, match="actions"):
+        env.step(actions)
+    assert env.world.state_bytes() == before
+
+
+def test_bad_numbers_of_worlds_threads_and_fields_are_named() -> None:
+    for name, fields in (
+        ("num_envs", {"num_envs": 0}),
+        ("threads", {"num_envs": 1, "threads": 0}),
+        ("sigmaa", {"num_envs": 1, "sigmaa": 1}),
+        ("grid_size", {"num_envs": 1, "grid_size": 0}),
+    ):
+        with pytest.raises(FieldError, match=name):
+            vector_env(**fields)
+
+
+def test_every_world_can_start_from_the_options() -> None:
+    env = vector_env(3, **MISSION)
+    starts = [(1, 1), (2, 2), (3, 3)]
+    observations, _ = env.reset(seed=0, options={"drones_positions": starts})
+    assert (observations["positions"] == starts).all()
+    with pytest.raises(FieldError, match="drones_positions"):
+        env.reset(options={"drones_positions": starts[:2]})
+
+
+def test_gymnasium_sees_one_agent_per_world_who_commands_the_swarm() -> None:
+    env = JointVectorEnv(vector_env(4, rules="v2", **MISSION))
+    observations, _ = env.reset(seed=1)
+    assert observations in env.observation_space
+    ended = np.zeros(4, bool)
+    for _ in range(120):
+        observations, rewards, terminated, truncated, infos = env.step(env.action_space.sample())
+        assert observations in env.observation_space
+        assert rewards.shape == terminated.shape == truncated.shape == (4,)
+        assert ((terminated | truncated) == infos["over"]).all()
+        assert not (terminated & truncated).any()
+        assert (infos["step"][truncated] == MISSION["timestep_limit"] + 1).all()
+        assert infos["Found"][terminated].all()
+        ended |= infos["over"]
+    assert ended.all()
+    with pytest.raises(FieldError, match="lazy"):
+        JointVectorEnv(vector_env(1, lazy=True))
