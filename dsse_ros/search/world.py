@@ -227,6 +227,10 @@ class World:
         }
 
     def _identity(self) -> dict[str, Any]:
-        parts = {"scenario": self.scenario, "rules": self.rules}
-        # Through JSON, as in a file: a tuple becomes a list.
-        return {k: json.loads(json.dumps(dataclasses.asdict(v))) for k, v in parts.items()}
+        parts = {
+            "scenario": dataclasses.asdict(self.scenario),
+            "rules": dataclasses.asdict(self.rules),
+        }
+        # As a file has it: through JSON a tuple becomes a list.
+        identity: dict[str, Any] = json.loads(json.dumps(parts))
+        return identity
