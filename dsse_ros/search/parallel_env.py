@@ -75,7 +75,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.action_spaces = {
             agent: spaces.Discrete(len(rules.actions)) for agent in self.possible_agents
         }
-        self.state_space = spaces.Box(0.0, float(len(self.possible_agents) + 1), (4, g, g))
+        # The share of the time used exceeds 1 by the steps that find it out.
+        most = max(self.world.num_drones, self.scenario.person_amount, 3)
+        self.state_space = spaces.Box(0.0, float(most), (4, g, g))
         self._live: list[int] = []
         self._masks = _action_masks(rules.actions)
         # The last entry is for a drone just outside, at -1 or G.

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the tables of parameters, from the code, into the README and into docs/parameters.md.
+
+Run `python docs/tables.py` after a change of a scenario's, a rule's or a node's fields.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import ParameterType
+
+from dsse_ros.nodes.parameters import descriptor
+from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings, SimSettings
+from dsse_ros.search import PROFILES, Rules, Scenario
+from dsse_ros.search.fields import Spec, specs
+
+ROOT = Path(__file__).resolve().parents[1]
+TYPES = {
+    ParameterType.PARAMETER_BOOL: "bool",
+    ParameterType.PARAMETER_INTEGER: "integer",
+    ParameterType.PARAMETER_DOUBLE: "double",
+    ParameterType.PARAMETER_STRING: "string",
+    ParameterType.PARAMETER_INTEGER_ARRAY: "integer_array",
+    ParameterType.PARAMETER_DOUBLE_ARRAY: "double_array",
+    ParameterType.PARAMETER_STRING_ARRAY: "string_array",
+}
+
+Rows = list[list[str]]
+
+
+def table(head: list[str], rows: Rows) -> str:
+    """Return a Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines) + "\n"
+
+
+def type_of(spec: Spec) -> str:
+    """Return the type of a field's ROS parameter."""
+    return TYPES[descriptor("", spec, read_only=True).type]
+
+
+def shown(value: Any) -> str:
+    """Return a value as YAML has it; nothing for None."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, int | float):
+        return f"`{value if isinstance(value, int) else round(value, 6)}`"
+    if isinstance(value, str):
+        return f"`{value}`" if value else '`""`'
+    return f"`[{', '.join(shown(item).strip('`') for item in value)}]`"
+
+
+def allowed(spec: Spec) -> str:
+    """Return the allowed values."""
+    if spec.choices:
+        return ", ".join(f"`{choice}`" for choice in spec.choices)
+    bounds = [
+        f"{sign} {number(bound)}"
+        for sign, bound in ((">", spec.above), ("≥", spec.low), ("≤", spec.high))
+        if math.isfinite(bound)
+    ]
+    return ", ".join(bounds)
+
+
+def number(value: float) -> str:
+    """Return a bound; large round ones as powers."""
+    for base in (10, 2):
+        exponent = round(math.log(max(abs(value), 1), base))
+        if exponent > 3 and value == base**exponent:
+            return f"{base}^{exponent}"
+        if exponent > 3 and value == -(base**exponent):
+            return f"-{base}^{exponent}"
+    return f"{value:g}"
+
+
+def defaults(cls: type) -> dict[str, Any]:
+    """Return the defaults of a dataclass, None where there is none."""
+    return {
+        f.name: None if f.default is dataclasses.MISSING else f.default
+        for f in dataclasses.fields(cls)
+    }
+
+
+def settings_table(cls: type, run_time: Collection[str] = ()) -> str:
+    """Return the table of a node's own settings."""
+    values = defaults(cls)
+    rows = [
+        [
+            f"`{name}`", type_of(spec), spec.unit, shown(values[name]), allowed(spec),
+            "yes" if name in run_time else "", spec.doc,
+        ]
+        for name, spec in specs(cls).items()
+    ]  # fmt: skip
+    return table(
+        ["Parameter", "Type", "Unit", "Default", "Allowed", "At run time", "Meaning"], rows
+    )
+
+
+def scenario_table() -> str:
+    """Return the table of a scenario's fields; a default may depend on the profile."""
+    values, of_rules = defaults(Scenario), specs(Rules)
+    rows = []
+    for name, spec in specs(Scenario).items():
+        default = shown(values[name])
+        if values[name] is None and name in of_rules:
+            given = [shown(getattr(rules, name)) or "centre" for rules in PROFILES.values()]
+            default = given[0] if len(set(given)) == 1 else " / ".join(given)
+        rows.append([f"`{name}`", type_of(spec), spec.unit, default, allowed(spec), spec.doc])
+    return table(["Parameter", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
+
+
+def rules_table() -> str:
+    """Return the table of the rules' fields that are no field of the scenario, by profile."""
+    rows = [
+        [
+            f"`{name}`", type_of(spec), spec.unit,
+            *(shown(getattr(rules, name)) for rules in PROFILES.values()), spec.doc,
+        ]
+        for name, spec in specs(Rules).items()
+        if name not in specs(Scenario) and name != "profile"
+    ]  # fmt: skip
+    return table(["Parameter", "Type", "Unit", *PROFILES, "Meaning"], rows)
+
+
+TABLES = {
+    "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
+    "planner_node": lambda: settings_table(PlannerSettings),
+    "scenario": scenario_table,
+    "rules": rules_table,
+}
+PAGES = ("README.md", "docs/parameters.md")
+_PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
+
+
+def with_tables(text: str) -> str:
+    """Return a page with the tables as the code has them, each between two comments."""
+    return _PLACE.sub(lambda place: f"{place[1]}{TABLES[place[2]]()}{place[3]}", text)
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        path = ROOT / page
+        path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")

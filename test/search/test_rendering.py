@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of a mission: text, image, file and window."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib import colormaps, image
+from numpy.typing import NDArray
+from play import put_person, started, step
+
+from dsse_ros.search import SearchEnv, parallel_env, rendering
+
+RED, GREEN = (255, 0, 0), (50, 205, 50)
+FAR: dict[str, Any] = {"vector": (0.0, 0.0), "grid_size": 8}
+
+
+def field_of(text: str) -> list[str]:
+    """The rows between the edges of a text picture."""
+    lines = text.splitlines()
+    edges = [i for i, line in enumerate(lines) if line.startswith("+-")]
+    assert len(edges) == 2
+    rows = lines[edges[0] + 1 : edges[1]]
+    assert all(row[0] == row[-1] == "|" for row in rows)
+    return [row[1:-1] for row in rows]
+
+
+def drone_colour(number: int) -> tuple[int, ...]:
+    """Colour of a drone among at most ten; that of drone0 is one of the map's, too."""
+    return tuple(round(255 * part) for part in colormaps["tab10"](number)[:3])
+
+
+def pixels(picture: NDArray[np.uint8], colour: tuple[int, ...]) -> NDArray[np.int64]:
+    """Places (n, 2) as (row, column) of the pixels of about this colour, without the legend."""
+    sea = picture[:, : picture.shape[1] * 3 // 4]
+    distance = np.abs(sea.astype(int) - np.array(colour)).max(axis=2)
+    return np.argwhere(distance <= 24)
+
+
+def picture_of(env: SearchEnv) -> NDArray[np.uint8]:
+    picture = env.render()
+    assert isinstance(picture, np.ndarray)
+    assert picture.dtype == np.uint8
+    assert picture.ndim == 3 and picture.shape[2] == 3
+    assert min(picture.shape[:2]) >= 200
+    assert picture.std() > 5
+    return picture
+
+
+def run(code: str, **environment: str) -> str:
+    """Run Python code in a process without a display; warnings are errors there."""
+    hidden = ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")
+    kept = {name: value for name, value in os.environ.items() if name not in hidden}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        env=kept | {"PYTHONPATH": os.pathsep.join(sys.path)} | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+def test_without_a_render_mode_there_is_no_picture() -> None:
+    assert started().render() is None
+
+
+def test_the_text_shows_every_drone_and_person_in_its_cell() -> None:
+    env = started(
+        drones_positions=[(0, 0), (7, 1), (3, 3)], person_amount=2, render_mode="ansi", **FAR
+    )
+    put_person(env, (5, 6), 0)
+    put_person(env, (3, 3), 1)
+    text = env.render()
+    assert isinstance(text, str)
+    rows = field_of(text)
+    assert len(rows) == 8 and all(len(row) == 8 for row in rows)
+    assert rows[0][0] == "0" and rows[1][7] == "1" and rows[3][3] == "2"
+    assert rows[6][5] == "P"
+    step(env, 0, 0, 4)
+    text = env.render()
+    assert isinstance(text, str)
+    rows = field_of(text)
+    assert rows[0][0] == "x" and rows[1][6] == "1"
+    assert "step 1" in text and "1 of 2" in text
+
+
+def test_the_text_shows_who_was_found_and_where_the_probability_is() -> None:
+    env = started(drones_positions=[(0, 0)], person_amount=2, render_mode="ansi", sigma=1, **FAR)
+    put_person(env, (0, 0), 0)
+    put_person(env, (7, 7), 1)
+    step(env, 4)
+    for number in range(4):
+        step(env, number % 2 + 2 if number else 3)
+        put_person(env, (7, 7), 1)
+    text = env.render()
+    assert isinstance(text, str)
+    rows = field_of(text)
+    assert rows[0][0] == "F" and rows[7][7] == "P"
+    shades = rendering.SHADES
+    assert rows[4][4] == shades[-1]
+    assert 0 < shades.index(rows[4][5]) < len(shades) - 1
+    assert rows[0][4] == shades[0]
+
+
+def test_the_image_shows_drones_and_person_where_they_are() -> None:
+    env = started(drones_positions=[(0, 0), (1, 6), (6, 1)], render_mode="rgb_array", **FAR)
+    put_person(env, (2, 1))
+    before = picture_of(env)
+    for number in (1, 2):
+        assert len(pixels(before, drone_colour(number))) > 20
+    assert len(pixels(before, RED)) > 20
+    for _ in range(3):
+        step(env, 4, 1, 3)
+    put_person(env, (6, 6))
+    after = picture_of(env)
+    assert before.shape == after.shape
+    shifts = {
+        name: pixels(after, colour).mean(axis=0) - pixels(before, colour).mean(axis=0)
+        for name, colour in {"east": drone_colour(1), "south": drone_colour(2), "both": RED}.items()
+    }
+    # Rows of pixels grow downward, as those of the grid do.
+    assert shifts["east"][1] > 10 and abs(shifts["east"][0]) < 10
+    assert shifts["south"][0] > 10 and abs(shifts["south"][1]) < 10
+    assert min(shifts["both"]) > 10
+
+
+def test_the_image_shows_the_track() -> None:
+    pictures = []
+    for actions in ((1, 1, 3, 3), (3, 3, 1, 1)):
+        env = started(drones_positions=[(0, 0), (1, 1)], render_mode="rgb_array", **FAR)
+        for action in actions:
+            step(env, 4, action)
+        assert env.positions.tolist() == [[0, 0], [3, 3]]
+        put_person(env, (7, 7))
+        pictures.append(picture_of(env))
+    assert (pictures[0] != pictures[1]).any(axis=2).sum() > 100
+
+
+def test_the_image_tells_a_person_found_from_one_still_at_sea() -> None:
+    env = started(drones_positions=[(2, 2)], person_amount=2, render_mode="rgb_array", **FAR)
+    put_person(env, (2, 2), 0)
+    put_person(env, (6, 6), 1)
+    assert len(pixels(picture_of(env), GREEN)) == 0
+    step(env, 4)
+    picture = picture_of(env)
+    assert len(pixels(picture, GREEN)) > 20
+    assert len(pixels(picture, RED)) > 20
+
+
+def test_the_image_follows_the_map() -> None:
+    def blue(env: SearchEnv) -> NDArray[np.float64]:
+        dark = tuple(round(255 * part) for part in colormaps["Blues"](1.0)[:3])
+        return pixels(picture_of(env), dark).mean(axis=0)
+
+    fields: dict[str, Any] = {"drones_positions": [(0, 0)], "grid_size": 8}
+    west = started(person_initial_position=(1, 6), render_mode="rgb_array", **fields)
+    east = started(person_initial_position=(6, 6), render_mode="rgb_array", **fields)
+    north = started(person_initial_position=(6, 1), render_mode="rgb_array", **fields)
+    for env in (west, east, north):
+        put_person(env, (0, 0))
+    assert blue(east)[1] > blue(west)[1] + 20
+    assert blue(east)[0] > blue(north)[0] + 20
+
+
+def test_hundreds_of_drones_fit_into_a_picture() -> None:
+    picture_of(started(grid_size=20, num_drones=100, render_mode="rgb_array"))
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_the_smallest_grids_can_be_drawn(size: int) -> None:
+    picture_of(started(grid_size=size, render_mode="rgb_array"))
+    assert len(field_of(str(started(grid_size=size, render_mode="ansi").render()))) == size
+
+
+@pytest.mark.parametrize("render_mode", [None, "ansi"])
+def test_a_view_shows_the_drones_where_they_are_now(render_mode: str | None) -> None:
+    env = started(drones_positions=[(1, 1), (6, 6)], render_mode=render_mode, **FAR)
+    for actions in ((1, 0), (3, 2), (1, 4)):
+        step(env, *actions)
+        np.testing.assert_array_equal(env.view().tracks[:, -1], env.positions)
+    if render_mode:
+        assert env.view().tracks.tolist() == [
+            [[1, 1], [2, 1], [2, 2], [3, 2]],
+            [[6, 6], [5, 6], [5, 5], [5, 5]],
+        ]
+    view = env.view()
+    assert view.step == 3 and view.alive.tolist() == [True, True]
+    np.testing.assert_array_equal(view.probability, env.probability)
+
+
+def test_a_new_mission_begins_a_new_track() -> None:
+    env = started(drones_positions=[(1, 1)], render_mode="ansi", **FAR)
+    step(env, 1)
+    env.reset()
+    assert env.view().tracks.tolist() == [[[1, 1]]]
+
+
+def test_an_old_view_does_not_change() -> None:
+    env = started(drones_positions=[(1, 1)], render_mode="ansi", sigma=1, **FAR)
+    view = env.view()
+    text = rendering.to_ansi(view)
+    for _ in range(4):
+        step(env, 1)
+    assert rendering.to_ansi(view) == text != env.render()
+
+
+def test_a_picture_can_be_saved(tmp_path: Path) -> None:
+    env = started(drones_positions=[(1, 1), (5, 1)], render_mode="ansi", **FAR)
+    path = tmp_path / "mission.png"
+    rendering.save_picture(env.view(), path)
+    picture = (image.imread(path)[..., :3] * 255).astype(np.uint8)
+    assert min(picture.shape[:2]) >= 200
+    assert len(pixels(picture, drone_colour(1))) > 20
+
+
+def test_a_window_without_a_display_shows_nothing_and_says_nothing() -> None:
+    printed = run(
+        "from dsse_ros.search import parallel_env\n"
+        "env = parallel_env(num_drones=2, render_mode='human')\n"
+        "env.reset(seed=0)\n"
+        "env.step(dict.fromkeys(env.agents, 4))\n"
+        "print(env.render())\n"
+        "env.close()\n"
+        "env.close()\n"
+    )
+    assert printed == "None\n"
+
+
+def test_the_search_needs_no_matplotlib_and_pictures_say_that_they_do() -> None:
+    printed = run(
+        "import sys\n"
+        "class Blocker:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name.split('.')[0] == 'matplotlib':\n"
+        "            raise ModuleNotFoundError(f'No module named {name!r}', name=name)\n"
+        "sys.meta_path.insert(0, Blocker())\n"
+        "from dsse_ros.search import parallel_env\n"
+        "env = parallel_env(render_mode='ansi')\n"
+        "env.reset(seed=0)\n"
+        "env.step({'drone0': 1})\n"
+        "assert '0' in env.render()\n"
+        "for mode in ('rgb_array', 'human'):\n"
+        "    env = parallel_env(render_mode=mode)\n"
+        "    try:\n"
+        "        env.reset(seed=0)\n"
+        "        env.render()\n"
+        "    except ModuleNotFoundError as error:\n"
+        "        print(error)\n"
+    )
+    lines = printed.splitlines()
+    assert len(lines) == 2
+    for line in lines:
+        assert "matplotlib" in line and "pip install" in line
+
+
+def test_importing_the_search_imports_no_ros_and_no_matplotlib() -> None:
+    printed = run(
+        "import sys, dsse_ros.search\n"
+        "print([m for m in ('rclpy', 'pymavlink', 'matplotlib', 'tqdm') if m in sys.modules])\n"
+    )
+    assert printed == "[]\n"
+
+
+def test_rendering_before_the_first_reset_is_no_accident() -> None:
+    for mode in ("ansi", "rgb_array"):
+        assert parallel_env(render_mode=mode).render() is not None
