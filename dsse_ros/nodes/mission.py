@@ -13,6 +13,9 @@ from dsse_ros.nodes.commands import Cell, CommandBuffer
 from dsse_ros.search import HOLD, SearchEnv
 from msg_adapters.result import Rejected
 
+END_NS = 2**31 * 10**9
+"""Mission time that no longer fits a message's stamp."""
+
 
 @dataclass(frozen=True)
 class StepResult:
@@ -63,14 +66,16 @@ class Mission:
         self.not_found = 1.0
         self.aborted = False
         self.tracks: list[list[Cell]] = []
-        self._step_ns = round(env.scenario.step_duration_s * 1e9)
+        self._step_ns = max(round(env.scenario.step_duration_s * 1e9), 1)
         self._stamp_ns = -self._step_ns
         self._search = env.rules.actions.index("search")
         self.result = self.reset(seed)
 
     def reset(self, seed: int) -> StepResult:
-        """Start a new mission; mission time goes on."""
+        """Start a new mission; mission time goes on, or starts anew every 34 years."""
         self.env.reset(seed=seed)
+        if self._stamp_ns > END_NS // 2:
+            self._stamp_ns = -self._step_ns
         self.seed = seed
         self.number += 1
         self.not_found = 1.0
@@ -85,12 +90,17 @@ class Mission:
     @property
     def over(self) -> bool:
         """Whether no step can be done before a reset."""
-        return self.aborted or not self.env.agents
+        return self.aborted or not self.env.agents or self._stamp_ns + self._step_ns >= END_NS
 
     @property
     def live(self) -> list[int]:
         """The drones in flight."""
         return [int(i) for i in np.flatnonzero(self.env.world.drones["alive"][0])]
+
+    @property
+    def probability_of_success(self) -> float:
+        """The cumulative probability that the searches so far would have found the person."""
+        return 1.0 - self.not_found
 
     @property
     def missing(self) -> list[int]:
@@ -131,7 +141,7 @@ class Mission:
     def _probabilities(self) -> NDArray[np.float64]:
         """Return the probability of each drone's cell, 0 outside the grid."""
         cells, grid = self.result.cells, self.env.world.grid_size
-        inside = ((cells >= 0) & (cells < grid)).all(axis=1)
+        inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < grid), axis=1)
         col, row = np.where(inside[:, None], cells, 0).T
         return np.where(inside, self.env.probability[row, col], 0.0).astype(float)
 

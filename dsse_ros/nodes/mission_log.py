@@ -67,7 +67,7 @@ class MissionLog:
                         repr(float(result.rewards[i])),
                         *(int(flag[i]) for flag in flags),
                         repr(float(result.probabilities[i])),
-                        repr(1.0 - mission.not_found),
+                        repr(mission.probability_of_success),
                     )  # fmt: skip
                 )
             else:

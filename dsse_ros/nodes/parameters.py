@@ -30,11 +30,16 @@ _TYPES = {
     "names": Parameter.Type.STRING_ARRAY,
 }
 
+QOS_PREFIX = "qos_overrides."
+"""Opens the names of the parameters that override the QoS of a topic."""
+
 _OF_ROS = ("use_sim_time", "start_type_description_service")
+# rclpy's own subscription when use_sim_time is set.
+_CLOCK_PREFIX = f"{QOS_PREFIX}/clock.subscription."
 
 
-def take_overrides(node: Node, known: Collection[str]) -> dict[str, Any]:
-    """Return the parameters a node was started with, by name, and undeclare them.
+def take_overrides(node: Node, known: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the fields and the QoS overrides a node was started with; they are undeclared.
 
     The node must have been made with `automatically_declare_parameters_from_overrides`, so that
     values of any type arrive here and are judged in one place.
@@ -43,14 +48,15 @@ def take_overrides(node: Node, known: Collection[str]) -> dict[str, Any]:
         FieldError: If a name is not known.
     """
     given = {
-        name: parameter.value
-        for name, parameter in node.get_parameters_by_prefix("").items()
-        if name not in _OF_ROS and not name.startswith("qos_overrides.")
+        name: node.get_parameter(name).value
+        for name in node.get_parameters_by_prefix("")
+        if name not in _OF_ROS and not name.startswith(_CLOCK_PREFIX)
     }
-    check_known(f"the parameters of {node.get_name()}", given, sorted(known))
     for name in given:
         node.undeclare_parameter(name)
-    return given
+    qos = {name: given.pop(name) for name in list(given) if name.startswith(QOS_PREFIX)}
+    check_known(f"the parameters of {node.get_name()}", given, sorted(known))
+    return given, qos
 
 
 def from_ros(spec: Spec, value: Any) -> Any:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -10,14 +11,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.parameters import declare, take_overrides
-from dsse_ros.nodes.qos import LATCHED, RELIABLE
-from dsse_ros.nodes.runtime import run_node
+from dsse_ros.nodes.qos import LATCHED, RELIABLE, Endpoints
+from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import Planner, make_planner
 from dsse_ros.search import HOLD
@@ -29,7 +28,7 @@ from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
 
-class PlannerNode(Node):
+class PlannerNode(AlarmNode):
     """Answers every step with a joint action.
 
     A step is answered when its report and its map are both here, which their common stamp tells.
@@ -40,9 +39,10 @@ class PlannerNode(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__("dsse_planner", automatically_declare_parameters_from_overrides=True)
+        super().__init__("dsse_planner")
         known = specs(PlannerSettings)
-        self.settings = PlannerSettings(**take_overrides(self, known))
+        given, qos = take_overrides(self, known)
+        self.settings = PlannerSettings(**given)
         declare(self, known, vars(self.settings))
         self._info: AgentsInfo | None = None
         self._map: tuple[int, NDArray[np.float32]] | None = None
@@ -50,28 +50,30 @@ class PlannerNode(Node):
         self._planner: Planner | None = None
         self._answered: tuple[int, int] | None = None  # (stamp, step)
         self._answer: Int32MultiArray | None = None
-        self._publisher = self.create_publisher(Int32MultiArray, "joint_action", RELIABLE)
+        endpoints = Endpoints(self, qos)
+        self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", RELIABLE)
         for kind, topic, read in (
             (String, "agents", self._on_agents),
             (Image, "probability", self._on_map),
             (PointCloud2, "step_report", self._on_report),
         ):
-            self.create_subscription(kind, topic, partial(self._on, topic, read), LATCHED)
+            endpoints.subscription(kind, topic, partial(self._on, topic, read), LATCHED)
+        endpoints.check_all_used()
         # A command that was lost would stop a lockstep mission for good.
-        self.create_timer(
-            self.settings.resend_period, self._resend, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._resend_alarm = self.alarms.make(self._send)
 
     def _on(self, topic: str, read: Callable[[Any], None], message: Any) -> None:
         try:
             read(message)
+            self._plan()
         except ValueError as error:
             self.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
-            return
-        self._plan()
 
     def _on_agents(self, message: String) -> None:
-        self._info = agents_from_message(message)
+        before, self._info = self._info, agents_from_message(message)
+        if before is not None and _search_of(before) != _search_of(self._info):
+            # Another simulation has taken over; its first step may have come before this.
+            self._answered = None
 
     def _on_map(self, message: Image) -> None:
         self._map = (to_nanoseconds(message.header.stamp), image_to_probability(message))
@@ -82,11 +84,18 @@ class PlannerNode(Node):
             self._report = (to_nanoseconds(message.header.stamp), report)
 
     def _plan(self) -> None:
+        """Answer the step if it is not answered yet and all about it is here.
+
+        Raises:
+            ValueError: If no planner can be made for these actions.
+        """
         if self._info is None or self._map is None or self._report is None:
             return
         (stamp, report), (map_stamp, probability) = self._report, self._map
         step = int(report["step"][0])
         if stamp != map_stamp or (stamp, step) == self._answered:
+            return
+        if not _fits(self._info, report, probability):
             return
         live = ~((report["terminated"] | report["truncated"]).astype(bool))
         if self._planner is None or self._answered is None or step <= self._answered[1]:
@@ -94,9 +103,10 @@ class PlannerNode(Node):
             self._planner = make_planner(settings.planner, self._info.actions, seed=settings.seed)
         self._answered = (stamp, step)
         self._answer = None
+        self._resend_alarm.cancel()
         if not live.any():
             return
-        agents = {name: i for i, name in enumerate(self._info.agents) if i < len(live) and live[i]}
+        agents = {name: i for i, name in enumerate(self._info.agents) if live[i]}
         cells = np.stack([report["col"], report["row"]], axis=1).astype(np.int64)
         masks = report["action_mask"].astype(np.int8)
         actions = self._planner(
@@ -107,11 +117,26 @@ class PlannerNode(Node):
         for name, action in actions.items():
             joint[agents[name]] = int(action)
         self._answer = joint_action_message(step, joint)
-        self._publisher.publish(self._answer)
+        self._send()
 
-    def _resend(self) -> None:
+    def _send(self) -> None:
         if self._answer is not None:
             self._publisher.publish(self._answer)
+            self._resend_alarm.set(self.settings.resend_period)
+
+
+def _search_of(info: AgentsInfo) -> AgentsInfo:
+    """Return what stays the same from mission to mission."""
+    return dataclasses.replace(info, mission=0, seed=None)
+
+
+def _fits(info: AgentsInfo, report: NDArray[Any], probability: NDArray[np.float32]) -> bool:
+    """Return whether all three can be of the same search."""
+    return (
+        len(report) == len(info.agents)
+        and report["action_mask"].shape[1] == len(info.actions)
+        and probability.shape == (info.grid_size, info.grid_size)
+    )
 
 
 def main(argv: list[str] | None = None) -> int:

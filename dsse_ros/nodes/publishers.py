@@ -10,17 +10,15 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, NavSatFix, PointCloud2
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from dsse_ros.nodes.mission import Mission, StepResult
-from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR
+from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR, Endpoints
 from dsse_ros.search import kernels
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.diagnostics import diagnostic_array
@@ -29,7 +27,15 @@ from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
 from msg_adapters.markers import marker_array
 from msg_adapters.occupancy import occupancy_grid
-from msg_adapters.poses import nav_sat_fix, odometry, path, pose_array, pose_stamped, tf_message
+from msg_adapters.poses import (
+    nav_sat_fix,
+    odometry,
+    path,
+    pose_array,
+    pose_stamped,
+    tf_message,
+    yaw_of,
+)
 from msg_adapters.stamps import clock_message
 from msg_adapters.step_report import make_step_report, step_report_message
 
@@ -47,16 +53,16 @@ class MissionPublishers:
     """The publishers of one mission.
 
     Args:
-        node: Makes the publishers.
+        endpoints: Makes the publishers.
         mission: What is published.
         frame: Where the grid lies.
     """
 
-    def __init__(self, node: Node, mission: Mission, frame: GridFrame) -> None:
-        self._node = node
+    def __init__(self, endpoints: Endpoints, mission: Mission, frame: GridFrame) -> None:
         self._mission = mission
         self._frame = frame
         self._names = mission.env.possible_agents
+        self._publisher = endpoints.publisher
         self._grid = self._publisher(OccupancyGrid, "probability_grid", LATCHED)
         self._image = self._publisher(Image, "probability", LATCHED)
         self._drones = self._publisher(PoseArray, "drones", LATCHED)
@@ -72,13 +78,13 @@ class MissionPublishers:
         transform = tf_type()
         self._tf = transform and self._publisher(transform, "/tf", RELIABLE)
         self._before = self._cells = mission.result.cells
-        # What a listener of path and markers has last seen: (stamp, listeners).
-        self._seen: dict[Publisher, tuple[int, int]] = {}
-
-    def _publisher(self, kind: Any, topic: str, qos: QoSProfile) -> Publisher:
-        return self._node.create_publisher(
-            kind, topic, qos, qos_overriding_options=QoSOverridingOptions.with_default_policies()
-        )
+        # What a listener of path and markers has last seen.
+        self._seen: dict[Publisher, tuple[int, ...]] = {}
+        # Filled anew each step: to make these takes as long as to publish them.
+        self._pose_array = PoseArray()
+        self._pose_of = [PoseStamped() for _ in self._names]
+        self._odom_of = [Odometry() for _ in self._names]
+        self._fix_of = [NavSatFix() for _ in self._names]
 
     def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
         return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
@@ -106,15 +112,20 @@ class MissionPublishers:
         """Publish the mission time."""
         self._clock.publish(clock_message(nanoseconds))
 
+    def publish_grid(self, stamp: Time, grid_scaling: str) -> None:
+        """Publish the map for people."""
+        probability = self._mission.env.probability
+        self._grid.publish(occupancy_grid(self._frame, probability, stamp, grid_scaling))
+
     def publish_step(self, result: StepResult, stamp: Time, grid_scaling: str) -> None:
         """Publish a step, all messages with the same stamp; the step report goes last."""
         frame, env = self._frame, self._mission.env
-        probability = env.probability
-        self._grid.publish(occupancy_grid(frame, probability, stamp, grid_scaling))
-        self._image.publish(probability_image(frame, probability, stamp))
-        for publisher, cell in zip(self._poses, result.cells.tolist(), strict=True):
-            publisher.publish(pose_stamped(frame, cell, stamp))
-        self._drones.publish(pose_array(frame, result.cells, stamp))
+        self.publish_grid(stamp, grid_scaling)
+        self._image.publish(probability_image(frame, env.probability, stamp))
+        cells = result.cells.tolist()
+        for publisher, cell, message in zip(self._poses, cells, self._pose_of, strict=True):
+            publisher.publish(pose_stamped(frame, cell, stamp, message))
+        self._drones.publish(pose_array(frame, result.cells, stamp, self._pose_array))
         self._publish_fixes(result, stamp)
         self._before = self._cells if result.step else result.cells
         self._cells = result.cells
@@ -133,44 +144,49 @@ class MissionPublishers:
         self._report.publish(step_report_message(frame, report, stamp))
 
     def _publish_fixes(self, result: StepResult, stamp: Time) -> None:
-        cells = result.cells.tolist()
-        for publisher, name, cell in zip(self._fixes, self._names, cells, strict=True):
-            if publisher.get_subscription_count():
-                publisher.publish(
-                    nav_sat_fix(self._frame, *cell_fix(self._frame, *cell), stamp, name)
-                )
+        for i, cell in enumerate(result.cells.tolist()):
+            if self._fixes[i].get_subscription_count():
+                fix = cell_fix(self._frame, *cell)
+                message = nav_sat_fix(self._frame, *fix, stamp, self._names[i], self._fix_of[i])
+                self._fixes[i].publish(message)
 
-    def publish_odometry(self, stamp: Time, fraction: float) -> None:
+    def publish_odometry(self, stamp: Time, share: float) -> None:
         """Publish odometry and transforms of drones on the way to the cells of the last step.
 
         Args:
             stamp: Time of the messages.
-            fraction: Share of the way done; at 1 they stand in their cells.
+            share: Share of the way done; at 1 they stand in their cells.
         """
+        heard = [i for i, odom in enumerate(self._odoms) if odom.get_subscription_count()]
+        if not heard and self._tf is None:
+            return
         way = self._cells - self._before
-        cells = self._before + fraction * way
+        cells = self._before + share * way
         duration = self._mission.env.scenario.step_duration_s
-        speed = self._frame.cell_size_m / duration if fraction < 1 else 0.0
-        for i, publisher in enumerate(self._odoms):
-            if publisher.get_subscription_count():
-                velocity = (float(way[i, 0]) * speed, -float(way[i, 1]) * speed)
-                name, (col, row) = self._names[i], cells[i].tolist()
-                publisher.publish(odometry(self._frame, name, col, row, velocity, stamp))
+        speed = self._frame.cell_size_m / duration if share < 1 else 0.0
+        velocities = [(dx * speed, -dy * speed) for dx, dy in way.tolist()]
+        for i in heard:
+            col, row = cells[i].tolist()
+            message = odometry(
+                self._frame, self._names[i], col, row, velocities[i], stamp, self._odom_of[i]
+            )
+            self._odoms[i].publish(message)
         if self._tf is not None:
-            self._tf.publish(tf_message(self._frame, cells, self._names, stamp))
+            yaws = [yaw_of(velocity) for velocity in velocities]
+            self._tf.publish(tf_message(self._frame, cells, self._names, stamp, yaws))
 
     def publish_history(self, result: StepResult, stamp: Time, reveal_person: bool) -> None:
         """Publish tracks and markers to listeners who have not seen them as they are now."""
         for publisher, track in zip(self._paths, self._mission.tracks, strict=True):
             if self._is_news(publisher, result.stamp_ns):
                 publisher.publish(path(self._frame, track, stamp))
-        if self._is_news(self._markers, result.stamp_ns):
+        if self._is_news(self._markers, result.stamp_ns, reveal_person):
             self._markers.publish(self._marker_array(result, stamp, reveal_person))
 
-    def _is_news(self, publisher: Publisher, stamp_ns: int) -> bool:
+    def _is_news(self, publisher: Publisher, *state: int) -> bool:
         listeners = publisher.get_subscription_count()
-        news = listeners > 0 and self._seen.get(publisher) != (stamp_ns, listeners)
-        self._seen[publisher] = (stamp_ns, listeners)
+        news = listeners > 0 and self._seen.get(publisher) != (listeners, *state)
+        self._seen[publisher] = (listeners, *state)
         return news
 
     def _marker_array(self, result: StepResult, stamp: Time, reveal_person: bool) -> MarkerArray:
@@ -192,10 +208,9 @@ class MissionPublishers:
         )
 
     def publish_diagnostics(
-        self, stamp: Time, level: bytes, message: str, values: dict[str, object]
+        self, stamp: Time, name: str, level: bytes, message: str, values: dict[str, object]
     ) -> None:
-        """Publish the node's health."""
-        name = self._node.get_fully_qualified_name().lstrip("/")
+        """Publish the health of the node of this name."""
         self._diagnostics.publish(
             diagnostic_array(
                 stamp,

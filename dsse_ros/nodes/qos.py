@@ -1,7 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quality of service of the topics; every one of them can be overridden by parameters."""
+"""Quality of service of the topics, and its overrides by parameters."""
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_sensor_data,
+)
+from rclpy.subscription import Subscription
+
+from dsse_ros.nodes.parameters import QOS_PREFIX, declare
+from dsse_ros.search.fields import FieldError, Spec, check_known
 
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
@@ -13,3 +30,84 @@ RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 SENSOR = qos_profile_sensor_data
 """Fixes: fresh rather than complete."""
+
+_POLICIES: dict[str, tuple[Spec, Callable[[Any], Any]]] = {
+    "history": (
+        Spec("str", "Which messages are kept.", choices=("keep_last", "keep_all")),
+        lambda value: HistoryPolicy[value.upper()],
+    ),
+    "depth": (Spec("int", "Messages kept.", "messages", low=1, high=10**6), int),
+    "reliability": (
+        Spec("str", "Whether lost messages are sent again.", choices=("reliable", "best_effort")),
+        lambda value: ReliabilityPolicy[value.upper()],
+    ),
+    "durability": (
+        Spec(
+            "str", "Whether late listeners get messages.", choices=("transient_local", "volatile")
+        ),
+        lambda value: DurabilityPolicy[value.upper()],
+    ),
+}
+
+
+class Endpoints:
+    """Makes the publishers and subscriptions of a node, with the QoS that its parameters ask for.
+
+    The parameters have the names that ROS 2 gives them everywhere,
+    `qos_overrides.<resolved topic>.<publisher or subscription>.<policy>`, with the policies
+    history, depth, reliability and durability. Only those given are declared: all of them would be
+    thousands for a hundred drones.
+
+    Args:
+        node: Makes the endpoints.
+        given: The overrides the node was started with, by name.
+    """
+
+    def __init__(self, node: Node, given: Mapping[str, Any]) -> None:
+        self._node = node
+        self._given = dict(given)
+
+    def publisher(self, kind: Any, topic: str, qos: QoSProfile) -> Publisher:
+        """Return a publisher.
+
+        Raises:
+            FieldError: If an override of its QoS is not allowed.
+        """
+        return self._node.create_publisher(kind, topic, self._profile("publisher", topic, qos))
+
+    def subscription(
+        self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile
+    ) -> Subscription:
+        """Return a subscription.
+
+        Raises:
+            FieldError: If an override of its QoS is not allowed.
+        """
+        return self._node.create_subscription(
+            kind, topic, callback, self._profile("subscription", topic, qos)
+        )
+
+    def check_all_used(self) -> None:
+        """Raise if an override is of no endpoint.
+
+        Raises:
+            FieldError: If there is one.
+        """
+        for name in self._given:
+            raise FieldError(f"{name} is of no topic of {self._node.get_name()}")
+
+    def _profile(self, entity: str, topic: str, qos: QoSProfile) -> QoSProfile:
+        prefix = f"{QOS_PREFIX}{self._node.resolve_topic_name(topic)}.{entity}."
+        names = [name for name in self._given if name.startswith(prefix)]
+        if not names:
+            return qos
+        policies = {name.removeprefix(prefix): self._given.pop(name) for name in names}
+        check_known(prefix.rstrip("."), policies, _POLICIES)
+        specs = {prefix + policy: _POLICIES[policy][0] for policy in policies}
+        values = {
+            prefix + policy: specs[prefix + policy].check(prefix + policy, value)
+            for policy, value in policies.items()
+        }
+        declare(self._node, specs, values)
+        changed = {policy: _POLICIES[policy][1](values[prefix + policy]) for policy in policies}
+        return QoSProfile(**{policy: getattr(qos, policy) for policy in _POLICIES} | changed)

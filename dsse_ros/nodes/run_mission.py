@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import rclpy
@@ -28,9 +29,11 @@ from tqdm import tqdm
 
 from dsse_ros.nodes.mission_log import MissionRecord, read_log
 from dsse_ros.nodes.qos import LATCHED
-from dsse_ros.nodes.runtime import fail, new_executor
+from dsse_ros.nodes.runtime import BAD_INPUT, fail, new_executor
+from dsse_ros.nodes.settings import SimSettings
 from dsse_ros.planners import PLANNERS
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
+from dsse_ros.search.fields import specs
 from dsse_ros.search.rendering import MissionView, save_picture
 from msg_adapters.images import image_to_probability
 from msg_adapters.stamps import to_nanoseconds
@@ -138,7 +141,9 @@ def process(
     """Run a node with these parameters as a process of its own; it is stopped at the end."""
     command = [sys.executable, "-m", f"dsse_ros.nodes.{module}", "--ros-args"]
     for name, value in parameters.items():
-        command += ["-p", f"{name}:={value}"]
+        # A text is quoted, as what follows := is read as YAML.
+        text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
+        command += ["-p", f"{name}:={text}"]
     with log.open("wb") as output:
         child = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
@@ -156,14 +161,18 @@ def process(
 
 
 def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
-    """Raise if a process has ended, with the last line it wrote.
+    """Raise if a process has ended, with what it said about that.
 
     Raises:
         MissionFailed: If it has.
     """
-    if child.poll() is not None:
-        lines = log.read_text(errors="replace").strip().splitlines()
-        raise MissionFailed(lines[-1] if lines else f"{name} ended with code {child.returncode}")
+    code = child.poll()
+    if code is None:
+        return
+    lines = log.read_text(errors="replace").strip().splitlines()
+    if code == BAD_INPUT and lines:
+        raise MissionFailed(lines[-1])
+    raise MissionFailed(f"{name} ended with code {code}; see {log}")
 
 
 def fly(arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Rules) -> Watcher:
@@ -174,8 +183,8 @@ def fly(arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Ru
     """
     out: Path = arguments.out
     sim = {
-        "scenario": path, "rules": rules.profile, "seed": arguments.seed,
-        "step_rate": float(arguments.rate), "record_file": out / "mission.csv",
+        "scenario": str(path), "rules": rules.profile, "seed": arguments.seed,
+        "step_rate": float(arguments.rate), "record_file": str(out / "mission.csv"),
     }  # fmt: skip
     if arguments.drones is not None:
         sim["num_drones"] = arguments.drones
@@ -201,6 +210,8 @@ def fly(arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Ru
             bar.update(watcher.step - bar.n)
         if time.monotonic() - heard > SILENCE_S:
             raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
+        if watcher.count_publishers("step_report") > 1:
+            raise MissionFailed("another mission is on this ROS_DOMAIN_ID; choose one of your own")
 
     with bar, process("sim_node", sim, sim_log) as sim_process:
         # The planner comes when the watcher is there, so that no step is missed.
@@ -264,9 +275,17 @@ def picture(record: MissionRecord, watcher: Watcher, scenario: Scenario) -> Miss
     )
 
 
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong on one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave the program with that line."""
+        sys.exit(fail(self.prog, message))
+
+
 def parse(argv: list[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="run_mission",
         description="Fly one mission: sim_node and planner_node as two processes.",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
@@ -288,8 +307,10 @@ def main(argv: list[str] | None = None) -> int:
     """Run one mission; returns 0 at its end, found or not, 2 for bad input, 1 if it failed."""
     arguments = parse(argv)
     try:
-        if arguments.seed < 0:
+        checks = specs(SimSettings)
+        if checks["seed"].check("seed", arguments.seed) < 0:
             raise FieldError(f"seed: {arguments.seed} is not allowed; an integer >= 0")
+        checks["step_rate"].check("rate", arguments.rate)
         rules = profile(arguments.rules)
         path = find_scenario(arguments.scenario)
         scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones).resolve(rules)

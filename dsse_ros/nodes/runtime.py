@@ -4,18 +4,36 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from types import FrameType
 
 import rclpy
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    NameValidationException,
+)
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
+from dsse_ros.nodes.alarms import Alarms
 from dsse_ros.search import FieldError
 
 BAD_INPUT = 2
 """Exit code after an input that is not allowed."""
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_LOOK_S = 0.1
+"""Wall time between looks at whether a signal has come."""
+_ELSEWHERE_S = 0.05
+"""Wall time between looks at the alarms in another executor's loop."""
 
 
 def new_executor() -> Executor:
@@ -27,36 +45,59 @@ def new_executor() -> Executor:
     return EventsExecutor()
 
 
-def run_node(name: str, make_node: Callable[[], Node], argv: list[str] | None) -> int:
-    """Make a node, spin it until it is interrupted, and return the process's exit code.
+class AlarmNode(Node):
+    """A node with alarms instead of timers.
+
+    The EventsExecutor of rclpy 7.1 to 9.1 calls a timer that is due once more for each reset of any
+    other one. `run_node` rings alarms when they are due, any other executor some time later.
+
+    Args:
+        name: Name of the node.
+
+    Attributes:
+        alarms: In seconds of wall time.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        self.alarms = Alarms(time.monotonic)
+        self.create_timer(
+            _ELSEWHERE_S, self.alarms.ring, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+
+def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | None) -> int:
+    """Make a node, spin it until SIGINT or SIGTERM, and return the process's exit code.
+
+    The process is taken to end soon after: from then on it ignores both signals.
 
     Args:
         name: Opens the line that says what is wrong.
         make_node: Makes the node; may raise FieldError.
         argv: Command line without the program's name, by default the process's own.
     """
-    node: Node | None = None
+    node: AlarmNode | None = None
+    stop = _Stop()
     try:
-        rclpy.init(args=None if argv is None else [name, *argv])
-        node = make_node()
+        _on_signals(signal.default_int_handler)
+        with _as_field_error():
+            _init([name, *(sys.argv[1:] if argv is None else argv)])
+            node = make_node()
         executor = new_executor()
         executor.add_node(node)
+        # A node is left between two callbacks only, so none of them meets a context that is gone.
+        _on_signals(stop)
         # EventsExecutor.spin() of rclpy 7.1 burns a whole core once a timer exists.
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=1.0)
-    except (FieldError, InvalidParameterTypeException, InvalidParameterValueException) as error:
+        while rclpy.ok() and not stop.wanted:
+            executor.spin_once(timeout_sec=min(node.alarms.wait_s(), _LOOK_S))
+            node.alarms.ring()
+    except FieldError as error:
         return fail(name, error)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except rclpy.exceptions.ROSInterruptException:
-        pass
-    except Exception as error:
-        if type(error).__name__ in ("RCLInvalidROSArgsError", "UnknownROSArgsError", "RCLError"):
-            return fail(name, error)
-        raise
     finally:
-        # A second interrupt or a context that is gone already must not hide the exit code.
-        with contextlib.suppress(KeyboardInterrupt, Exception):
+        _on_signals(stop)
+        with contextlib.suppress(Exception):
             if node is not None:
                 node.destroy_node()
             rclpy.try_shutdown()
@@ -67,3 +108,69 @@ def fail(name: str, error: object) -> int:
     """Print what is wrong on one line and return the exit code for it."""
     print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
     return BAD_INPUT
+
+
+class _Stop:
+    """Handler of signals that only notes that one has come."""
+
+    wanted = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.wanted = True
+
+
+def _on_signals(handler: Callable[[int, FrameType | None], object]) -> None:
+    for number in _SIGNALS:
+        signal.signal(number, handler)
+
+
+def _init(arguments: list[str]) -> None:
+    """Start rclpy without its signal handlers, which end the context in the midst of a callback.
+
+    Raises:
+        FieldError: If an argument is none of ROS's.
+    """
+    with _silent_rcl():
+        rest = remove_ros_args(arguments)[1:]
+        if rest:
+            raise FieldError(
+                f"{rest[0]!r} is no argument; parameters are given as --ros-args -p name:=value"
+            )
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+
+
+@contextlib.contextmanager
+def _as_field_error() -> Iterator[None]:
+    """Raise what rclpy raises for bad input as FieldError.
+
+    Raises:
+        FieldError: If rclpy refuses an argument, a name or a value.
+    """
+    try:
+        yield
+    except (
+        InvalidParameterTypeException,
+        InvalidParameterValueException,
+        NameValidationException,
+    ) as error:
+        raise FieldError(str(error)) from None
+    except Exception as error:
+        # Their classes are not public, and not in the same place in every ROS 2.
+        match type(error).__name__:
+            case "UnknownROSArgsError":
+                raise FieldError(f"unknown ROS arguments: {error}") from None
+            case "RCLError" | "RCLInvalidROSArgsError":
+                raise FieldError(str(error)) from None
+        raise
+
+
+@contextlib.contextmanager
+def _silent_rcl() -> Iterator[None]:
+    """Keep rcl from logging a line about what it also raises."""
+    set_logger_level("rcl", LoggingSeverity.FATAL)
+    try:
+        yield
+    finally:
+        # Unless the command line has given it a level.
+        if get_logger_level("rcl") == LoggingSeverity.FATAL:
+            set_logger_level("rcl", LoggingSeverity.UNSET)

@@ -19,21 +19,18 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetMap
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.timer import Timer
 from std_msgs.msg import Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.nodes import simulation_interfaces
 from dsse_ros.nodes.mission import Mission
 from dsse_ros.nodes.mission_log import MissionLog
+from dsse_ros.nodes.pace import Pace
 from dsse_ros.nodes.parameters import check_changes, declare, from_ros, take_overrides
 from dsse_ros.nodes.publishers import MissionPublishers
-from dsse_ros.nodes.qos import RELIABLE
-from dsse_ros.nodes.runtime import run_node
+from dsse_ros.nodes.qos import RELIABLE, Endpoints
+from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
 from dsse_ros.search import Scenario, SearchEnv, profile
 from dsse_ros.search.fields import specs
@@ -60,11 +57,16 @@ RULES_SPECS = {
 }
 SETTINGS_SPECS = specs(SimSettings)
 
+# Settings that the alarms depend on.
+_OF_PACE = {"step_mode", "step_rate", "real_time_factor", "odom_rate", "command_timeout"}
+
 HISTORY_PERIOD_S = 0.5
 DIAGNOSTICS_PERIOD_S = 1.0
+REFUSAL_PERIOD_S = 1.0
+"""Wall time in which the log names a kind of refusal once."""
 
 
-class SimNode(Node):
+class SimNode(AlarmNode):
     """The search as a ROS 2 node; see the README for its topics, services and parameters.
 
     Raises:
@@ -72,9 +74,8 @@ class SimNode(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__("dsse_sim", automatically_declare_parameters_from_overrides=True)
-        self.settings, env = self._read_parameters()
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        super().__init__("dsse_sim")
+        self.settings, env, endpoints = self._read_parameters()
         scenario = env.scenario
         assert scenario.grid_size and scenario.cell_size
         self.frame = GridFrame(
@@ -90,29 +91,31 @@ class SimNode(Node):
         self.log = (
             MissionLog(self.settings.record_file, self.frame) if self.settings.record_file else None
         )
-        self.publishers_ = MissionPublishers(self, self.mission, self.frame)
+        self.publishers_ = MissionPublishers(endpoints, self.mission, self.frame)
         self.paused = False
         self.rejected: Counter[str] = Counter()
         self.timeouts = 0
-        self._next_step_s = 0.0
-        self._step_started_s = 0.0
+        self._told: dict[str, float] = {}
+        self._pace = Pace()
+        self._pace.set_period(time.monotonic(), self._period_s())
         self._vehicles: dict[int, tuple[int, int] | None] = {}
-        self._subscribe()
+        self._subscribe(endpoints)
+        endpoints.check_all_used()
         self._serve()
-        self._step_timer = self._timer(1.0, self._on_step_timer, autostart=False)
-        self._timeout_timer = self._timer(1.0, self._on_timeout, autostart=False)
-        self._odom_timer = self._timer(1.0, self._on_odom_timer, autostart=False)
-        self._timer(HISTORY_PERIOD_S, self._publish_history)
-        self._timer(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
+        self._step_alarm = self.alarms.make(self._on_step_alarm)
+        self._timeout_alarm = self.alarms.make(self._on_timeout)
+        self._odom_alarm = self.alarms.make(self._publish_odometry)
+        self.alarms.make(self._publish_history).repeat(HISTORY_PERIOD_S)
+        self.alarms.make(self._publish_diagnostics).repeat(DIAGNOSTICS_PERIOD_S)
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._on_changed)
         self._publish_start()
 
     # Parameters
 
-    def _read_parameters(self) -> tuple[SimSettings, SearchEnv]:
+    def _read_parameters(self) -> tuple[SimSettings, SearchEnv, Endpoints]:
         known = {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
-        given = take_overrides(self, known)
+        given, qos = take_overrides(self, known)
         given = {name: from_ros(known[name], value) for name, value in given.items()}
 
         def of(part: dict[str, Any]) -> dict[str, Any]:
@@ -125,7 +128,7 @@ class SimNode(Node):
         declare(self, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
         declare(self, SCENARIO_SPECS, vars(env.scenario))
         declare(self, RULES_SPECS, vars(rules))
-        return settings, env
+        return settings, env, Endpoints(self, qos)
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
         return check_changes(SETTINGS_SPECS, parameters)[0]
@@ -133,25 +136,17 @@ class SimNode(Node):
     def _on_changed(self, parameters: list[Parameter]) -> None:
         _, changes = check_changes(SETTINGS_SPECS, parameters)
         self.settings = dataclasses.replace(self.settings, **changes)
-        if changes.keys() & {
-            "step_mode", "step_rate", "real_time_factor", "odom_rate", "command_timeout"
-        }:  # fmt: skip
+        if changes.keys() & _OF_PACE:
+            self._pace.set_period(time.monotonic(), self._period_s())
             self._arm()
+        if "grid_scaling" in changes:
+            self.publishers_.publish_grid(self.stamp(), self.settings.grid_scaling)
 
     # Wiring
 
-    def _timer(self, period_s: float, callback: Callable[[], None], **options: Any) -> Timer:
-        return self.create_timer(period_s, callback, clock=self._steady, **options)
-
-    def _subscribe(self) -> None:
+    def _subscribe(self, endpoints: Endpoints) -> None:
         def subscribe(kind: Any, topic: str, callback: Callable[[Any], None]) -> None:
-            self.create_subscription(
-                kind,
-                topic,
-                callback,
-                RELIABLE,
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-            )
+            endpoints.subscription(kind, topic, callback, RELIABLE)
 
         subscribe(Int32MultiArray, "joint_action", self._on_joint_action)
         for i, name in enumerate(self.mission.env.possible_agents):
@@ -192,6 +187,11 @@ class SimNode(Node):
         self._publish_start()
 
     def _publish_start(self) -> None:
+        mission = self.mission
+        self.get_logger().info(
+            f"mission {mission.number}: {len(mission.tracks)} drones on {self.frame.grid_size} x "
+            f"{self.frame.grid_size} cells, rules {mission.env.rules.profile}, seed {mission.seed}"
+        )
         self._vehicles.clear()
         self.publishers_.publish_agents()
         self._publish()
@@ -200,26 +200,53 @@ class SimNode(Node):
         """Do one step now; drones without a command follow `missing_action`."""
         self.mission.advance(self.settings.missing_action)
         self._publish()
-        if self.mission.over and self.settings.auto_reset:
-            self.reset(self.mission.seed + 1)
+        if self.mission.over:
+            self.get_logger().info(
+                f"mission {self.mission.number} over after {self.mission.result.step} steps"
+            )
+            if self.settings.auto_reset:
+                self.reset(self.mission.seed + 1)
+
+    def try_step(self) -> str:
+        """Do one step if nothing speaks against it; returns what does, or nothing."""
+        refused = self.mission.refuse()
+        if refused is not None:
+            return refused.reason
+        if self.settings.missing_action == "abort" and (missing := self.mission.missing):
+            return f"no command from {self._names(missing)}"
+        self.step()
+        return ""
 
     def _publish(self) -> None:
-        result, stamp = self.mission.result, self.stamp()
-        if self.log is not None:
-            self.log.write(self.mission, result)
-        if self.settings.publish_clock:
+        result, stamp, settings = self.mission.result, self.stamp(), self.settings
+        self._record()
+        if settings.publish_clock:
             self.publishers_.publish_clock(result.stamp_ns)
-        self._step_started_s = time.monotonic()
-        self.publishers_.publish_step(result, stamp, self.settings.grid_scaling)
-        if self.settings.step_mode != "realtime":
-            self.publishers_.publish_odometry(stamp, 1.0)
+        in_flight = settings.step_mode == "realtime" and not self.mission.over
+        self._pace.begin(time.monotonic(), on_schedule=in_flight)
+        self.publishers_.publish_step(result, stamp, settings.grid_scaling)
+        self.publishers_.publish_odometry(stamp, 0.0 if in_flight else 1.0)
         self._arm()
+
+    def _record(self) -> None:
+        if self.log is None:
+            return
+        try:
+            self.log.write(self.mission, self.mission.result)
+        except OSError as error:
+            self.get_logger().error(
+                f"record_file: {self.settings.record_file!r}: {error.strerror}; "
+                "the rest of the mission is not recorded"
+            )
+            self.log = None
 
     # Barrier
 
     def _period_s(self) -> float:
         """Return the wall time between steps: exact in real time, the least in lockstep."""
         settings = self.settings
+        if settings.step_mode == "manual":
+            return 0.0
         if settings.step_rate > 0:
             return 1.0 / settings.step_rate
         if settings.step_mode == "realtime":
@@ -227,25 +254,22 @@ class SimNode(Node):
         return 0.0
 
     def _arm(self) -> None:
-        """Set the timers for the next step."""
-        for timer in (self._step_timer, self._timeout_timer, self._odom_timer):
-            timer.cancel()
+        """Set the alarms for the next step."""
         settings = self.settings
-        self._next_step_s = self._step_started_s + self._period_s()
-        if settings.step_mode == "realtime":
-            self._start(self._odom_timer, 1.0 / settings.odom_rate)
-            if not self.mission.over:
-                self._start(self._step_timer, self._next_step_s - time.monotonic())
-        elif settings.step_mode == "lockstep" and not self.mission.over:
+        mode = settings.step_mode if not self.paused and not self.mission.over else "manual"
+        self._step_alarm.cancel()
+        self._timeout_alarm.cancel()
+        if mode == "realtime":
+            self._step_alarm.set(self._pace.left_s(time.monotonic()))
+            # It goes on from step to step, or it would never ring at a high step_rate.
+            self._odom_alarm.repeat(1.0 / settings.odom_rate)
+            return
+        self._odom_alarm.cancel()
+        if mode == "lockstep":
             if settings.command_timeout > 0:
-                self._start(self._timeout_timer, settings.command_timeout)
+                self._timeout_alarm.set(settings.command_timeout)
             if self._ready():
-                self._start(self._step_timer, self._next_step_s - time.monotonic())
-
-    @staticmethod
-    def _start(timer: Timer, period_s: float) -> None:
-        timer.timer_period_ns = max(int(period_s * 1e9), 1)
-        timer.reset()
+                self._step_alarm.set(self._pace.left_s(time.monotonic()))
 
     def _ready(self) -> bool:
         """Return whether every live drone has commanded and every vehicle has arrived."""
@@ -267,39 +291,36 @@ class SimNode(Node):
     def _step_when_ready(self) -> None:
         if not self._ready():
             return
-        wait_s = self._next_step_s - time.monotonic()
-        if wait_s > 0:
-            self._start(self._step_timer, wait_s)
+        left_s = self._pace.left_s(time.monotonic())
+        if left_s > 0:
+            self._step_alarm.set(left_s)
         else:
             self.step()
 
-    def _on_step_timer(self) -> None:
-        self._step_timer.cancel()
-        if self.settings.step_mode == "lockstep":
+    def _on_step_alarm(self) -> None:
+        if self.settings.step_mode == "realtime":
+            self._step_without_waiting()
+        else:
             self._step_when_ready()
-        elif self.settings.step_mode == "realtime" and not self.mission.over:
-            if self.paused:
-                self._start(self._step_timer, self._period_s())
-            else:
-                self._step_without_waiting()
 
     def _on_timeout(self) -> None:
-        self._timeout_timer.cancel()
-        if self.paused or self.mission.over:
+        if self._ready():
+            # It is step_rate that the step waits for.
             return
         self.timeouts += 1
-        missing = self._names(self.mission.missing)
+        missing = self.mission.missing
+        waited_for = f"no command from {self._names(missing)}" if missing else "vehicles are late"
         self.get_logger().warning(
-            f"no command from {missing} within {self.settings.command_timeout:g} s; "
+            f"{waited_for} within {self.settings.command_timeout:g} s; "
             f"missing_action {self.settings.missing_action}",
             throttle_duration_sec=1.0,
         )
         self._step_without_waiting()
 
     def _step_without_waiting(self) -> None:
-        if self.mission.missing and self.settings.missing_action == "abort":
-            names = self._names(self.mission.missing)
-            self.get_logger().error(f"mission aborted: no command from {names}")
+        missing = self.mission.missing
+        if missing and self.settings.missing_action == "abort":
+            self.get_logger().error(f"mission aborted: no command from {self._names(missing)}")
             self.mission.abort()
             self._arm()
         else:
@@ -318,7 +339,10 @@ class SimNode(Node):
                 return parsed.value
             parsed = refused
         self.rejected[parsed.code] += 1
-        self.get_logger().warning(f"{topic}: {parsed.reason}", throttle_duration_sec=0.2)
+        now_s = time.monotonic()
+        if now_s - self._told.get(parsed.code, -REFUSAL_PERIOD_S) >= REFUSAL_PERIOD_S:
+            self._told[parsed.code] = now_s
+            self.get_logger().warning(f"{topic}: {parsed.reason}")
         return None
 
     def _on_action(self, drone: int, message: Int8) -> None:
@@ -372,16 +396,9 @@ class SimNode(Node):
         return response
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        missing = self.mission.missing
-        refused = self.mission.refuse()
-        if refused is not None:
-            response.success, response.message = False, refused.reason
-        elif missing and self.settings.missing_action == "abort":
-            response.success = False
-            response.message = f"no command from {self._names(missing)}"
-        else:
-            self.step()
-            response.success, response.message = True, f"step {self.mission.result.step}"
+        refusal = self.try_step()
+        response.success = not refusal
+        response.message = refusal or f"step {self.mission.result.step}"
         return response
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
@@ -390,9 +407,10 @@ class SimNode(Node):
         return response
 
     def set_paused(self, paused: bool) -> None:
-        """Hold the mission, or let it go on."""
+        """Hold the mission, or let it go on from where it was."""
         self.paused = paused
-        self._step_when_ready()
+        self._pace.hold(time.monotonic(), paused)
+        self._arm()
 
     def _on_get_map(self, _: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
         probability, scaling = self.mission.env.probability, self.settings.grid_scaling
@@ -416,20 +434,17 @@ class SimNode(Node):
         response.message = f"{len(self.mission.tracks)} tracks in {directory.resolve()}"
         return response
 
-    # Timers
+    # Now and then
 
-    def _on_odom_timer(self) -> None:
-        if self.paused or self.mission.over:
-            return
-        elapsed = time.monotonic() - self._step_started_s
-        fraction = min(elapsed / self._period_s(), 1.0)
-        step_ns = self.mission.env.scenario.step_duration_s * 1e9
-        stamp_ns = self.mission.result.stamp_ns + int(fraction * step_ns)
+    def _publish_odometry(self) -> None:
+        share = self._pace.share(time.monotonic())
         stamp = self.stamp()
         if self.settings.publish_clock:
+            step_ns = self.mission.env.scenario.step_duration_s * 1e9
+            stamp_ns = self.mission.result.stamp_ns + int(share * step_ns)
             stamp = to_stamp(stamp_ns)
             self.publishers_.publish_clock(stamp_ns)
-        self.publishers_.publish_odometry(stamp, fraction)
+        self.publishers_.publish_odometry(stamp, share)
 
     def _publish_history(self) -> None:
         self.publishers_.publish_history(
@@ -456,11 +471,12 @@ class SimNode(Node):
             "drones_in_flight": len(mission.live),
             "missing_drones": self._names(missing),
             "timeouts": self.timeouts,
-            "pos_cumulative": f"{1.0 - mission.not_found:.6f}",
+            "pos_cumulative": f"{mission.probability_of_success:.6f}",
             "rejected": sum(self.rejected.values()),
         }
         values |= {f"rejected.{code}": n for code, n in sorted(self.rejected.items())}
-        self.publishers_.publish_diagnostics(self.stamp(), level, message, values)
+        name = self.get_fully_qualified_name().lstrip("/")
+        self.publishers_.publish_diagnostics(self.stamp(), name, level, message, values)
 
     def destroy_node(self) -> None:
         """Close the log and the node."""

@@ -42,11 +42,14 @@ def serve(node: SimNode) -> bool:
     def step(request: Any, response: Any) -> Any:
         if not node.paused:
             return fail(response, "the simulation is not paused")
+        number = node.mission.number
         for _ in range(int(request.steps)):
-            refused = node.mission.refuse()
-            if refused is not None:
-                return fail(response, refused.reason)
-            node.step()
+            refusal = node.try_step()
+            if refusal:
+                return fail(response, refusal)
+            if node.mission.number != number:
+                # auto_reset: the rest would be steps of another mission.
+                break
         return succeed(response)
 
     def get_state(_: Any, response: Any) -> Any:

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS domain per module, and the profiles of properties."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from rig import ENVIRONMENT, Rig  # noqa: E402
+
+os.environ.update(ENVIRONMENT)
+# The machine may be busy: an example that takes long is no failure.
+settings.register_profile("nodes", deadline=None)
+settings.load_profile("nodes")
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """A domain of its own, in which nodes can be started; they are stopped at the end."""
+    made = Rig(tmp_path_factory.mktemp("rig"))
+    try:
+        yield made
+    finally:
+        made.close()

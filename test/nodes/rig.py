@@ -1,0 +1,456 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes as processes of their own, and the topics and services of a mission as a peer sees them."""
+
+from __future__ import annotations
+
+import array
+import contextlib
+import itertools
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from numpy.typing import NDArray
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Int8, Int32MultiArray, String
+from std_srvs.srv import SetBool, Trigger
+
+from msg_adapters.step_report import step_report_from_message
+
+with warnings.catch_warnings():
+    # ROS 2's own imports, on the first message that is converted.
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import rosidl_generator_py  # noqa: F401
+
+T = TypeVar("T")
+
+TIMEOUT_S = 60.0
+"""Until a test gives up waiting; a first start compiles, and the machine may be busy."""
+
+RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+ALL = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Every report from the last one on: what waits is not overtaken by what comes."""
+
+# By default one that missed the first announcements waits 3 s for the next.
+_PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com">
+  <participant profile_name="quick" is_default_profile="true">
+    <rtps><builtin><discovery_config>
+      <leaseAnnouncement><sec>0</sec><nanosec>200000000</nanosec></leaseAnnouncement>
+    </discovery_config></builtin></rtps>
+  </participant>
+</profiles>
+"""
+
+
+def _environment() -> dict[str, str]:
+    profiles = Path(tempfile.gettempdir()) / f"dsse_ros_test_profiles_{os.getuid()}.xml"
+    profiles.write_text(_PROFILES, encoding="utf-8")
+    return {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_PYTHON_CHECK_FIELDS": "1",
+        "FASTDDS_DEFAULT_PROFILES_FILE": str(profiles),
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profiles),
+    }
+
+
+ENVIRONMENT = _environment()
+"""What the tests and the nodes they start have in common."""
+
+# Domains above 101 take ports that the system gives to anybody.
+_domains = (1 + (os.getpid() * 13 + i) % 101 for i in itertools.count())
+
+
+def free_domain() -> int:
+    """Return a ROS domain that no process of this machine is in."""
+    for domain in itertools.islice(_domains, 101):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                # The port of a domain's first participant (DDSI-RTPS 2.3, 9.6.1.1).
+                probe.bind(("127.0.0.1", 7400 + 250 * domain + 10))
+            except OSError:
+                continue
+            return domain
+    raise RuntimeError("no ROS domain is free")
+
+
+class Process:
+    """A program of the package, started with `python -m`.
+
+    Args:
+        arguments: What follows `python -m`.
+        log: Where its output goes.
+        domain: ROS domain.
+    """
+
+    def __init__(self, arguments: Sequence[str], log: Path, domain: int) -> None:
+        self.log = log
+        with log.open("wb") as output:
+            self.child = subprocess.Popen(
+                [sys.executable, "-m", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=os.environ | ENVIRONMENT | {"ROS_DOMAIN_ID": str(domain)},
+            )
+
+    @property
+    def output(self) -> str:
+        """All that it has written."""
+        return self.log.read_text(errors="replace")
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self.child.poll() is None
+
+    def signal(self, *numbers: signal.Signals) -> None:
+        """Send it signals, if it runs."""
+        for number in numbers:
+            self.child.send_signal(number)
+
+    def wait(self) -> int:
+        """Return its exit code when it has ended."""
+        return self.child.wait(TIMEOUT_S)
+
+    def kill(self) -> None:
+        """End it without asking."""
+        self.child.kill()
+        self.child.wait()
+
+    def stop(self) -> None:
+        """Interrupt it, and hold it to ending in peace."""
+        if self.running:
+            self.signal(signal.SIGINT)
+        try:
+            code = self.wait()
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise
+        assert code == 0, self.output
+        assert "Traceback" not in self.output, self.output
+
+
+class Inbox(list[Any]):
+    """Messages of a topic in the order in which they came."""
+
+    @property
+    def last(self) -> Any:
+        """The last message."""
+        return self[-1]
+
+
+class Rig:
+    """A domain with a peer in it.
+
+    Args:
+        folder: For what the nodes write.
+        domain: To join; by default one of its own.
+    """
+
+    def __init__(self, folder: Path, domain: int | None = None) -> None:
+        self.folder = folder
+        self.domain = free_domain() if domain is None else domain
+        self.context = Context()
+        rclpy.init(args=[], context=self.context, domain_id=self.domain)
+        self.node = rclpy.create_node("peer", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.processes: list[Process] = []
+        self._clients: dict[str, Any] = {}
+        self._publishers: dict[tuple[str, Any], Publisher] = {}
+
+    def close(self) -> None:
+        """Stop everything."""
+        try:
+            for process in self.processes:
+                if process.running:
+                    process.stop()
+        finally:
+            for process in self.processes:
+                if process.running:
+                    process.kill()
+            self.executor.shutdown()
+            self.node.destroy_node()
+            self.context.try_shutdown()
+
+    def start(
+        self, node: str, parameters: Mapping[str, Any] | None = None, *arguments: str
+    ) -> Process:
+        """Start a node of the package; further arguments follow --ros-args."""
+        command = [f"dsse_ros.nodes.{node}", "--ros-args", *arguments]
+        for name, value in (parameters or {}).items():
+            command += ["-p", f"{name}:={json.dumps(value)}"]
+        log = self.folder / f"{len(self.processes)}_{node}.log"
+        process = Process(command, log, self.domain)
+        self.processes.append(process)
+        return process
+
+    def sim(
+        self, parameters: Mapping[str, Any] | None = None, *arguments: str, namespace: str = ""
+    ) -> Sim:
+        """Start a sim_node and wait for its first report."""
+        remaps = ["-r", f"__ns:={namespace}"] if namespace else []
+        process = self.start("sim_node", parameters, *remaps, *arguments)
+        return Sim(self, process, namespace)
+
+    def until(self, condition: Callable[[], T], what: str = "") -> T:
+        """Return the condition's value as soon as it is true.
+
+        Raises:
+            AssertionError: If it is not within `TIMEOUT_S`.
+        """
+        deadline = time.monotonic() + TIMEOUT_S
+        while not (value := condition()):
+            if time.monotonic() > deadline:
+                logs = "\n".join(f"{p.log.name}:\n{p.output}" for p in self.processes)
+                raise AssertionError(f"{what or 'the condition'} within {TIMEOUT_S} s\n{logs}")
+            self.executor.spin_once(timeout_sec=0.02)
+        return value
+
+    def listen(self, kind: Any, topic: str, qos: QoSProfile = RELIABLE) -> Inbox:
+        """Return the messages of a topic as they come."""
+        inbox = Inbox()
+        self.node.create_subscription(kind, topic, inbox.append, qos)
+        return inbox
+
+    @contextlib.contextmanager
+    def listening(self, kind: Any, topic: str, qos: QoSProfile = RELIABLE) -> Iterator[Inbox]:
+        """Listen for a while."""
+        inbox = Inbox()
+        subscription = self.node.create_subscription(kind, topic, inbox.append, qos)
+        try:
+            yield inbox
+        finally:
+            self.node.destroy_subscription(subscription)
+
+    def first(self, kind: Any, topic: str, qos: QoSProfile = LATCHED) -> Any:
+        """Return the first message that one who joins now gets."""
+        with self.listening(kind, topic, qos) as inbox:
+            self.until(lambda: inbox, f"a message on {topic}")
+            return inbox[0]
+
+    def talk(self, kind: Any, topic: str, qos: QoSProfile = RELIABLE) -> Publisher:
+        """Return a publisher that somebody listens to."""
+        publisher = self._publishers.get((topic, kind))
+        if publisher is None:
+            publisher = self.node.create_publisher(kind, topic, qos)
+            self._publishers[topic, kind] = publisher
+        self.until(publisher.get_subscription_count, f"a listener to {topic}")
+        return publisher
+
+    def call(self, kind: Any, service: str, **fields: Any) -> Any:
+        """Return the response of a service."""
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(kind, service)
+        client = self._clients[service]
+        self.until(client.service_is_ready, f"service {service}")
+        future = client.call_async(kind.Request(**fields))
+        self.until(future.done, f"a response of {service}")
+        return future.result()
+
+
+class Sim:
+    """A sim_node as its peers see it.
+
+    Attributes:
+        reports: All step reports since it was started.
+    """
+
+    def __init__(self, rig: Rig, process: Process, namespace: str) -> None:
+        self.rig = rig
+        self.process = process
+        self.namespace = namespace
+        self.reports = rig.listen(PointCloud2, self.topic("step_report"), ALL)
+        rig.until(lambda: self.reports, "the first step report")
+
+    def topic(self, name: str) -> str:
+        """Return a topic of the node."""
+        return f"{self.namespace}/{name}"
+
+    @property
+    def report(self) -> NDArray[Any]:
+        """The last step report, one entry per drone."""
+        return step_report_from_message(self.reports.last)
+
+    @property
+    def step_number(self) -> int:
+        """Steps done."""
+        return int(self.report["step"][0])
+
+    @property
+    def cells(self) -> list[tuple[int, int]]:
+        """Where the drones are, as (col, row)."""
+        return cells(self.report)
+
+    def next_report(self, seen: int) -> NDArray[Any]:
+        """Return the report after the first `seen` ones."""
+        self.rig.until(lambda: len(self.reports) > seen, "a step report")
+        return step_report_from_message(self.reports[seen])
+
+    # Commands
+
+    def talk(self, kind: Any, topic: str) -> Publisher:
+        """Return a publisher to a topic of the node."""
+        return self.rig.talk(kind, self.topic(topic))
+
+    def joint(self, *actions: int, step: int | None = None) -> None:
+        """Command all drones, by default for the step to come."""
+        step = self.step_number if step is None else step
+        publisher = self.talk(Int32MultiArray, "joint_action")
+        publisher.publish(Int32MultiArray(data=array.array("i", [step, *actions])))
+
+    def fly(self, *actions: int) -> NDArray[Any]:
+        """Command all drones and return the report of the step."""
+        seen = len(self.reports)
+        self.joint(*actions)
+        return self.next_report(seen)
+
+    def command(self, drone: int, action: int | str) -> None:
+        """Command one drone, by number or by name."""
+        if isinstance(action, str):
+            self.talk(String, f"drone{drone}/cmd_action_name").publish(String(data=action))
+        else:
+            self.talk(Int8, f"drone{drone}/cmd_action").publish(Int8(data=action))
+
+    # Services
+
+    def call(self, kind: Any, service: str, **fields: Any) -> Any:
+        """Return the response of a service of the node."""
+        return self.rig.call(kind, f"{self.namespace}/dsse_sim/{service}", **fields)
+
+    def trigger(self, service: str) -> tuple[bool, str]:
+        """Return success and message of a Trigger service."""
+        response = self.call(Trigger, service)
+        return response.success, response.message
+
+    def reset(self) -> NDArray[Any]:
+        """Start a new mission and return its first report."""
+        seen = len(self.reports)
+        assert self.trigger("reset")[0]
+        return self.next_report(seen)
+
+    def pause(self, paused: bool) -> None:
+        """Hold the mission, or let it go on."""
+        assert self.call(SetBool, "pause", data=paused).success
+
+    def settle(self) -> None:
+        """Return when the node has dealt with every message sent so far."""
+        # It is asked after them, so it answers after them.
+        self.get("seed")
+
+    # Parameters
+
+    def try_set(self, **values: Any) -> list[SetParametersResult]:
+        """Change parameters one by one and return the verdicts."""
+        parameters = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
+        return list(self.call(SetParameters, "set_parameters", parameters=parameters).results)
+
+    def try_set_together(self, **values: Any) -> SetParametersResult:
+        """Change all of these parameters or none."""
+        parameters = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
+        return self.call(
+            SetParametersAtomically, "set_parameters_atomically", parameters=parameters
+        ).result
+
+    def set(self, **values: Any) -> None:
+        """Change parameters."""
+        for result in self.try_set(**values):
+            assert result.successful, result.reason
+
+    def get(self, *names: str) -> list[Any]:
+        """Return the values of parameters."""
+        values = self.call(GetParameters, "get_parameters", names=list(names)).values
+        return [parameter_value_to_python(value) for value in values]
+
+    def parameters(self) -> dict[str, ParameterDescriptor]:
+        """Return the descriptors of all parameters."""
+        names = list(self.call(ListParameters, "list_parameters").result.names)
+        described = self.call(DescribeParameters, "describe_parameters", names=names).descriptors
+        return dict(zip(names, described, strict=True))
+
+    # Diagnostics
+
+    def health_when(self, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Return the first diagnostics from now on that satisfy the condition.
+
+        They are the values, with `level` and `message`.
+        """
+        name = f"{self.namespace}/dsse_sim".lstrip("/")
+        with self.rig.listening(DiagnosticArray, "/diagnostics") as inbox:
+
+            def found() -> dict[str, Any] | None:
+                while inbox:
+                    for status in inbox.pop(0).status:
+                        values: dict[str, Any] = {pair.key: pair.value for pair in status.values}
+                        values |= {"level": status.level, "message": status.message}
+                        if status.name == name and condition(values):
+                            return values
+                return None
+
+            health = self.rig.until(found, "such diagnostics")
+        assert health is not None
+        return health
+
+    def health(self) -> dict[str, Any]:
+        """Return the next diagnostics."""
+        return self.health_when(lambda _: True)
+
+
+def cells(report: NDArray[Any]) -> list[tuple[int, int]]:
+    """Return the cells (col, row) of a report."""
+    return list(zip(report["col"].tolist(), report["row"].tolist(), strict=True))
+
+
+def stamp_ns(message: Any) -> int:
+    """Return the stamp of a message's header."""
+    stamp = message.header.stamp
+    return stamp.sec * 10**9 + stamp.nanosec
+
+
+def content(message: Any) -> tuple[Any, ...]:
+    """Return all of a step report, stamp included."""
+    fields = [(f.name, f.offset, f.datatype, f.count) for f in message.fields]
+    return (
+        stamp_ns(message), message.header.frame_id, message.height, message.width, fields,
+        message.is_bigendian, message.point_step, message.row_step, message.is_dense,
+        bytes(message.data),
+    )  # fmt: skip
+
+
+def occupancy(grid: Any) -> NDArray[np.int8]:
+    """Return the cells of an OccupancyGrid, row 0 in the south."""
+    return np.asarray(grid.data, np.int8).reshape(grid.info.height, grid.info.width)

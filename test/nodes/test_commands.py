@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The barrier without ROS: a buffer of commands against a plain account of what it promises."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsse_ros.nodes.commands import CommandBuffer
+from dsse_ros.search import ACTION_VECTORS, HOLD
+
+ACTIONS = ("left", "right", "up", "down", "search")
+SEARCH = ACTIONS.index("search")
+GRID = 6
+
+cells = st.tuples(st.integers(0, GRID - 1), st.integers(0, GRID - 1))
+commands = st.tuples(
+    st.integers(0, 3),
+    st.one_of(st.integers(0, len(ACTIONS) - 1), st.lists(cells, min_size=1, max_size=4)),
+)
+
+
+def give(buffer: CommandBuffer, drone: int, command: int | list[tuple[int, int]]) -> None:
+    if isinstance(command, int):
+        buffer.set_action(drone, command)
+    else:
+        buffer.set_goals(drone, command)
+
+
+def moved(cell: tuple[int, int], action: int) -> tuple[int, int]:
+    dx, dy = ACTION_VECTORS[ACTIONS[action]] if action >= 0 else (0, 0)
+    return cell[0] + dx, cell[1] + dy
+
+
+@given(st.lists(commands), st.lists(cells, min_size=4, max_size=4))
+def test_the_last_command_of_each_drone_counts(
+    given_commands: list[tuple[int, int | list[tuple[int, int]]]], places: list[tuple[int, int]]
+) -> None:
+    every, last = CommandBuffer(ACTIONS, 4), CommandBuffer(ACTIONS, 4)
+    for drone, command in given_commands:
+        give(every, drone, command)
+    for drone, command in dict(given_commands).items():
+        give(last, drone, command)
+    at, live = np.array(places), [0, 1, 2, 3]
+    assert every.missing(live, at) == last.missing(live, at)
+    assert every.take(live, at, "search").tolist() == last.take(live, at, "search").tolist()
+
+
+@given(
+    st.dictionaries(st.integers(0, 3), st.integers(0, len(ACTIONS) - 1)),
+    st.sets(st.integers(0, 3)),
+    st.sampled_from(["search", "repeat", "hold"]),
+)
+def test_an_action_is_for_one_step_and_for_drones_in_flight(
+    actions: dict[int, int], live: set[int], missing_action: str
+) -> None:
+    buffer, at = CommandBuffer(ACTIONS, 4), np.zeros((4, 2), np.int64)
+    for drone, action in actions.items():
+        buffer.set_action(drone, action)
+    flying = sorted(live)
+    assert buffer.missing(flying, at) == [i for i in flying if i not in actions]
+    joint = buffer.take(flying, at, missing_action)
+    for drone in range(4):
+        if drone not in live:
+            assert joint[drone] == HOLD
+        elif drone in actions:
+            assert joint[drone] == actions[drone]
+        else:
+            assert joint[drone] == (SEARCH if missing_action == "search" else HOLD)
+    assert buffer.missing(flying, at) == flying
+
+
+@given(st.integers(0, len(ACTIONS) - 1))
+def test_repeat_repeats_the_last_action(action: int) -> None:
+    buffer, at = CommandBuffer(ACTIONS, 2), np.zeros((2, 2), np.int64)
+    buffer.set_action(1, action)
+    for _ in range(3):
+        assert buffer.take([0, 1], at, "repeat").tolist() == [HOLD, action]
+
+
+@given(st.lists(cells, min_size=1, max_size=5), cells)
+def test_goals_are_flown_cell_by_cell_in_their_order(
+    goals: list[tuple[int, int]], start: tuple[int, int]
+) -> None:
+    buffer, here = CommandBuffer(ACTIONS, 1), start
+    buffer.set_goals(0, goals)
+    visited = [start]
+    while not buffer.missing([0], np.array([here])):
+        action = int(buffer.take([0], np.array([here]), "hold")[0])
+        assert action != SEARCH
+        here = moved(here, action)
+        visited.append(here)
+    shortest = 0
+    for a, b in zip([start, *goals], goals, strict=False):
+        shortest += abs(a[0] - b[0]) + abs(a[1] - b[1])
+    assert len(visited) == shortest + 1
+    left = iter(visited)
+    assert all(goal in left for goal in without_repeats(goals))
+
+
+def without_repeats(goals: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    return [goal for i, goal in enumerate(goals) if i == 0 or goal != goals[i - 1]]
+
+
+@given(st.lists(commands))
+def test_clearing_forgets_everything(
+    given_commands: list[tuple[int, int | list[tuple[int, int]]]],
+) -> None:
+    buffer, at, live = CommandBuffer(ACTIONS, 4), np.zeros((4, 2), np.int64), [0, 1, 2, 3]
+    for drone, command in given_commands:
+        give(buffer, drone, command)
+    buffer.take(live, at, "hold")
+    buffer.clear()
+    assert buffer.missing(live, at) == live
+    assert buffer.take(live, at, "repeat").tolist() == [HOLD] * 4

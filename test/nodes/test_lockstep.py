@@ -1,0 +1,344 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A lockstep mission between processes: the barrier, its commands and what a late joiner gets."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseArray, PoseStamped
+from nav_msgs.msg import OccupancyGrid, Path
+from nav_msgs.srv import GetMap
+from rig import LATCHED, Rig, Sim, cells, content, occupancy, stamp_ns
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import String
+
+from msg_adapters.agents import agents_from_message
+from msg_adapters.images import image_to_probability
+from msg_adapters.occupancy import probability_to_occupancy
+from msg_adapters.poses import path, pose_cell, pose_stamped
+from msg_adapters.stamps import to_stamp
+from msg_adapters.step_report import step_report_from_message
+
+LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
+HOLD = -1
+START = [(0, 0), (3, 0), (6, 0)]
+DEFAULTS = {
+    "seed": 7, "auto_reset": False, "command_timeout": 0.0, "missing_action": "search",
+    "step_rate": 0.0,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def node(rig: Rig) -> Sim:
+    return rig.sim(
+        {
+            "grid_size": 8,
+            "drones_positions": [part for cell in START for part in cell],
+            "person_initial_position": [7, 7],
+            "probability_of_detection": 0.0,
+            "vector": [-0.3, -0.2],
+            "sigma": 2.0,
+            "timestep_limit": 100000,
+            "seed": 7,
+        }
+    )
+
+
+@pytest.fixture
+def sim(node: Sim) -> Iterator[Sim]:
+    node.pause(False)
+    node.set(**DEFAULTS)
+    node.reset()
+    yield node
+
+
+def goal(sim: Sim, drone: int, cell: tuple[int, int]) -> None:
+    frame = agents_from_message(sim.rig.first(String, "agents")).frame
+    sim.talk(PoseStamped, f"drone{drone}/command_pose").publish(
+        pose_stamped(frame, cell, to_stamp(0))
+    )
+
+
+def goals(sim: Sim, drone: int, *track: tuple[int, int]) -> None:
+    frame = agents_from_message(sim.rig.first(String, "agents")).frame
+    sim.talk(Path, f"drone{drone}/command_path").publish(path(frame, track, to_stamp(0)))
+
+
+def test_nothing_moves_until_all_drones_have_commanded(sim: Sim) -> None:
+    seen = len(sim.reports)
+    sim.command(0, "search")
+    health = sim.health_when(lambda h: h["missing_drones"] == "drone1, drone2")
+    assert health["step"] == "0" and len(sim.reports) == seen
+    sim.command(1, "down")
+    health = sim.health_when(lambda h: h["missing_drones"] == "drone2")
+    assert health["step"] == "0" and len(sim.reports) == seen
+    sim.command(2, LEFT)
+    report = sim.next_report(seen)
+    assert report["step"].tolist() == [1, 1, 1]
+    assert report["action"].tolist() == [SEARCH, DOWN, LEFT]
+    assert cells(report) == [(0, 0), (3, 1), (5, 0)]
+
+
+def test_a_late_joiner_gets_everything_about_the_last_step(sim: Sim) -> None:
+    sim.fly(SEARCH, DOWN, LEFT)
+    sim.fly(SEARCH, RIGHT, DOWN)
+    stranger = Rig(sim.rig.folder, sim.rig.domain)
+    try:
+        cloud = stranger.first(PointCloud2, "step_report")
+        assert content(cloud) == content(sim.reports.last)
+        here = cells(step_report_from_message(cloud))
+        assert here == [(0, 0), (4, 1), (5, 1)]
+        info = agents_from_message(stranger.first(String, "agents"))
+        assert info.agents == ("drone0", "drone1", "drone2") and info.seed == 7
+        grid = stranger.first(OccupancyGrid, "probability_grid")
+        image = stranger.first(Image, "probability")
+        expected = probability_to_occupancy(image_to_probability(image))
+        assert np.array_equal(occupancy(grid), expected[::-1])
+        drones = stranger.first(PoseArray, "drones")
+        poses = [stranger.first(PoseStamped, f"drone{i}/pose") for i in range(3)]
+        assert [pose_cell(info.frame, pose) for pose in poses] == here
+        assert list(drones.poses) == [pose.pose for pose in poses]
+        for message in (cloud, grid, image, drones, *poses):
+            assert stamp_ns(message) == stamp_ns(cloud)
+            assert message.header.frame_id == "map"
+    finally:
+        stranger.close()
+
+
+def test_the_agents_tell_legend_rules_and_place(sim: Sim) -> None:
+    told = json.loads(sim.rig.first(String, "agents").data)
+    assert told["agents"] == ["drone0", "drone1", "drone2"]
+    assert told["actions"] == ["left", "right", "up", "down", "search"]
+    assert told["rules"] == "paper"
+    assert told["seed"] == 7
+    assert told["origin"] == {"lat_deg": -24.04, "lon_deg": -46.17, "alt_m": 0.0}
+
+
+def test_the_last_command_of_a_drone_wins(sim: Sim) -> None:
+    seen = len(sim.reports)
+    for action in (LEFT, UP, RIGHT):
+        sim.command(0, action)
+    sim.command(1, SEARCH)
+    sim.settle()
+    sim.command(1, "right")
+    goal(sim, 2, (0, 7))
+    sim.settle()
+    sim.command(2, "down")
+    assert sim.next_report(seen)["action"].tolist() == [RIGHT, RIGHT, DOWN]
+
+
+def test_a_command_is_for_one_step(sim: Sim) -> None:
+    sim.fly(RIGHT, RIGHT, RIGHT)
+    seen = len(sim.reports)
+    sim.command(0, DOWN)
+    sim.command(1, DOWN)
+    health = sim.health_when(lambda h: h["missing_drones"] == "drone2")
+    assert health["step"] == "1" and len(sim.reports) == seen
+
+
+def test_a_joint_action_counts_for_all_drones_or_for_none(sim: Sim) -> None:
+    before = int(sim.health()["rejected"])
+    seen = len(sim.reports)
+    for actions in ([RIGHT, RIGHT, 5], [RIGHT, RIGHT], [RIGHT, RIGHT, RIGHT, RIGHT], []):
+        sim.joint(*actions)
+    sim.joint(RIGHT, RIGHT, RIGHT, step=1)
+    sim.joint(RIGHT, RIGHT, RIGHT, step=-1)
+    health = sim.health_when(lambda h: int(h["rejected"]) == before + 6)
+    assert health["missing_drones"] == "drone0, drone1, drone2"
+    assert health["step"] == "0" and len(sim.reports) == seen
+    assert sim.fly(RIGHT, RIGHT, RIGHT)["action"].tolist() == [RIGHT] * 3
+
+
+def test_a_stale_joint_action_is_refused(sim: Sim) -> None:
+    sim.fly(RIGHT, RIGHT, RIGHT)
+    before = int(sim.health().get("rejected.stale_step", 0))
+    sim.joint(DOWN, DOWN, DOWN, step=0)
+    health = sim.health_when(lambda h: int(h["rejected.stale_step"]) == before + 1)
+    assert health["step"] == "1"
+    assert "step 0 is not allowed; 1 is" in sim.process.output
+
+
+def test_a_reset_clears_the_commands(sim: Sim) -> None:
+    sim.command(0, RIGHT)
+    goal(sim, 1, (7, 7))
+    sim.settle()
+    sim.reset()
+    seen = len(sim.reports)
+    sim.command(2, DOWN)
+    sim.health_when(lambda h: h["missing_drones"] == "drone0, drone1")
+    assert len(sim.reports) == seen
+
+
+def test_a_reset_repeats_the_mission_at_later_times(sim: Sim) -> None:
+    script = [(RIGHT, DOWN, SEARCH), (DOWN, SEARCH, LEFT), (SEARCH, LEFT, DOWN)]
+    first = len(sim.reports) - 1
+    for actions in script:
+        sim.fly(*actions)
+    second = len(sim.reports)
+    sim.reset()
+    for actions in script:
+        sim.fly(*actions)
+    before, after = sim.reports[first:second], sim.reports[second:]
+    assert [content(m)[1:] for m in before] == [content(m)[1:] for m in after]
+    times = [stamp_ns(m) for m in [*before, *after]]
+    assert np.diff(times).tolist() == [13 * 10**9] * 7
+
+
+def test_another_seed_is_another_mission(sim: Sim) -> None:
+    with sim.rig.listening(String, "agents", LATCHED) as agents:
+        sim.set(seed=8)
+        sim.reset()
+        sim.rig.until(lambda: agents and json.loads(agents.last.data)["seed"] == 8)
+
+
+def test_poses_and_paths_are_flown_cell_by_cell(sim: Sim) -> None:
+    first = len(sim.reports)
+    goal(sim, 0, (2, 1))
+    goals(sim, 1, (3, 2), (4, 2))
+    goal(sim, 2, (6, 3))
+    sim.rig.until(lambda: sim.step_number == 3)
+    sim.health_when(lambda h: h["missing_drones"] == "drone0, drone1, drone2")
+    tracks = [cells(step_report_from_message(m)) for m in sim.reports[first - 1 :]]
+    assert len(tracks) == 4
+    for track, start, end in zip(
+        zip(*tracks, strict=True), START, [(2, 1), (4, 2), (6, 3)], strict=True
+    ):
+        assert (track[0], track[-1]) == (start, end)
+        assert all(abs(a[0] - b[0]) + abs(a[1] - b[1]) == 1 for a, b in zip(track, track[1:]))  # noqa: B905
+    assert [track[1] for track in tracks] == [(3, 0), (3, 1), (3, 2), (4, 2)]
+
+
+def test_a_mission_of_goals_leaves_time_for_other_callbacks(sim: Sim) -> None:
+    ways = [[(c, 0), (c, 7)] * 60 for c in (0, 3, 6)]
+    for drone, way in enumerate(ways):
+        goals(sim, drone, *way)
+    sim.rig.until(lambda: sim.step_number > 0)
+    asked, end = 0, 120 * 7 - 7
+    while sim.step_number < end:
+        answer = sim.call(GetMap, "get_map")
+        asked += stamp_ns(answer.map) < stamp_ns(sim.reports[0]) + end * 13 * 10**9
+        sim.rig.until(lambda: len(sim.reports) > 0)
+    assert asked >= 1
+    sim.health_when(lambda h: h["missing_drones"] == "drone0, drone1, drone2")
+    assert sim.step_number == end
+
+
+def test_a_drone_that_left_the_grid_is_not_waited_for(sim: Sim) -> None:
+    report = sim.fly(LEFT, SEARCH, SEARCH)
+    assert report["terminated"].tolist() == [1, 0, 0]
+    assert report["reward"][0] == -100000
+    seen = len(sim.reports)
+    sim.command(1, DOWN)
+    sim.command(2, DOWN)
+    report = sim.next_report(seen)
+    assert report["action"].tolist() == [HOLD, DOWN, DOWN]
+    before = int(sim.health().get("rejected.drone_terminated", 0))
+    sim.command(0, "search")
+    health = sim.health_when(lambda h: int(h["rejected.drone_terminated"]) == before + 1)
+    assert health["drones_in_flight"] == "2"
+
+
+def test_a_mission_that_is_over_says_so_and_waits_for_a_reset(sim: Sim) -> None:
+    assert sim.fly(UP, UP, UP)["terminated"].all()
+    health = sim.health_when(lambda h: h["message"] == "mission over")
+    assert health["missing_drones"] == "" and health["drones_in_flight"] == "0"
+    before = int(health.get("rejected.mission_over", 0))
+    sim.joint(SEARCH, SEARCH, SEARCH)
+    sim.health_when(lambda h: int(h.get("rejected.mission_over", 0)) == before + 1)
+    assert sim.trigger("step") == (False, "the mission is over; call ~/reset for a new one")
+    sim.reset()
+    assert sim.fly(SEARCH, SEARCH, SEARCH)["step"][0] == 1
+
+
+def test_auto_reset_goes_on_with_the_next_seed(sim: Sim) -> None:
+    sim.set(auto_reset=True)
+    seen = len(sim.reports)
+    sim.joint(UP, UP, UP)
+    assert sim.next_report(seen)["terminated"].all()
+    assert sim.next_report(seen + 1)["step"].tolist() == [0, 0, 0]
+    assert cells(sim.next_report(seen + 1)) == START
+    sim.rig.until(lambda: json.loads(sim.rig.first(String, "agents").data)["seed"] == 8)
+    sim.joint(UP, UP, UP, step=0)
+    sim.next_report(seen + 3)
+    sim.rig.until(lambda: json.loads(sim.rig.first(String, "agents").data)["seed"] == 9)
+
+
+@pytest.mark.parametrize(
+    ("missing_action", "action", "held"),
+    [("search", SEARCH, 0), ("repeat", DOWN, 0), ("hold", HOLD, 1)],
+)
+def test_who_does_not_command_in_time_gets_the_missing_action(
+    sim: Sim, missing_action: str, action: int, held: int
+) -> None:
+    sim.fly(DOWN, DOWN, DOWN)
+    before = int(sim.health()["timeouts"])
+    seen = len(sim.reports)
+    sim.command(1, RIGHT)
+    sim.settle()
+    sim.set(missing_action=missing_action)
+    sim.set(command_timeout=0.2)
+    report = sim.next_report(seen)
+    sim.set(command_timeout=0.0)
+    assert report["action"].tolist() == [action, RIGHT, action]
+    assert report["held"].tolist() == [held, 0, held]
+    assert int(sim.health()["timeouts"]) > before
+
+
+def test_without_a_command_in_time_abort_ends_the_mission(sim: Sim) -> None:
+    seen = len(sim.reports)
+    sim.set(missing_action="abort")
+    assert sim.trigger("step") == (False, "no command from drone0, drone1, drone2")
+    sim.command(1, RIGHT)
+    sim.settle()
+    sim.set(command_timeout=0.05)
+    health = sim.health_when(lambda h: h["message"] == "mission aborted")
+    assert health["level"] == b"\x02" and health["step"] == "0" and len(sim.reports) == seen
+    assert "mission aborted: no command from drone0, drone2" in sim.process.output
+    sim.set(command_timeout=0.0)
+    sim.reset()
+    assert sim.health()["message"] == "running"
+
+
+def test_waiting_for_the_rate_is_no_missing_command(sim: Sim) -> None:
+    before = sim.health()["timeouts"]
+    sim.set(step_rate=1.0)
+    sim.fly(RIGHT, RIGHT, RIGHT)
+    seen = len(sim.reports)
+    sim.set(command_timeout=0.1, missing_action="abort")
+    sim.joint(DOWN, DOWN, DOWN)
+    assert sim.next_report(seen)["action"].tolist() == [DOWN] * 3
+    sim.set(command_timeout=0.0)
+    assert sim.health()["timeouts"] == before
+
+
+def test_a_paused_mission_takes_commands_and_steps_when_it_goes_on(sim: Sim) -> None:
+    seen = len(sim.reports)
+    sim.pause(True)
+    sim.joint(RIGHT, DOWN, LEFT)
+    health = sim.health_when(lambda h: h["missing_drones"] == "")
+    assert health["message"] == "paused" and len(sim.reports) == seen
+    sim.pause(False)
+    assert sim.next_report(seen)["action"].tolist() == [RIGHT, DOWN, LEFT]
+
+
+def test_a_pause_does_not_end_the_time_out(sim: Sim) -> None:
+    seen = len(sim.reports)
+    sim.pause(True)
+    sim.set(command_timeout=0.05)
+    health = sim.health()
+    assert health["message"] == "paused" and len(sim.reports) == seen
+    sim.pause(False)
+    assert sim.next_report(seen)["action"].tolist() == [SEARCH] * 3
+
+
+def test_commands_by_number_and_by_name_are_the_same(sim: Sim) -> None:
+    for action, name in enumerate(("left", "right", "up", "down", "search")):
+        sim.reset()
+        seen = len(sim.reports)
+        sim.command(0, action)
+        sim.command(1, name)
+        sim.command(2, action)
+        assert sim.next_report(seen)["action"].tolist() == [action] * 3

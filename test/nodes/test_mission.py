@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission without ROS."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsse_ros.nodes.mission import END_NS, Mission, StepResult
+from dsse_ros.search import HOLD, parallel_env
+from msg_adapters.stamps import to_stamp
+
+SEARCH = 4
+joints = st.lists(st.lists(st.integers(0, 4), min_size=3, max_size=3), max_size=15)
+seeds = st.integers(0, 2**32)
+
+
+def mission(seed: int = 0, **scenario: object) -> Mission:
+    scenario = {"grid_size": 7, "num_drones": 3, "sigma": 2.0, "timestep_limit": 12} | scenario
+    if scenario.pop("nobody_is_found", False):
+        scenario["person_pod_multipliers"] = [0.0]
+    return Mission(parallel_env(**scenario), seed)  # type: ignore[arg-type]
+
+
+def fly(flown: Mission, joint: list[int]) -> StepResult:
+    flown.command_all(joint)
+    return flown.advance("hold")
+
+
+def same(a: StepResult, b: StepResult, *, but: tuple[str, ...] = ()) -> bool:
+    names = [f.name for f in fields(StepResult) if f.name not in but]
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
+
+
+@given(seeds, joints)
+def test_the_same_seed_and_commands_give_the_same_mission(
+    seed: int, actions: list[list[int]]
+) -> None:
+    first, second = mission(seed), mission(seed)
+    assert same(first.result, second.result)
+    for joint in actions:
+        if first.over:
+            break
+        assert same(fly(first, joint), fly(second, joint))
+        assert first.not_found == second.not_found
+
+
+@given(seeds, joints)
+def test_a_reset_repeats_the_mission_and_time_goes_on(seed: int, actions: list[list[int]]) -> None:
+    flown = mission(seed)
+    results = [flown.result]
+    for joint in actions:
+        if not flown.over:
+            results.append(fly(flown, joint))
+    again = [flown.reset(seed)]
+    again += [fly(flown, joint) for joint in actions[: len(results) - 1]]
+    assert flown.number == 2
+    for before, after in zip(results, again, strict=True):
+        assert same(before, after, but=("stamp_ns",))
+    stamps = [result.stamp_ns for result in results + again]
+    assert np.diff(stamps).tolist() == [13 * 10**9] * (len(stamps) - 1)
+    assert stamps[0] == 0
+
+
+@given(joints)
+def test_the_probability_of_success_is_that_of_the_cells_searched(
+    actions: list[list[int]],
+) -> None:
+    flown = mission(1, person_initial_position=(6, 6))
+    missed = 1.0
+    for joint in actions:
+        if flown.over:
+            break
+        before, live, cells = flown.env.probability.copy(), flown.live, flown.result.cells
+        fly(flown, joint)
+        searched = {tuple(cells[i].tolist()) for i in live if joint[i] == SEARCH}
+        missed *= 1.0 - sum(float(before[row, col]) for col, row in searched)
+        assert flown.probability_of_success == pytest.approx(1.0 - missed, abs=1e-6)
+        assert 0.0 <= flown.probability_of_success <= 1.0
+
+
+def test_a_cell_that_two_drones_search_counts_once() -> None:
+    flown = mission(
+        drones_positions=((3, 3), (2, 3)), num_drones=2, collisions=False,
+        person_initial_position=(3, 3), probability_of_detection=0.5, nobody_is_found=True,
+    )  # fmt: skip
+    fly(flown, [SEARCH, 1])
+    alone = flown.probability_of_success
+    assert alone == 0.5
+    p = float(flown.env.probability[3, 3])
+    fly(flown, [SEARCH, SEARCH])
+    assert flown.probability_of_success == pytest.approx(1 - (1 - alone) * (1 - 0.5 * p))
+
+
+def test_the_track_has_each_cell_once_per_visit() -> None:
+    flown = mission(drones_positions=((0, 0), (3, 3), (6, 6)), nobody_is_found=True)
+    for joint in ([1, 4, 4], [4, 4, 4], [1, 4, 4], [0, 4, 4]):
+        fly(flown, joint)
+    assert flown.tracks == [[(0, 0), (1, 0), (2, 0), (1, 0)], [(3, 3)], [(6, 6)]]
+    flown.reset(0)
+    assert flown.tracks == [[(0, 0)], [(3, 3)], [(6, 6)]]
+
+
+def test_a_drone_that_is_lost_takes_no_command_and_is_not_waited_for() -> None:
+    flown = mission()
+    fly(flown, [0, SEARCH, SEARCH])
+    assert flown.live == [1, 2] == flown.missing
+    refusal = flown.refuse(0)
+    assert refusal is not None and refusal.code == "drone_terminated"
+    assert flown.refuse(1) is None
+    flown.command_all([3, SEARCH, SEARCH])
+    assert flown.missing == []
+    assert flown.advance("search").actions.tolist() == [HOLD, SEARCH, SEARCH]
+
+
+def test_a_mission_that_is_over_takes_no_command_until_a_reset() -> None:
+    flown = mission()
+    fly(flown, [0, 2, 2])
+    assert flown.over and flown.live == []
+    refusal = flown.refuse()
+    assert refusal is not None and refusal.code == "mission_over"
+    flown.reset(0)
+    assert not flown.over and flown.refuse() is None
+
+
+def test_an_aborted_mission_is_over() -> None:
+    flown = mission()
+    flown.abort()
+    assert flown.over
+    flown.reset(0)
+    assert not flown.over
+
+
+def test_a_step_that_nobody_commanded_is_held() -> None:
+    result = mission().advance("hold")
+    assert result.held.all() and (result.actions == HOLD).all()
+    result = mission().advance("search")
+    assert not result.held.any() and (result.actions == SEARCH).all()
+
+
+def test_mission_time_never_leaves_what_a_stamp_holds() -> None:
+    flown = mission(cell_size=1e6, drone_speed=0.01, timestep_limit=99, nobody_is_found=True)
+    while not flown.over:
+        result = fly(flown, [SEARCH] * 3)
+        to_stamp(result.stamp_ns)
+    assert flown.live
+    assert flown.result.stamp_ns + 10**8 * 10**9 >= END_NS
+    assert flown.reset(0).stamp_ns == 0

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The CSV of a mission, written and read back."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsse_ros.nodes.mission import Mission
+from dsse_ros.nodes.mission_log import COLUMNS, MissionLog, read_log
+from dsse_ros.search import FieldError, parallel_env
+from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.geodesy import geodetic_to_map
+
+FRAME = GridFrame(
+    grid_size=6, cell_size_m=130, origin_lat_deg=-24.04, origin_lon_deg=-46.17,
+    origin_alt_m=0, alt_m=120,
+)  # fmt: skip
+SCENARIO = {
+    "grid_size": 6, "num_drones": 3, "person_amount": 2, "sigma": 2.0, "timestep_limit": 9,
+    "cell_size": 130.0,
+}  # fmt: skip
+joints = st.lists(st.lists(st.integers(0, 4), min_size=3, max_size=3), max_size=12)
+
+
+@given(st.integers(0, 2**32), joints)
+def test_what_is_read_is_what_was_flown(
+    tmp_path_factory: pytest.TempPathFactory, seed: int, actions: list[list[int]]
+) -> None:
+    path = tmp_path_factory.mktemp("log") / "mission.csv"
+    mission = Mission(parallel_env(**SCENARIO), seed + 1)
+    log = MissionLog(path, FRAME)
+    log.write(mission, mission.result)
+    # Only the last mission of a log is read.
+    results = [mission.reset(seed)]
+    log.write(mission, mission.result)
+    for joint in actions:
+        if not mission.over:
+            mission.command_all(joint)
+            results.append(mission.advance("hold"))
+            log.write(mission, mission.result)
+    log.close()
+
+    record = read_log(path)
+    legend = mission.env.rules.actions
+    persons = mission.env.world.persons[0]
+    assert np.array_equal(record.tracks, np.stack([r.cells for r in results], axis=1))
+    assert np.array_equal(record.rewards, np.stack([r.rewards for r in results], axis=1))
+    assert np.array_equal(record.found, np.stack([r.found for r in results], axis=1))
+    assert record.actions.tolist() == [
+        [legend[r.actions[i]] if r.actions[i] >= 0 else "" for r in results] for i in range(3)
+    ]
+    assert np.array_equal(record.truncated, results[-1].truncated)
+    assert np.flatnonzero(record.alive).tolist() == mission.live
+    assert record.persons.tolist() == np.stack([persons["x"], persons["y"]], axis=1).tolist()
+    assert np.array_equal(record.person_found, persons["found"])
+    assert record.times_s.tolist() == [13.0 * k for k in range(len(results))]
+    assert record.pos_cumulative == mission.probability_of_success
+
+
+def test_every_place_is_given_as_cell_metres_and_degrees(tmp_path: Path) -> None:
+    mission = Mission(parallel_env(**SCENARIO), 3)
+    log = MissionLog(tmp_path / "mission.csv", FRAME)
+    mission.command_all([3, 1, 1])
+    log.write(mission, mission.advance("hold"))
+    log.close()
+    with (tmp_path / "mission.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["agent"] for row in rows] == ["drone0", "drone1", "drone2", "person0", "person1"]
+    assert tuple(rows[0]) == COLUMNS
+    for row in rows:
+        place = cell_to_map(FRAME, int(row["col"]), int(row["row"]))
+        assert (float(row["east_m"]), float(row["north_m"])) == pytest.approx(place, abs=1e-3)
+        east, north, _ = geodetic_to_map(FRAME, float(row["lat_deg"]), float(row["lon_deg"]), 0.0)
+        assert (east, north) == pytest.approx(place, abs=1e-3)
+
+
+def test_each_step_is_on_disk_when_it_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    mission = Mission(parallel_env(**SCENARIO), 0)
+    log = MissionLog(path, FRAME)
+    log.write(mission, mission.result)
+    assert read_log(path).tracks.shape == (3, 1, 2)
+    log.close()
+
+
+def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FieldError, match="record_file: .*: Is a directory"):
+        MissionLog(tmp_path, FRAME)
+
+
+def test_a_log_without_steps_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    MissionLog(path, FRAME).close()
+    with pytest.raises(ValueError, match="no step of a mission"):
+        read_log(path)

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters: what describes them, and what happens to those that change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from nav_msgs.msg import OccupancyGrid
+from rcl_interfaces.msg import ParameterType
+from rig import LATCHED, Rig, Sim
+from rig import occupancy as cells_of
+
+from dsse_ros.nodes.parameters import descriptor, from_ros, to_ros
+from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings
+from dsse_ros.nodes.sim_node import RULES_SPECS, SCENARIO_SPECS, SETTINGS_SPECS
+from dsse_ros.search.fields import FieldError, Spec, specs
+
+ALL_SPECS = {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
+of_any_field = pytest.mark.parametrize("name", sorted(ALL_SPECS))
+
+numbers = st.floats(-1e5, 1e5)
+cell = st.tuples(st.integers(0, 99), st.integers(0, 99))
+VALUES: dict[str, st.SearchStrategy[Any]] = {
+    "bool": st.booleans(),
+    "int": st.integers(-(2**62), 2**62),
+    "float": numbers,
+    "str": st.text(max_size=20),
+    "vector": st.tuples(numbers, numbers),
+    "floats": st.lists(numbers, max_size=5).map(tuple),
+    "cell": cell,
+    "cells": st.lists(cell, min_size=1, max_size=5).map(tuple),
+    "names": st.lists(st.text(max_size=5), max_size=5).map(tuple),
+}
+
+
+@given(st.data(), st.sampled_from(sorted(VALUES)))
+def test_a_value_survives_the_way_through_a_parameter(data: st.DataObject, kind: Any) -> None:
+    spec = Spec(kind, "Any.")
+    value = data.draw(VALUES[kind])
+    assert spec.check("field", from_ros(spec, to_ros(spec, value))) == value
+
+
+@of_any_field
+def test_the_range_of_a_descriptor_is_what_the_field_allows(name: str) -> None:
+    spec = ALL_SPECS[name]
+    made = descriptor(name, spec, read_only=True)
+    for limits, step in ((made.integer_range, 1), (made.floating_point_range, 1e-6)):
+        for limit in limits:
+            spec.check(name, limit.to_value)
+            spec.check(name, limit.from_value if spec.low == limit.from_value else limit.to_value)
+            for outside in (limit.from_value - step, limit.to_value + step * limit.to_value):
+                with pytest.raises(FieldError):
+                    spec.check(name, type(limit.to_value)(outside))
+
+
+@pytest.fixture(scope="module")
+def node(rig: Rig) -> Sim:
+    return rig.sim(
+        {
+            "num_drones": 2,
+            "seed": 3,
+            "sigma": 2.0,
+            "vector": [0.0, 0.0],
+            "drones_positions": [0, 0, 1, 0],
+            "grid_size": 9,
+        }
+    )
+
+
+@pytest.fixture
+def sim(node: Sim) -> Iterator[Sim]:
+    yield node
+
+
+def test_every_field_is_a_parameter_with_a_sentence_and_a_type(sim: Sim) -> None:
+    described = sim.parameters()
+    assert set(described) >= set(ALL_SPECS)
+    of_rclpy = {"use_sim_time", "start_type_description_service"}
+    assert set(described) - set(ALL_SPECS) - of_rclpy == set()
+    for name, spec in ALL_SPECS.items():
+        made = described[name]
+        assert made.type != ParameterType.PARAMETER_NOT_SET, name
+        assert made.description.strip().endswith("."), name
+        assert made.additional_constraints, name
+        if spec.unit:
+            assert f"Unit: {spec.unit}." in made.description
+        assert made.read_only == (name not in RUN_TIME_SETTINGS), name
+
+
+def test_the_planner_describes_its_parameters_too() -> None:
+    for name, spec in specs(PlannerSettings).items():
+        assert descriptor(name, spec, read_only=True).description.endswith(".")
+
+
+def test_the_values_are_those_in_force(sim: Sim) -> None:
+    names = ["num_drones", "grid_size", "drones_positions", "vector", "cell_size", "sigma_x"]
+    count, grid, positions, vector, cell_size, sigma_x = sim.get(*names)
+    assert (count, grid) == (2, 9)
+    assert list(positions) == [0, 0, 1, 0]
+    assert list(vector) == [0.0, 0.0]
+    assert (cell_size, sigma_x) == (130.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("step_mode", "sometimes"),
+        ("missing_action", ""),
+        ("grid_scaling", "sqrt"),
+        ("command_timeout", -1.0),
+        ("command_timeout", float("nan")),
+        ("command_timeout", float("inf")),
+        ("real_time_factor", 0.0),
+        ("seed", -2),
+        ("odom_rate", 0.0),
+        ("auto_reset", 1),
+        ("step_rate", "fast"),
+    ],
+)
+def test_a_refused_change_names_its_reason_and_the_old_value_stays(
+    sim: Sim, name: str, value: Any
+) -> None:
+    before = sim.get(name)
+    (result,) = sim.try_set(**{name: value})
+    assert not result.successful
+    assert name in result.reason or "type" in result.reason
+    assert sim.get(name) == before
+
+
+def test_of_changes_that_belong_together_all_are_refused_if_one_is(sim: Sim) -> None:
+    before = sim.get("seed", "missing_action")
+    result = sim.try_set_together(seed=9, missing_action="panic")
+    assert not result.successful and "missing_action" in result.reason
+    assert sim.get("seed", "missing_action") == before
+    assert sim.try_set_together(seed=9, missing_action="hold").successful
+    assert sim.get("seed", "missing_action") == [9, "hold"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("num_drones", 3), ("vector", [1.0, 1.0]), ("rules", "paper"), ("collision", -5.0),
+     ("map_frame", "sea"), ("record_file", "x.csv"), ("origin_lat", 3.0)],
+)  # fmt: skip
+def test_what_cannot_change_at_run_time_is_read_only(sim: Sim, name: str, value: Any) -> None:
+    before = sim.get(name)
+    (result,) = sim.try_set(**{name: value})
+    assert not result.successful and "read-only" in result.reason
+    assert sim.get(name) == before
+
+
+def test_an_unknown_parameter_is_refused(sim: Sim) -> None:
+    (result,) = sim.try_set(num_dornes=3)
+    assert not result.successful and result.reason
+
+
+def test_a_change_counts_from_then_on(sim: Sim) -> None:
+    for name in sorted(RUN_TIME_SETTINGS - {"step_mode"}):
+        sim.set(**{name: sim.get(name)[0]})
+    # The probability spreads: at first all of it is in one cell, however it is scaled.
+    for _ in range(4):
+        sim.fly(4, 4)
+    with sim.rig.listening(OccupancyGrid, "probability_grid", LATCHED) as grids:
+        sim.rig.until(lambda: grids)
+        assert cells_of(grids.last).max() == 100
+        sim.set(grid_scaling="linear")
+        sim.rig.until(lambda: len(grids) == 2)
+        assert 0 < cells_of(grids.last).max() < 100
+        sim.fly(4, 4)
+        sim.rig.until(lambda: len(grids) == 3)
+        assert 0 < cells_of(grids.last).max() < 100
