@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,16 @@ class CommandBuffer:
         self._actions: dict[int, int] = {}
         self._goals: dict[int, list[Cell]] = {}
         self._last: dict[int, int] = {}
+
+    def memory(self) -> dict[str, Any]:
+        """Return what outlasts a step, as JSON values: the goals and what was done before."""
+        return {"goals": list(self._goals.items()), "last": list(self._last.items())}
+
+    def remember(self, memory: Mapping[str, Any]) -> None:
+        """Take up the memory of another buffer; its actions for the next step are cleared."""
+        self.clear()
+        self._goals = {drone: [(c, r) for c, r in goals] for drone, goals in memory["goals"]}
+        self._last = dict(memory["last"])
 
     def set_action(self, drone: int, action: int) -> None:
         """Set the drone's action for the next step; it replaces any other command."""

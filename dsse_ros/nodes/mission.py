@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.nodes.commands import Cell, CommandBuffer
-from dsse_ros.search import HOLD, SearchEnv
+from dsse_ros.search import HOLD, SearchEnv, Snapshot, SnapshotError
 from msg_adapters.result import Rejected
 
 END_NS = 2**31 * 10**9
@@ -42,6 +43,10 @@ class StepResult:
     found: NDArray[np.bool_]
     held: NDArray[np.bool_]
     probabilities: NDArray[np.float64]
+
+
+_OF_RESULT = ("actions", "held", "probabilities")
+_OF_MISSION = ("seed", "number", "not_found", "aborted", "tracks", "_stamp_ns")
 
 
 class Mission:
@@ -136,6 +141,37 @@ class Mission:
         pod = self.env.scenario.probability_of_detection
         self.not_found *= 1.0 - min(pod * float(sum(searched.values())), 1.0)
         self.result = self._result(joint, live & (joint == HOLD), probabilities)
+        return self.result
+
+    def snapshot(self) -> Snapshot:
+        """Return the whole mission: world, random state, result, goals, tracks and time."""
+        of_world, result = self.env.snapshot(), self.result
+        arrays = {name: getattr(result, name) for name in _OF_RESULT}
+        extra = {name: getattr(self, name) for name in _OF_MISSION}
+        return Snapshot(
+            of_world.identity,
+            {**of_world.arrays, **{f"result_{name}": a.copy() for name, a in arrays.items()}},
+            # Through JSON nothing of it stays shared.
+            json.loads(json.dumps({**extra, "commands": self.commands.memory()})),
+        )
+
+    def restore(self, snapshot: Snapshot) -> StepResult:
+        """Go on from a snapshot, bit for bit; commands for its next step are given again.
+
+        Raises:
+            SnapshotError: If it is no mission's, or of another scenario or other rules; the
+                mission under way stays as it is.
+        """
+        extra, arrays = snapshot.extra, snapshot.arrays
+        if not {*_OF_MISSION, "commands"} <= extra.keys():
+            raise SnapshotError("the snapshot is of a world, not of a mission")
+        self.env.restore(snapshot)
+        for name in _OF_MISSION:
+            setattr(self, name, extra[name])
+        self.tracks = [[(col, row) for col, row in track] for track in extra["tracks"]]
+        self.commands.remember(extra["commands"])
+        self._stamp_ns -= self._step_ns
+        self.result = self._result(*(arrays[f"result_{name}"] for name in _OF_RESULT))
         return self.result
 
     def _probabilities(self) -> NDArray[np.float64]:

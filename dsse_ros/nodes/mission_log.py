@@ -32,14 +32,18 @@ class MissionLog:
         FieldError: If the file cannot be written.
     """
 
-    def __init__(self, path: str | os.PathLike[str], frame: GridFrame) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], frame: GridFrame, *, append: bool = False
+    ) -> None:
         self._frame = frame
         try:
-            self._file: TextIO = Path(path).open("w", newline="", encoding="utf-8")  # noqa: SIM115
+            mode = "a" if append else "w"
+            self._file: TextIO = Path(path).open(mode, newline="", encoding="utf-8")  # noqa: SIM115
         except OSError as error:
             raise FieldError(f"record_file: {os.fspath(path)!r}: {error.strerror}") from None
         self._writer = csv.writer(self._file, lineterminator="\n")
-        self._writer.writerow(COLUMNS)
+        if self._file.tell() == 0:
+            self._writer.writerow(COLUMNS)
 
     def write(self, mission: Mission, result: StepResult) -> None:
         """Append a step, complete on disk when this returns."""

@@ -82,6 +82,15 @@ class SimSettings:
         unit="Hz",
     )
     record_file: str = field("str", "CSV file of the mission's steps; empty for none.", "")
+    snapshot_file: str = field(
+        "str", "File that the state of the mission is written to; empty for none.", ""
+    )
+    snapshot_every: int = field(
+        "int", "Steps from one snapshot to the next.", 100, low=1, high=10**9, unit="steps"
+    )
+    resume: bool = field(
+        "bool", "Whether to start from snapshot_file; record_file is then appended to.", False
+    )
     export_directory: str = field("str", "Where ~/export_mission writes its files.", ".")
 
     def __post_init__(self) -> None:

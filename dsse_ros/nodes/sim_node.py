@@ -32,7 +32,7 @@ from dsse_ros.nodes.publishers import MissionPublishers
 from dsse_ros.nodes.qos import RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
-from dsse_ros.search import Scenario, SearchEnv, profile
+from dsse_ros.search import FieldError, Scenario, SearchEnv, Snapshot, SnapshotError, profile
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from msg_adapters.commands import (
@@ -88,9 +88,10 @@ class SimNode(AlarmNode):
             map_frame=self.settings.map_frame,
         )
         self.mission = Mission(env, self._seed())
-        self.log = (
-            MissionLog(self.settings.record_file, self.frame) if self.settings.record_file else None
-        )
+        if self.settings.resume:
+            self._resume()
+        # The step that a mission resumes from stands in its record already.
+        self.log = None if self.settings.resume else self._open_log()
         self.publishers_ = MissionPublishers(endpoints, self.mission, self.frame)
         self.paused = False
         self.rejected: Counter[str] = Counter()
@@ -110,6 +111,7 @@ class SimNode(AlarmNode):
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._on_changed)
         self._publish_start()
+        self.log = self.log or self._open_log()
 
     # Parameters
 
@@ -200,6 +202,7 @@ class SimNode(AlarmNode):
         """Do one step now; drones without a command follow `missing_action`."""
         self.mission.advance(self.settings.missing_action)
         self._publish()
+        self._save_snapshot()
         if self.mission.over:
             self.get_logger().info(
                 f"mission {self.mission.number} over after {self.mission.result.step} steps"
@@ -228,6 +231,10 @@ class SimNode(AlarmNode):
         self.publishers_.publish_odometry(stamp, 0.0 if in_flight else 1.0)
         self._arm()
 
+    def _open_log(self) -> MissionLog | None:
+        path = self.settings.record_file
+        return MissionLog(path, self.frame, append=self.settings.resume) if path else None
+
     def _record(self) -> None:
         if self.log is None:
             return
@@ -239,6 +246,23 @@ class SimNode(AlarmNode):
                 "the rest of the mission is not recorded"
             )
             self.log = None
+
+    def _resume(self) -> None:
+        try:
+            self.mission.restore(Snapshot.load(self.settings.snapshot_file))
+        except SnapshotError as error:
+            raise FieldError(f"snapshot_file: {error}") from None
+
+    def _save_snapshot(self) -> None:
+        settings = self.settings
+        if settings.snapshot_file and self.mission.result.step % settings.snapshot_every == 0:
+            try:
+                self.mission.snapshot().save(settings.snapshot_file)
+            except OSError as error:
+                self.get_logger().error(
+                    f"snapshot_file: {settings.snapshot_file!r}: {error.strerror}",
+                    throttle_duration_sec=REFUSAL_PERIOD_S,
+                )
 
     # Barrier
 

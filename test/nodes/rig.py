@@ -16,6 +16,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -79,11 +80,12 @@ _PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
 def _environment() -> dict[str, str]:
     profiles = Path(tempfile.gettempdir()) / f"dsse_ros_test_profiles_{os.getuid()}.xml"
     profiles.write_text(_PROFILES, encoding="utf-8")
+    # Fast DDS got another name with Kilted.
+    name = "FASTRTPS" if int(version("rclpy").split(".")[0]) < 8 else "FASTDDS"
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_PYTHON_CHECK_FIELDS": "1",
-        "FASTDDS_DEFAULT_PROFILES_FILE": str(profiles),
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profiles),
+        f"{name}_DEFAULT_PROFILES_FILE": str(profiles),
     }
 
 

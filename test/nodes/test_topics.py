@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 
 import numpy as np
@@ -100,35 +101,41 @@ def test_a_drift_to_the_north_east_goes_to_plus_x_and_plus_y(sim: Sim) -> None:
     assert x > first[0] + 2 * CELL_M and y > first[1] + 2 * CELL_M
 
 
+def fixes_of(sim: Sim, *actions: int) -> list[NavSatFix]:
+    """Fly a step and return the fixes of it."""
+    rig = sim.rig
+    with contextlib.ExitStack() as stack:
+        inboxes = [
+            stack.enter_context(rig.listening(NavSatFix, f"/sea/drone{i}/fix", BEST_EFFORT))
+            for i in range(4)
+        ]
+        # Nobody keeps a fix for those who come later.
+        rig.until(lambda: sim.fly(SEARCH, SEARCH, SEARCH, SEARCH) is not None and all(inboxes))
+        sim.fly(*actions)
+        stamp = stamp_ns(sim.reports.last)
+        rig.until(lambda: all(stamp_ns(inbox.last) == stamp for inbox in inboxes))
+        return [inbox.last for inbox in inboxes]
+
+
 def test_each_fix_is_the_pose_on_the_ellipsoid_within_a_centimetre(sim: Sim) -> None:
-    fixes = [sim.rig.listen(NavSatFix, f"/sea/drone{i}/fix", BEST_EFFORT) for i in range(4)]
-    poses = [sim.rig.listen(PoseStamped, f"/sea/drone{i}/pose", BEST_EFFORT) for i in range(4)]
-    sim.rig.until(lambda: sim.fly(RIGHT, LEFT, RIGHT, LEFT) is not None and all(fixes))
-    stamp = stamp_ns(sim.reports.last)
-    for fix_inbox, pose_inbox in zip(fixes, poses, strict=True):
-        sim.rig.until(
-            lambda f=fix_inbox, p=pose_inbox: stamp_ns(f.last) == stamp_ns(p.last) == stamp  # type: ignore[misc]
-        )
-        fix, position = fix_inbox.last, pose_inbox.last.pose.position
-        lat, lon, alt = pymap3d.enu2geodetic(position.x, position.y, position.z, *ORIGIN.values())
+    fixes = fixes_of(sim, RIGHT, LEFT, RIGHT, LEFT)
+    poses = sim.rig.first(PoseArray, "/sea/fleet").poses
+    for fix, pose in zip(fixes, poses, strict=True):
+        x, y, z = pose.position.x, pose.position.y, pose.position.z
+        lat, lon, alt = pymap3d.enu2geodetic(x, y, z, *ORIGIN.values())
         off = np.subtract(
             pymap3d.geodetic2ecef(fix.latitude, fix.longitude, fix.altitude),
             pymap3d.geodetic2ecef(lat, lon, alt),
         )
         assert np.linalg.norm(off) < 0.01
-        assert position.z == ALTITUDE_M
+        assert z == ALTITUDE_M
 
 
 def test_up_is_north_and_left_is_west(sim: Sim) -> None:
-    fixes = [sim.rig.listen(NavSatFix, f"/sea/drone{i}/fix", BEST_EFFORT) for i in range(4)]
-    sim.rig.until(lambda: sim.fly(SEARCH, SEARCH, SEARCH, SEARCH) is not None and all(fixes))
-    before = len(fixes[2]), len(fixes[3])
-    old = fixes[2].last, fixes[3].last
-    sim.fly(SEARCH, SEARCH, UP, LEFT)
-    sim.rig.until(lambda: (len(fixes[2]), len(fixes[3])) > before)
-    sim.rig.until(lambda: fixes[2].last != old[0] and fixes[3].last != old[1])
-    assert fixes[2].last.latitude > old[0].latitude
-    assert fixes[3].last.longitude < old[1].longitude
+    before = fixes_of(sim, SEARCH, SEARCH, SEARCH, SEARCH)
+    after = fixes_of(sim, SEARCH, SEARCH, UP, LEFT)
+    assert after[2].latitude > before[2].latitude
+    assert after[3].longitude < before[3].longitude
 
 
 def test_all_messages_of_a_step_have_one_stamp(sim: Sim) -> None:

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must not be is refused at the start, on one line."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from rig import ENVIRONMENT, free_domain
+
+from dsse_ros.nodes import planner_node, sim_node
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command line, what the line that refuses it says, and the node if it is another one.
+
+    In the arguments {x} is a file of that name with the text of `files`.
+    """
+
+    arguments: str
+    says: str
+    node: str = "sim_node"
+    files: Mapping[str, str] | None = None
+
+
+def scenario(text: str, says: str) -> Case:
+    return Case("-p scenario:={x}", says, files={"x": text})
+
+
+CASES = {
+    "unknown YAML key": scenario("sigmma: 2.0", "did you mean sigma?"),
+    "wrong type in YAML": scenario("grid_size: wide", "grid_size: 'wide' is not allowed"),
+    "wrong type of cells in YAML": scenario("drones_positions: [[0, 0], 3]", "drones_positions"),
+    "person outside in YAML": scenario(
+        "{grid_size: 8, person_initial_position: [8, 0]}", "person_initial_position: [8, 0]"
+    ),
+    "NaN vector in YAML": scenario("vector: [.nan, 0.0]", "vector: [nan, 0.0] is not allowed"),
+    "not YAML": scenario("a: [1, 2", "not YAML"),
+    "not a mapping": scenario("- 1\n- 2", "mapping"),
+    "not text": Case("-p scenario:={x}", "not UTF-8", files={"x": "\udcff\udcfe"}),
+    "missing scenario": Case("-p scenario:=/no/such.yaml", "No such file"),
+    "0 drones": Case("-p num_drones:=0", "num_drones: 0 is not allowed"),
+    "more drones than cells": Case("-p grid_size:=3 -p num_drones:=10", "at most 9"),
+    "person outside": Case(
+        "-p grid_size:=4 -p person_initial_position:=[-1,0]", "person_initial_position"
+    ),
+    "drone outside": Case("-p grid_size:=4 -p drones_positions:=[4,0]", "drones_positions"),
+    "odd number of cell parts": Case("-p drones_positions:=[1,2,3]", "drones_positions"),
+    "NaN vector": Case("-p vector:=[.nan,0.0]", "vector"),
+    "infinite sigma": Case("-p sigma:=.inf", "sigma"),
+    "unknown parameter": Case("-p num_dornes:=3", "num_drones"),
+    "wrong type": Case("-p num_drones:=three", "num_drones: 'three' is not allowed"),
+    "float for an integer": Case("-p num_drones:=3.0", "num_drones: 3.0 is not allowed"),
+    "unknown step mode": Case("-p step_mode:=fast", "lockstep, realtime, manual"),
+    "unknown rules": Case("-p rules:=v9", "rules: 'v9' is not allowed"),
+    "record file in no folder": Case("-p record_file:=/no/such/x.csv", "record_file"),
+    "QoS of no topic": Case(
+        "-p qos_overrides./nothing.publisher.depth:=3", "qos_overrides./nothing.publisher.depth"
+    ),
+    "unknown QoS policy": Case("-p qos_overrides./clock.publisher.dept:=3", "did you mean depth?"),
+    "wrong QoS": Case("-p qos_overrides./clock.publisher.reliability:=maybe", "best_effort"),
+    "wrong QoS depth": Case("-p qos_overrides./clock.publisher.depth:=0", "depth: 0"),
+    "parameter without a value": Case("-p num_drones", "num_drones"),
+    "two contradicting types": Case("-p num_drones:=[1,two]", "num_drones"),
+    "missing parameter file": Case("--params-file /no/such.yaml", "/no/such.yaml"),
+    "bad parameter file": Case("--params-file {x}", "x", files={"x": "a: [1, 2"}),
+    "bad node name": Case("-r __node:=bad-name", "__node:=bad-name"),
+    "bad namespace": Case("-r __ns:=bad-ns", "__ns:=bad-ns"),
+    "bad log level": Case("--log-level loud", "loud"),
+    "unknown ROS argument": Case("--no-such", "--no-such"),
+    "no ROS argument": Case("-- --drones", "'--drones' is no argument"),
+    "unknown planner": Case("-p planner:=oracle", "sweep, expanding_square", "planner_node"),
+    "unknown parameter of the planner": Case("-p planer:=sweep", "planner", "planner_node"),
+    "negative resend period": Case("-p resend_period:=-1.0", "resend_period", "planner_node"),
+}
+
+
+IN_PROCESSES_OF_THEIR_OWN = (
+    "unknown YAML key", "more drones than cells", "parameter without a value", "bad node name",
+    "unknown planner",
+)  # fmt: skip
+"""Some of each kind, as they were typed; for the others the imports would take a minute."""
+
+
+def arguments_of(case: Case, folder: Path) -> list[str]:
+    places = {name: folder / name for name in case.files or {}}
+    for name, text in (case.files or {}).items():
+        places[name].write_text(text, encoding="utf-8", errors="surrogateescape")
+    return ["--ros-args", *case.arguments.format(**places).split()]
+
+
+def check(case: Case, code: int, output: str, errors: str) -> None:
+    assert code == 2, errors
+    (line,) = errors.splitlines()
+    assert line.startswith(f"{case.node}: ") and case.says in line
+    assert output == ""
+
+
+@pytest.fixture
+def signal_handlers() -> Iterator[None]:
+    """Give back the handlers that a node takes for good."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    handlers = [signal.getsignal(number) for number in numbers]
+    yield
+    for number, handler in zip(numbers, handlers, strict=True):
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("signal_handlers")
+@pytest.mark.parametrize("name", CASES)
+def test_bad_input_is_refused_on_one_clear_line(
+    name: str,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(free_domain()))
+    case = CASES[name]
+    node = {"sim_node": sim_node, "planner_node": planner_node}[case.node]
+    code = node.main(arguments_of(case, tmp_path))
+    check(case, code, *capfd.readouterr())
+
+
+@pytest.mark.parametrize("name", IN_PROCESSES_OF_THEIR_OWN)
+def test_the_program_ends_with_that_line_and_code(name: str, tmp_path: Path) -> None:
+    case = CASES[name]
+    command = [sys.executable, "-m", f"dsse_ros.nodes.{case.node}", *arguments_of(case, tmp_path)]
+    environment = os.environ | ENVIRONMENT | {"ROS_DOMAIN_ID": str(free_domain())}
+    done = subprocess.run(
+        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+        env=environment,
+    )  # fmt: skip
+    check(case, done.returncode, done.stdout, done.stderr)
