@@ -84,7 +84,7 @@ class Spec:
         try:
             return self._convert(value)
         except (TypeError, ValueError, OverflowError):
-            raise FieldError(f"{name}: {_shown(value)} is not allowed; {self.allowed()}") from None
+            raise FieldError(f"{name}: {shown(value)} is not allowed; {self.allowed()}") from None
 
     def _convert(self, value: Any) -> Any:
         match self.kind:
@@ -137,9 +137,13 @@ class Spec:
         return value
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """Return the value on one line of bounded length."""
-    text = " ".join(repr(value).split())
+    try:
+        text = " ".join(repr(value).split())
+    except (RecursionError, ValueError):
+        # Python does not print integers of thousands of digits.
+        text = f"<{type(value).__name__}>"
     return text if len(text) <= 80 else text[:77] + "..."
 
 
@@ -160,13 +164,13 @@ def specs(cls: type) -> dict[str, Spec]:
     return {f.name: f.metadata["spec"] for f in dataclasses.fields(cls) if "spec" in f.metadata}
 
 
-def check_all(instance: Any) -> None:
-    """Check every field of a frozen dataclass and store the canonical values.
+def check_all(instance: Any, cls: type | None = None) -> None:
+    """Check the fields of this frozen dataclass and store the canonical values.
 
     Raises:
         FieldError: If a value is not allowed.
     """
-    for name, spec in specs(type(instance)).items():
+    for name, spec in specs(cls or type(instance)).items():
         object.__setattr__(instance, name, spec.check(name, getattr(instance, name)))
 
 
@@ -179,6 +183,6 @@ def check_known(what: str, names: Iterable[Any], known: Iterable[str]) -> None:
     known = list(known)
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(str(name), known, n=1)
+            near = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-            raise FieldError(f"{_shown(name)} is not a field of {what}; {hint}")
+            raise FieldError(f"{shown(name)} is not a field of {what}; {hint}")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.search.fields import FieldError
+from dsse_ros.search.fields import FieldError, shown
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import (
     SPECS,
@@ -39,8 +39,10 @@ def check_options(
     Raises:
         FieldError: If an option is not allowed.
     """
+    if not isinstance(options, Mapping):
+        raise FieldError(f"options: {shown(options)} is not allowed; a mapping")
     for name in options:
-        near = difflib.get_close_matches(str(name), RESET_OPTIONS, n=1, cutoff=0.75)
+        near = difflib.get_close_matches(shown(name).strip("'"), RESET_OPTIONS, n=1, cutoff=0.75)
         if near and name != near[0]:
             raise FieldError(f"options: {name!r} is not an option; did you mean {near[0]}?")
     start = {
@@ -66,5 +68,5 @@ def check_seed(seed: Any) -> int:
         FieldError: If it is not an integer >= 0.
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise FieldError(f"seed: {seed!r} is not allowed; an integer >= 0")
+        raise FieldError(f"seed: {shown(seed)} is not allowed; an integer >= 0")
     return int(seed)

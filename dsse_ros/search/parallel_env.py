@@ -14,7 +14,7 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
 
 from dsse_ros.search import rendering
-from dsse_ros.search.fields import FieldError
+from dsse_ros.search.fields import FieldError, shown
 from dsse_ros.search.options import check_options, check_seed
 from dsse_ros.search.rules import ACTION_VECTORS, Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
@@ -51,8 +51,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
 
     def __init__(self, scenario: Scenario, rules: Rules, render_mode: str | None = None) -> None:
         modes: list[str] = self.metadata["render_modes"]  # type: ignore[assignment]
-        if render_mode is not None and render_mode not in modes:
-            raise FieldError(f"render_mode: {render_mode!r} is not allowed; one of {modes}")
+        if render_mode is not None and not (isinstance(render_mode, str) and render_mode in modes):
+            raise FieldError(f"render_mode: {shown(render_mode)} is not allowed; one of {modes}")
         self.render_mode = render_mode
         self.rules = rules
         self.world = World(scenario, rules)
@@ -63,15 +63,14 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         span, first = [g + 2 * margin] * 2, [-margin] * 2
         self.possible_agents = [f"drone{i}" for i in range(self.world.num_drones)]
         self.agents: list[str] = []
-        self.observation_spaces = {
-            agent: spaces.Tuple(
-                (
-                    spaces.MultiDiscrete(span, start=first),
-                    spaces.Box(0.0, 1.0, (g, g), np.float32),
-                )
+        # One space for all: its bounds are as large as the map.
+        observation_space = spaces.Tuple(
+            (
+                spaces.MultiDiscrete(span, start=first),
+                spaces.Box(0.0, 1.0, (g, g), np.float32),
             )
-            for agent in self.possible_agents
-        }
+        )
+        self.observation_spaces = dict.fromkeys(self.possible_agents, observation_space)
         self.action_spaces = {
             agent: spaces.Discrete(len(rules.actions)) for agent in self.possible_agents
         }
@@ -115,7 +114,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         Raises:
             FieldError: If an option is not allowed; the mission under way stays as it is.
         """
-        start = check_options(options or {}, self.scenario, self.rules)
+        start = check_options({} if options is None else options, self.scenario, self.rules)
         if seed is not None:
             self.world.seed(check_seed(seed))
         self.world.place(**start)
@@ -176,6 +175,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.world.step(joint.reshape(1, -1))
         if self.render_mode is not None:
             self._track.append(self.positions)
+        else:
+            self._track = []
         if self._over[0]:
             self._live, self.agents = [], []
         elif self._flying[0] < len(self.agents):
@@ -235,7 +236,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         world, s = self.world, self.scenario
         return rendering.MissionView(
             probability=self.probability,
-            tracks=np.stack([*self._track], axis=1) if self._track else self._xy[:, None],
+            tracks=np.stack(self._track or [self.positions], axis=1),
             alive=world.drones["alive"][0].copy(),
             persons=np.stack([world.persons["x"][0], world.persons["y"][0]], axis=1),
             found=world.persons["found"][0].copy(),
@@ -310,11 +311,17 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     def _action_error(self, actions: Mapping[str, int]) -> FieldError:
         """Return what is wrong with these actions."""
         legend = ", ".join(f"{i} {name}" for i, name in enumerate(self.rules.actions))
+        if not isinstance(actions, Mapping):
+            return FieldError(
+                f"actions: {shown(actions)} is not allowed; one number per live agent"
+            )
         for agent in self.agents:
             if agent not in actions:
                 return FieldError(f"actions: {agent} is missing; one action per live agent")
             if not self.action_spaces[agent].contains(actions[agent]):
-                return FieldError(f"{agent}: action {actions[agent]!r} is not allowed; {legend}")
+                return FieldError(
+                    f"{agent}: action {shown(actions[agent])} is not allowed; {legend}"
+                )
         return FieldError("actions: not a mapping of agents to action numbers")
 
 

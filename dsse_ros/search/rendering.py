@@ -120,11 +120,9 @@ def draw(view: MissionView, figure: Figure) -> None:
                 linestyle="none", label=label, zorder=5,
             )  # fmt: skip
     if grid <= 50:
-        ticks = np.arange(grid + 1) * km
-        axes.set_xticks(ticks, minor=True)
-        axes.set_yticks(ticks, minor=True)
-        axes.grid(which="minor", color="0.85", linewidth=0.4)
-        axes.tick_params(which="minor", length=0)
+        inner = np.arange(1, grid) * km
+        axes.hlines(inner, 0, grid * km, color="0.85", linewidth=0.4)
+        axes.vlines(inner, 0, grid * km, color="0.85", linewidth=0.4)
     axes.set_xlim(0, grid * km)
     axes.set_ylim(0, grid * km)
     axes.set_xlabel("east (km)")

@@ -12,7 +12,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-from dsse_ros.search.fields import FieldError, check_all, check_known, field, specs
+from dsse_ros.search.fields import FieldError, check_all, check_known, field, shown, specs
 
 ACTION_VECTORS: dict[str, tuple[int, int]] = {
     "left": (-1, 0),
@@ -148,7 +148,7 @@ class Rules:
     timestep_limit: int = field("int", "Default limit L.", 100, low=1, high=10**9, unit="steps")
 
     def __post_init__(self) -> None:
-        check_all(self)
+        check_all(self, Rules)
         for name in self.actions:
             if name not in ACTION_VECTORS:
                 check_known("the actions", [name], ACTION_VECTORS)
@@ -253,7 +253,7 @@ def profile(name: str, **overrides: Any) -> Rules:
     Raises:
         FieldError: If the profile or a field is unknown or a value is not allowed.
     """
-    if name not in PROFILES:
+    if not isinstance(name, str) or name not in PROFILES:
         known = ", ".join(PROFILES)
-        raise FieldError(f"rules: {name!r} is not allowed; one of {known}")
+        raise FieldError(f"rules: {shown(name)} is not allowed; one of {known}")
     return PROFILES[name].override(**overrides)

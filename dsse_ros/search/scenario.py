@@ -20,6 +20,8 @@ PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
 """A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real
 world")."""
 
+MAX_PRE_SEARCH_STEPS = 1_000_000
+
 SYNONYMS = {"dispersion_start": "sigma"}
 """Other names of fields, as DSSE 1.1.9 has them."""
 
@@ -55,17 +57,17 @@ class Scenario:
     )  # fmt: skip
     cell_size: float | None = field(
         "float", "Side of a cell; by default what the camera sees.", None,
-        above=0, high=1e6, unit="m",
+        low=1e-3, high=1e6, unit="m",
     )  # fmt: skip
     altitude: float = field(
-        "float", "Height of the drones above the sea.", 120.0, above=0, high=20000, unit="m"
+        "float", "Height of the drones above the sea.", 120.0, low=1e-3, high=20000, unit="m"
     )
     field_of_view: float = field(
         "float", "Full angle of the camera across a cell.", PAPER_FIELD_OF_VIEW_DEG,
         above=0, high=175, unit="deg",
     )  # fmt: skip
     drone_speed: float = field(
-        "float", "Ground speed of the drones.", 10.0, above=0, high=1000, unit="m/s"
+        "float", "Ground speed of the drones.", 10.0, low=1e-3, high=1000, unit="m/s"
     )
     num_drones: int | None = field(
         "int", "Number of drones; by default one per start cell given, else 1.", None,
@@ -90,13 +92,13 @@ class Scenario:
     )
     person_amount: int = field("int", "Number of persons.", 1, low=1, high=10000)
     sigma: float | None = field(
-        "float", "Spread of the probability along both axes.", None, above=0, unit="cells"
+        "float", "Spread of the probability along both axes.", None, low=1e-6, unit="cells"
     )
     sigma_x: float | None = field(
-        "float", "Spread along x, where it differs from sigma.", None, above=0, unit="cells"
+        "float", "Spread along x, where it differs from sigma.", None, low=1e-6, unit="cells"
     )
     sigma_y: float | None = field(
-        "float", "Spread along y, where it differs from sigma.", None, above=0, unit="cells"
+        "float", "Spread along y, where it differs from sigma.", None, low=1e-6, unit="cells"
     )
     dispersion_inc: float | None = field(
         "float", "Growth of the spread per step.", None, low=0, unit="cells"
@@ -116,7 +118,7 @@ class Scenario:
     )
 
     def __post_init__(self) -> None:
-        check_all(self)
+        check_all(self, Scenario)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Scenario:
@@ -145,7 +147,7 @@ class Scenario:
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "not UTF-8 text"
             raise FieldError(f"scenario {os.fspath(path)!r}: {reason}") from None
-        except yaml.YAMLError as error:
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
             raise FieldError(
                 f"scenario {os.fspath(path)!r}: not YAML: {' '.join(str(error).split())}"
             ) from None
@@ -179,7 +181,12 @@ class Scenario:
             FieldError: If a key is unknown or a value is not allowed.
         """
         check_known("the scenario", values, [*specs(Scenario), *SYNONYMS])
-        given = {SYNONYMS.get(k, k): v for k, v in values.items() if v is not None}
+        named = {k: v for k, v in values.items() if v is not None}
+        given = {SYNONYMS.get(k, k): v for k, v in named.items()}
+        if len(given) < len(named):
+            raise FieldError("dispersion_start and sigma are the same field; give one")
+        if "sigma" in given:
+            given = {"sigma_x": None, "sigma_y": None, **given}
         for ways in _ALTERNATIVES:
             for way, other in (ways, ways[::-1]):
                 if any(name in given for name in way):
@@ -195,7 +202,9 @@ class Scenario:
         cell = self.cell_size
         if cell is None:
             cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
-            cell = round(cell, 3)
+            cell = SPECS["cell_size"].check(
+                "cell_size (of altitude and field_of_view)", round(cell, 3)
+            )
         grid = self._resolve_grid(rules, cell)
         positions = self._resolve_positions(grid)
         sigma = self.sigma if self.sigma is not None else rules.sigma
@@ -226,7 +235,13 @@ class Scenario:
             "timestep_limit": self.timestep_limit or rules.timestep_limit,
         }
         given = {f.name: getattr(self, f.name) for f in dataclasses.fields(Scenario)}
-        return ResolvedScenario(**{**given, **derived})
+        resolved = ResolvedScenario(**{**given, **derived})
+        if resolved.pre_search_steps > MAX_PRE_SEARCH_STEPS:
+            raise FieldError(
+                f"pre_search_minutes: {self.pre_search_minutes:g} is not allowed; at most "
+                f"{MAX_PRE_SEARCH_STEPS} steps of {resolved.step_duration_s:g} s"
+            )
+        return resolved
 
     def _resolve_grid(self, rules: Rules, cell: float) -> int:
         if self.zone_size is None:
@@ -316,7 +331,7 @@ def scenario_and_rules(
     """
     of_scenario = {*SPECS, *SYNONYMS}
     check_known("the scenario or the rules", fields, [*of_scenario, *specs(Rules)])
-    chosen = profile(rules) if isinstance(rules, str) else rules
+    chosen = rules if isinstance(rules, Rules) else profile(rules)
     chosen = chosen.override(**{k: v for k, v in fields.items() if k not in of_scenario})
     given = {k: v for k, v in fields.items() if k in of_scenario}
     return Scenario.of(scenario).override(**given), chosen

@@ -86,7 +86,7 @@ def test_no_play_breaks_the_world(fields: dict[str, Any], seed: int, careful: bo
 
 
 def test_twenty_thousand_steps_of_play_leave_the_world_sound() -> None:
-    env = started(1, grid_size=12, num_drones=4, person_amount=2, vector=(0.13, -0.07), sigma=2.5)
+    env = started(1, grid_size=12, num_drones=2, person_amount=2, vector=(0.13, -0.07), sigma=2.5)
     assert play(env, 20000, np.random.default_rng(1), careful=True) > 100
 
 

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Prints the interface of both nodes as JSON, with names and words as the README has them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from dsse_ros.nodes.planner_node import PlannerNode
+from dsse_ros.nodes.sim_node import SimNode
+
+
+def name_of(node: Node, full: str) -> str:
+    """Name as it stands in the code: relative, private or absolute."""
+    private = re.sub(f"^/ns/{node.get_name()}/", "~/", full)
+    return re.sub("^/ns/", "", private).replace("drone0/", "drone<i>/")
+
+
+def type_of(kind: Any) -> str:
+    return f"{kind.__module__.split('.')[0]}/{kind.__name__}"
+
+
+def quality(qos: QoSProfile) -> str:
+    """Quality of service in the README's words."""
+    latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    reliable = qos.reliability == ReliabilityPolicy.RELIABLE
+    words = {(True, True, 1): "latched", (False, False, 5): "sensor data"}
+    if reliable and not latched:
+        return f"reliable {qos.depth}"
+    return words.get((latched, reliable, qos.depth), str(qos))
+
+
+def topics(node: Node, endpoints: Iterable[Any]) -> dict[str, tuple[str, str]]:
+    return {
+        name_of(node, topic.topic_name): (type_of(topic.msg_type), quality(topic.qos_profile))
+        for topic in endpoints
+    }
+
+
+def parameter(node: Node, name: str) -> tuple[str, bool]:
+    """Type of a parameter, and whether it is read-only."""
+    described = node.describe_parameter(name)
+    return Parameter.Type(described.type).name.lower(), described.read_only
+
+
+def interface(node: Node) -> dict[str, Any]:
+    return {
+        "published": topics(node, node.publishers),
+        "subscribed": topics(node, node.subscriptions),
+        "services": {name_of(node, s.service_name): type_of(s.srv_type) for s in node.services},
+        "parameters": {name: parameter(node, name) for name in node.get_parameters_by_prefix("")},
+    }
+
+
+def started(make_node: Callable[[], Node], *arguments: str) -> dict[str, Any]:
+    """Interface of a node that is started in the namespace /ns."""
+    rclpy.init(args=["--ros-args", "-r", "__ns:=/ns", *arguments])
+    shown = interface(make_node())
+    rclpy.shutdown()
+    return shown
+
+
+if __name__ == "__main__":
+    options = ("-p", "num_drones:=1", "-p", "wait_for_vehicles:=true")
+    nodes = {"sim_node": started(SimNode, *options), "planner_node": started(PlannerNode)}
+    print(json.dumps(nodes))

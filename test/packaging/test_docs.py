@@ -1,0 +1,412 @@
+# SPDX-License-Identifier: Apache-2.0
+"""README, docs and examples say what the running code does."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import json
+import os
+import re
+import runpy
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.nodes.commands import MISSING_ACTIONS
+from dsse_ros.nodes.mission_log import COLUMNS, MissionRecord, read_log
+from dsse_ros.nodes.run_mission import parse, summary
+from dsse_ros.search import PROFILES, Scenario, profile
+from msg_adapters.agents import AgentsInfo
+from msg_adapters.step_report import step_report_dtype
+
+ROOT = Path(__file__).resolve().parents[2]
+README, PARAMETERS, ROS, RULES = (
+    ROOT / name for name in ("README.md", "docs/parameters.md", "docs/ros.md", "docs/rules.md")
+)
+PAGES = [README, *sorted((ROOT / "docs").glob("*.md"))]
+SCENARIO = ROOT / "config" / "paper_zone.yaml"
+SCRIPTS = {path.name for path in (ROOT / "scripts").iterdir()}
+# Of every ROS 2 node.
+COMMON_TOPICS = {"/parameter_events", "/rosout"}
+COMMON_PARAMETERS = {"use_sim_time", "start_type_description_service"}
+PATIENCE_S = 180.0
+"""A first run compiles, and the machine may be busy."""
+
+Row = dict[str, str]
+
+
+# Pages
+
+
+def section(page: Path, heading: str) -> str:
+    """Text below a heading, up to the next one."""
+    parts = re.split(r"^#+ (.+)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return parts[parts.index(heading) + 1]
+
+
+def table(page: Path, heading: str, column: str) -> dict[str, Row]:
+    """Rows of the tables below a heading, by the names in a column."""
+    found: dict[str, Row] = {}
+    head: list[str] = []
+    for line in section(page, heading).splitlines():
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        if head and cells and not cells[0].startswith("---"):
+            row = dict(zip(head, cells, strict=True))
+            assert row[column].strip("`") not in found, line
+            found[row[column].strip("`")] = row
+        elif not head or not cells:
+            head = cells
+    return found
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Code blocks of a page in one language."""
+    text = page.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+def commands() -> str:
+    """Whatever stands on a page as code."""
+    texts = [page.read_text(encoding="utf-8") for page in PAGES]
+    inline = [code for text in texts for code in re.findall(r"`([^`\n]+)`", text)]
+    return "\n".join([*inline, *(block for page in PAGES for block in blocks(page, "sh"))])
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+# Processes
+
+
+def environment() -> dict[str, str]:
+    """Environment of a process: the package that is tested, this machine, a domain of its own."""
+    paths = [os.path.abspath(p) for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p]
+    return os.environ | {
+        "PYTHONPATH": os.pathsep.join(paths),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+    }
+
+
+def python(script: Path, cwd: Path) -> str:
+    """Run a script to its end and return what it prints; fail with its errors otherwise."""
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        cwd=cwd, env=environment(), capture_output=True, text=True, timeout=PATIENCE_S,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@contextmanager
+def process(log: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Run Python beside the test; it is interrupted at the end, or killed if that does not help."""
+    with log.open("wb") as output:
+        child = subprocess.Popen(
+            [sys.executable, *map(str, arguments)],
+            cwd=log.parent, env=environment(), stdout=output, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        try:
+            yield child
+        finally:
+            child.send_signal(signal.SIGINT)
+            try:
+                child.wait(20)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+
+
+def finished(csv: Path) -> MissionRecord | None:
+    """Return the mission once no drone is in flight; None while a step is being written."""
+    try:
+        record = read_log(csv)
+    except (OSError, ValueError, KeyError, IndexError, TypeError):
+        return None
+    return None if record.alive.any() else record
+
+
+@pytest.fixture(scope="module")
+def interface(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Topics, services and parameters of both nodes, as they are when they run."""
+    script = Path(__file__).with_name("show_interface.py")
+    printed = python(script, tmp_path_factory.mktemp("interface"))
+    nodes: dict[str, Any] = json.loads(printed.splitlines()[-1])
+    return nodes
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory: pytest.TempPathFactory) -> MissionRecord:
+    """A whole mission of `sim_node`, commanded by the example over DDS."""
+    folder = tmp_path_factory.mktemp("mission")
+    csv, planner_log = folder / "mission.csv", folder / "planner.log"
+    parameters = {"scenario": SCENARIO, "num_drones": 3, "seed": 1, "record_file": csv}
+    options = [part for name, value in parameters.items() for part in ("-p", f"{name}:={value}")]
+    sim = ("-m", "dsse_ros.nodes.sim_node", "--ros-args", *options)
+    deadline = time.monotonic() + PATIENCE_S
+    with (
+        process(folder / "sim.log", *sim) as simulation,
+        process(planner_log, ROOT / "examples" / "my_planner.py") as planner,
+    ):
+        while (record := finished(csv)) is None:
+            assert simulation.poll() is None, (folder / "sim.log").read_text()
+            assert planner.poll() is None, planner_log.read_text()
+            assert time.monotonic() < deadline, (folder / "sim.log").read_text()
+            time.sleep(0.1)
+    assert planner_log.read_text() == ""
+    return record
+
+
+# The interface
+
+
+@pytest.mark.parametrize(
+    ("heading", "kind"), [("Published", "published"), ("Subscribed", "subscribed")]
+)
+def test_the_topics_of_the_simulation_are_those_of_the_readme(
+    interface: dict[str, Any], heading: str, kind: str
+) -> None:
+    documented = {
+        name: [row["Type"].strip("`"), row["QoS"]]
+        for name, row in table(README, heading, "Topic").items()
+    }
+    running = {k: v for k, v in interface["sim_node"][kind].items() if k not in COMMON_TOPICS}
+    if kind == "published" and "/tf" not in running:
+        # It needs tf2_msgs.
+        del documented["/tf"]
+    assert documented == running
+
+
+def test_the_topics_of_the_planner_are_those_of_the_readme(interface: dict[str, Any]) -> None:
+    documented = {
+        (name, row["Direction"]): [row["Type"].strip("`"), row["QoS"]]
+        for name, row in table(README, "The planner's", "Topic").items()
+    }
+    running = {
+        (name, direction): what
+        for kind, direction in (("subscribed", "in"), ("published", "out"))
+        for name, what in interface["planner_node"][kind].items()
+        if name not in COMMON_TOPICS
+    }
+    assert documented == running
+
+
+def test_the_services_are_those_of_the_readme(interface: dict[str, Any]) -> None:
+    documented = {
+        name: row["Type"].strip("`") for name, row in table(README, "Services", "Service").items()
+    }
+    of_both = (
+        interface["sim_node"]["services"].items() & interface["planner_node"]["services"].items()
+    )
+    assert documented.items() == interface["sim_node"]["services"].items() - of_both
+    assert not interface["planner_node"]["services"].items() - of_both
+
+
+def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
+    module = ast.parse((ROOT / "dsse_ros/nodes/simulation_interfaces.py").read_text())
+    imported = {
+        alias.name
+        for node in ast.walk(module)
+        if isinstance(node, ast.ImportFrom) and node.module == "simulation_interfaces.srv"
+        for alias in node.names
+    }
+    offered = set()
+    for node in ast.walk(module):
+        match node:
+            case ast.Tuple(elts=[ast.Constant(value=str(name)), ast.Name(id=kind), _]):
+                assert kind in imported
+                offered.add(f"~/{name}")
+    assert len(offered) == len(imported) > 0
+    assert set(table(ROS, "simulation_interfaces", "Service")) == offered
+
+
+@pytest.mark.parametrize(
+    ("node", "tables"),
+    [
+        (
+            "sim_node",
+            [(README, "Of the simulation"), (PARAMETERS, "Scenario"), (PARAMETERS, "Rules")],
+        ),
+        ("planner_node", [(README, "Of the planner")]),
+    ],
+)
+def test_the_parameters_are_those_of_the_tables(
+    interface: dict[str, Any], node: str, tables: list[tuple[Path, str]]
+) -> None:
+    documented = {
+        name: [row["Type"], row.get("At run time") != "yes"]
+        for page, heading in tables
+        for name, row in table(page, heading, "Parameter").items()
+    }
+    running = interface[node]["parameters"]
+    assert documented == {k: v for k, v in running.items() if k not in COMMON_PARAMETERS}
+
+
+def test_the_tables_of_parameters_are_what_the_code_makes_of_them() -> None:
+    tables = runpy.run_path(str(ROOT / "docs" / "tables.py"))
+    texts = {page: (ROOT / page).read_text(encoding="utf-8") for page in tables["PAGES"]}
+    places = [name for text in texts.values() for name in re.findall("<!-- table: (.+) -->", text)]
+    assert sorted(places) == sorted(tables["TABLES"])
+    for page, text in texts.items():
+        assert tables["with_tables"](text) == text, f"{page}: run `python docs/tables.py`"
+
+
+def test_the_refusals_are_those_of_the_code() -> None:
+    sources = (ROOT / "msg_adapters" / "commands.py", ROOT / "dsse_ros" / "nodes" / "mission.py")
+    codes = {
+        node.args[0].value
+        for path in sources
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "Rejected"
+        and isinstance(node.args[0], ast.Constant)
+    }
+    assert set(table(ROS, "Refusals", "Code")) == codes
+
+
+def test_the_layouts_are_those_of_the_messages_and_files() -> None:
+    dtype = step_report_dtype(5)
+    fields = {name: dtype[name].base.name for name in dtype.names or ()}
+    documented = table(ROS, "Step report", "Field")
+    assert {name: row["Type"] for name, row in documented.items()} == fields
+    keys = {field.name for field in dataclasses.fields(AgentsInfo)}
+    assert set(table(ROS, "Agents", "Key")) == keys
+    assert set(COLUMNS) <= set(re.findall(r"`(\w+)`", section(ROS, "Files")))
+    assert tuple(table(ROS, "Lockstep", "`missing_action`")) == MISSING_ACTIONS
+
+
+# What a reader does
+
+
+def test_a_planner_of_ones_own_flies_a_whole_mission(mission: MissionRecord) -> None:
+    assert mission.person_found.all() or mission.truncated.all()
+    steps = mission.actions[:, 1:]
+    assert steps.shape[1] > 0
+    assert (steps != "").all(), "a drone was not commanded"
+    assert "search" in steps
+
+
+def test_the_readme_shows_what_a_mission_prints(mission: MissionRecord) -> None:
+    scenario = Scenario.from_yaml(SCENARIO).override(num_drones=3).resolve(profile("paper"))
+    (shown,) = blocks(README, "text")
+    labels = [line[2:22].strip() for line in summary(mission, scenario).splitlines()[1:]]
+    shown_labels = [line[2:22].strip() for line in shown.splitlines() if line.startswith("  ")]
+    assert shown_labels == [*labels, "picture", "steps"]
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        pytest.param(block, id=f"{page.name}-{number}")
+        for page in PAGES
+        for number, block in enumerate(blocks(page, "python"), start=1)
+    ],
+)
+def test_the_python_on_a_page_runs(block: str, tmp_path: Path) -> None:
+    script = tmp_path / "block.py"
+    script.write_text(block, encoding="utf-8")
+    python(script, cwd=ROOT)
+
+
+def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
+    text = commands()
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z]+):.*##", makefile, re.MULTILINE))
+    made = re.findall(r"\bmake ([a-z]+)((?: [A-Z]+=\S+)*)", text)
+    assert {"sim", "test"} <= {target for target, _ in made} <= targets
+    options = set(table(README, "Quick start", "Option"))
+    assert options == set(re.findall(r"\$\(if \$\(([A-Z]+)\),--\w+ '", makefile))
+    assert {name for _, given in made for name in re.findall(r"\b([A-Z]+)=", given)} <= options
+
+    assert set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text)) - {"python"} <= SCRIPTS
+    known = {name for node in interface.values() for name in node["parameters"]}
+    assert set(re.findall(r"-p (\w+):=", text)) <= known
+    for flags in re.findall(r"\brun_mission( --.*)", text):
+        if "--help" not in flags:
+            parse(flags.split())
+
+
+def test_the_launch_arguments_are_those_of_the_launch_file() -> None:
+    (file,) = (ROOT / "launch").iterdir()
+    module = ast.parse(file.read_text(encoding="utf-8"))
+    (arguments,) = (
+        {key.value for key in node.value.keys if isinstance(key, ast.Constant)}
+        for node in ast.walk(module)
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Dict)
+    )
+    assert set(table(ROS, "Launch file", "Argument")) == arguments
+    launches = re.findall(r"ros2 launch dsse_ros (\S+)(.*)", commands())
+    assert launches
+    for name, given in launches:
+        assert name == file.name
+        assert set(re.findall(r"(\w+):=", given)) <= arguments
+
+
+# The rest
+
+
+def test_every_profile_has_its_row_and_its_column() -> None:
+    assert set(table(README, "Rules", "Profile")) == set(PROFILES)
+    for row in table(RULES, "Rule by rule", "Rule").values():
+        assert [name.strip("`") for name in row][1:] == list(PROFILES)
+
+
+def test_the_golden_traces_are_as_many_as_told() -> None:
+    told = table(RULES, "How they are held to the packages", "What")
+    for version in ("v1", "v2"):
+        data = ROOT / "test" / "oracles" / "data"
+        with np.load(data / f"{version}_maps.npz") as stored:
+            cases = len(json.loads(str(stored["meta"]))["cases"])
+        episodes = len(json.loads((data / f"{version}_episodes.json").read_text())["episodes"])
+        column = f"`{version}`"
+        assert told["Maps over 60 steps"][column].startswith(f"{cases} cases")
+        assert told["Scripted episodes"][column].startswith(f"{episodes}:")
+
+
+def test_every_dependency_is_explained() -> None:
+    module = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
+    given = {
+        keyword.arg: keyword.value
+        for node in ast.walk(module)
+        if isinstance(node, ast.Call)
+        for keyword in node.keywords
+    }
+    requirements = [
+        *ast.literal_eval(given["install_requires"]),
+        *ast.literal_eval(given["extras_require"])["viz"],
+    ]
+    names = {re.split("[<>=]", requirement)[0] for requirement in requirements}
+    assert set(table(README, "Dependencies", "Package")) == names
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
+    dead = []
+    for link in links:
+        target, _, anchor = link.partition("#")
+        if "://" in target:
+            continue
+        path = page.parent / target if target else page
+        if not path.exists() or (anchor and anchor not in anchors(path)):
+            dead.append(link)
+    assert dead == []
+
+
+def test_the_picture_is_small_and_is_one() -> None:
+    picture = (ROOT / "docs" / "mission.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert len(picture) < 100_000
