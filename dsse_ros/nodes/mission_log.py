@@ -7,7 +7,7 @@ import csv
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ class MissionLog:
         self._frame = frame
         try:
             mode = "a" if append else "w"
-            self._file: TextIO = Path(path).open(mode, newline="", encoding="utf-8")  # noqa: SIM115
+            self._file = Path(path).open(mode, newline="", encoding="utf-8")  # noqa: SIM115
         except OSError as error:
             raise FieldError(f"record_file: {os.fspath(path)!r}: {error.strerror}") from None
         self._writer = csv.writer(self._file, lineterminator="\n")
