@@ -71,7 +71,9 @@ def pip_installation(folder: Path) -> Installation:
     tree = copy_sources(folder / "tree")
     prefix = folder / "prefix"
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install"]
-    run(*pip, "--no-deps", "--no-build-isolation", "--prefix", prefix, ".", cwd=tree)
+    # Without --ignore-installed pip removes the package from the environment that runs the tests.
+    options = ["--no-deps", "--no-build-isolation", "--ignore-installed", "--prefix", prefix]
+    run(*pip, *options, ".", cwd=tree)
     paths = sysconfig.get_paths(vars={"base": str(prefix), "platbase": str(prefix)})
     path = [paths["purelib"], *filter(None, [os.environ.get("PYTHONPATH")])]
     env = {"AMENT_PREFIX_PATH": str(prefix), "PYTHONPATH": os.pathsep.join(path)}
