@@ -67,7 +67,7 @@ class PlannerNode(AlarmNode):
             read(message)
             self._plan()
         except ValueError as error:
-            self.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
+            self.warn(topic, f"{topic}: {error}")
 
     def _on_agents(self, message: String) -> None:
         before, self._info = self._info, agents_from_message(message)

@@ -32,6 +32,7 @@ BAD_INPUT = 2
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _LOOK_S = 0.1
 """Wall time between looks at whether a signal has come."""
+_WARN_S = 1.0
 _ELSEWHERE_S = 0.05
 """Wall time between looks at the alarms in another executor's loop."""
 
@@ -61,9 +62,17 @@ class AlarmNode(Node):
     def __init__(self, name: str) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         self.alarms = Alarms(time.monotonic)
+        self._warned: dict[str, float] = {}
         self.create_timer(
             _ELSEWHERE_S, self.alarms.ring, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+
+    def warn(self, kind: str, text: str) -> None:
+        """Log a warning, of each kind one a second at most."""
+        now_s = time.monotonic()
+        if now_s - self._warned.get(kind, -_WARN_S) >= _WARN_S:
+            self._warned[kind] = now_s
+            self.get_logger().warning(text)
 
 
 def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | None) -> int:
@@ -96,7 +105,8 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        _on_signals(stop)
+        # Not a handler: Python lets a signal kill it in its last moments, unless it is ignored.
+        _on_signals(signal.SIG_IGN)
         with contextlib.suppress(Exception):
             if node is not None:
                 node.destroy_node()
@@ -119,7 +129,7 @@ class _Stop:
         self.wanted = True
 
 
-def _on_signals(handler: Callable[[int, FrameType | None], object]) -> None:
+def _on_signals(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
     for number in _SIGNALS:
         signal.signal(number, handler)
 

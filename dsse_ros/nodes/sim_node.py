@@ -62,8 +62,6 @@ _OF_PACE = {"step_mode", "step_rate", "real_time_factor", "odom_rate", "command_
 
 HISTORY_PERIOD_S = 0.5
 DIAGNOSTICS_PERIOD_S = 1.0
-REFUSAL_PERIOD_S = 1.0
-"""Wall time in which the log names a kind of refusal once."""
 
 
 class SimNode(AlarmNode):
@@ -96,7 +94,6 @@ class SimNode(AlarmNode):
         self.paused = False
         self.rejected: Counter[str] = Counter()
         self.timeouts = 0
-        self._told: dict[str, float] = {}
         self._pace = Pace()
         self._pace.set_period(time.monotonic(), self._period_s())
         self._vehicles: dict[int, tuple[int, int] | None] = {}
@@ -261,7 +258,7 @@ class SimNode(AlarmNode):
             except OSError as error:
                 self.get_logger().error(
                     f"snapshot_file: {settings.snapshot_file!r}: {error.strerror}",
-                    throttle_duration_sec=REFUSAL_PERIOD_S,
+                    throttle_duration_sec=1.0,
                 )
 
     # Barrier
@@ -334,10 +331,10 @@ class SimNode(AlarmNode):
         self.timeouts += 1
         missing = self.mission.missing
         waited_for = f"no command from {self._names(missing)}" if missing else "vehicles are late"
-        self.get_logger().warning(
+        self.warn(
+            "timeout",
             f"{waited_for} within {self.settings.command_timeout:g} s; "
             f"missing_action {self.settings.missing_action}",
-            throttle_duration_sec=1.0,
         )
         self._step_without_waiting()
 
@@ -363,10 +360,7 @@ class SimNode(AlarmNode):
                 return parsed.value
             parsed = refused
         self.rejected[parsed.code] += 1
-        now_s = time.monotonic()
-        if now_s - self._told.get(parsed.code, -REFUSAL_PERIOD_S) >= REFUSAL_PERIOD_S:
-            self._told[parsed.code] = now_s
-            self.get_logger().warning(f"{topic}: {parsed.reason}")
+        self.warn(parsed.code, f"{topic}: {parsed.reason}")
         return None
 
     def _on_action(self, drone: int, message: Int8) -> None:

@@ -318,6 +318,12 @@ class Sim:
         """Where the drones are, as (col, row)."""
         return cells(self.report)
 
+    @property
+    def flying(self) -> bool:
+        """Whether a drone is in flight."""
+        report = self.report
+        return not (report["terminated"] | report["truncated"]).all()
+
     def next_report(self, seen: int) -> NDArray[Any]:
         """Return the report after the first `seen` ones."""
         self.rig.until(lambda: len(self.reports) > seen, "a step report")

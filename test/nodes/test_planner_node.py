@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The planner as a process: what it answers to the topics, lost messages and restarts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from rig import LATCHED, Inbox, Rig
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Int32MultiArray, String
+
+from dsse_ros.nodes.mission import Mission
+from dsse_ros.planners import make_planner
+from dsse_ros.search import parallel_env
+from msg_adapters.agents import AgentsInfo, Origin, agents_message
+from msg_adapters.images import probability_image
+from msg_adapters.stamps import to_stamp
+from msg_adapters.step_report import make_step_report, step_report_message
+
+PLANNER = "expanding_square"
+
+
+class Stage:
+    """The topics of a simulation, without one: they say what the test wants them to say."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig = rig
+        self.answers: Inbox = rig.listen(Int32MultiArray, "joint_action")
+        self._topics = {
+            name: rig.node.create_publisher(kind, name, LATCHED)
+            for name, kind in (("agents", String), ("probability", Image))
+        }
+        self._topics["step_report"] = rig.node.create_publisher(PointCloud2, "step_report", LATCHED)
+
+    def show(self, mission: Mission, *topics: str) -> None:
+        """Publish where the mission stands, by default on all topics."""
+        env, result = mission.env, mission.result
+        scenario = env.scenario
+        info = AgentsInfo(
+            agents=tuple(env.possible_agents), actions=env.rules.actions, rules="paper",
+            seed=mission.seed, grid_size=env.world.grid_size, cell_size_m=scenario.cell_size,
+            timestep_limit=scenario.timestep_limit, step_duration_s=scenario.step_duration_s,
+            map_frame="map", origin=Origin(0.0, 0.0, 0.0), alt_m=120.0, mission=mission.number,
+        )  # fmt: skip
+        stamp = to_stamp(result.stamp_ns)
+        report = make_step_report(
+            info.frame, step=result.step, cells=result.cells, actions=result.actions,
+            rewards=result.rewards, terminated=result.terminated, truncated=result.truncated,
+            found=result.found, held=result.held, action_mask=env.action_masks(),
+        )  # fmt: skip
+        messages = {
+            "agents": agents_message(info),
+            "probability": probability_image(info.frame, env.probability, stamp),
+            "step_report": step_report_message(info.frame, report, stamp),
+        }
+        for topic in topics or messages:
+            self._topics[topic].publish(messages[topic])
+
+    def answer(self, mission: Mission) -> list[int]:
+        """Return the first answer to the mission's step."""
+        step, size = mission.result.step, 1 + mission.env.world.num_drones
+        self.rig.until(
+            lambda: (
+                self.answers
+                and self.answers.last.data[0] == step
+                and len(self.answers.last.data) == size
+            ),
+            f"an answer to step {step}",
+        )
+        return list(self.answers.last.data[1:])
+
+
+def mission(seed: int = 0, drones: int = 3, grid: int = 6) -> Mission:
+    env = parallel_env(
+        num_drones=drones, grid_size=grid, probability_of_detection=0.0, sigma=2.0,
+        timestep_limit=40,
+    )  # fmt: skip
+    return Mission(env, seed)
+
+
+def expected(flown: Mission, planner: object) -> list[int]:
+    env = flown.env
+    observations = {
+        name: (flown.result.cells[i], env.probability)
+        for i, name in enumerate(env.possible_agents)
+        if i in flown.live
+    }
+    infos = {
+        name: {"Found": False, "action_mask": mask}
+        for name, mask in zip(env.possible_agents, env.action_masks(), strict=True)
+        if name in observations
+    }
+    chosen = planner(observations, infos)  # type: ignore[operator]
+    return [chosen.get(name, -1) for name in env.possible_agents]
+
+
+@pytest.fixture(scope="module")
+def stage(rig: Rig) -> Stage:
+    made = Stage(rig)
+    rig.start("planner_node", {"planner": PLANNER, "resend_period": 0.1})
+    return made
+
+
+@pytest.fixture
+def quiet(stage: Stage) -> Iterator[Stage]:
+    stage.answers.clear()
+    yield stage
+
+
+def test_the_answers_are_those_of_the_planner_mission_after_mission(quiet: Stage) -> None:
+    flown = mission()
+    for seed in (1, 2):
+        flown.reset(seed)
+        planner = make_planner(PLANNER, flown.env.rules.actions)
+        for _ in range(12):
+            quiet.show(flown)
+            actions = quiet.answer(flown)
+            assert actions == expected(flown, planner)
+            flown.command_all(actions)
+            flown.advance("hold")
+
+
+def test_an_unanswered_command_is_sent_again(quiet: Stage) -> None:
+    flown = mission()
+    quiet.show(flown)
+    actions = quiet.answer(flown)
+    quiet.answers.clear()
+    quiet.rig.until(lambda: len(quiet.answers) >= 3, "the command again and again")
+    assert {tuple(m.data) for m in quiet.answers} == {(0, *actions)}
+    flown.command_all(actions)
+    flown.advance("hold")
+    quiet.show(flown)
+    quiet.answer(flown)
+    quiet.answers.clear()
+    quiet.rig.until(lambda: len(quiet.answers) >= 2)
+    assert {m.data[0] for m in quiet.answers} == {1}
+
+
+def test_a_report_waits_for_its_map(quiet: Stage) -> None:
+    flown = mission()
+    quiet.show(flown)
+    actions = quiet.answer(flown)
+    flown.command_all(actions)
+    flown.advance("hold")
+    quiet.show(flown, "step_report")
+    quiet.answers.clear()
+    # The planner has the report when it repeats itself no longer, or still does.
+    quiet.show(flown, "probability")
+    planner = make_planner(PLANNER, flown.env.rules.actions)
+    expected(mission(), planner)
+    assert quiet.answer(flown) == expected(flown, planner)
+
+
+def test_nobody_is_commanded_when_the_mission_is_over(quiet: Stage) -> None:
+    flown = mission()
+    quiet.show(flown)
+    quiet.answer(flown)
+    flown.command_all([0, 2, 2])
+    flown.advance("hold")
+    assert flown.over
+    quiet.show(flown)
+    other = mission(drones=2)
+    other.advance("hold")
+    other.advance("hold")
+    quiet.show(other)
+    quiet.answer(other)
+    assert {m.data[0] for m in quiet.answers} == {0, 2}
+
+
+def test_a_simulation_of_another_size_is_answered_whatever_comes_first(quiet: Stage) -> None:
+    small, large = mission(drones=2, grid=5), mission(drones=4, grid=9)
+    orders = (("agents", "probability", "step_report"), ("step_report", "probability", "agents"))
+    for order in orders:
+        for flown in (small, large):
+            flown.reset(flown.seed + 1)
+            for topic in order:
+                quiet.show(flown, topic)
+            planner = make_planner(PLANNER, flown.env.rules.actions)
+            assert quiet.answer(flown) == expected(flown, planner)
+
+
+def test_messages_that_make_no_sense_are_survived(quiet: Stage) -> None:
+    rig, flown = quiet.rig, mission()
+    quiet.show(flown)
+    quiet.answer(flown)
+    topics = quiet._topics
+    for text in ("", "[]", "{", '{"agents": 3}', "NaN"):
+        topics["agents"].publish(String(data=text))
+    topics["probability"].publish(Image(width=3, height=2, encoding="rgb8"))
+    topics["step_report"].publish(PointCloud2(width=3))
+    topics["step_report"].publish(PointCloud2())
+    flown.command_all([1, 1, 1])
+    flown.advance("hold")
+    quiet.show(flown)
+    assert len(quiet.answer(flown)) == 3
+    rig.until(
+        lambda: "agents" in rig.processes[0].output and "step_report" in rig.processes[0].output
+    )
+    assert np.isfinite(quiet.answers.last.data).all()
+
+
+def test_a_planner_that_was_restarted_goes_on_with_the_mission(rig: Rig) -> None:
+    sim = rig.sim(
+        {
+            "num_drones": 3,
+            "grid_size": 8,
+            "probability_of_detection": 0.0,
+            "timestep_limit": 60,
+            "step_rate": 100.0,
+            "seed": 2,
+        },
+        namespace="/restart",
+    )
+    for planner, until in (("sweep", 20), ("greedy", 60)):
+        process = rig.start("planner_node", {"planner": planner}, "-r", "__ns:=/restart")
+        rig.until(lambda until=until: sim.step_number >= until, f"step {until}")  # type: ignore[misc]
+        process.stop()
+        sim.settle()
+        step = sim.step_number
+        if sim.flying:
+            health = sim.health()
+            assert health["missing_drones"] == "drone0, drone1, drone2"
+            assert health["step"] == str(sim.step_number) and step >= until
+    # One more: the action after the last.
+    assert sim.step_number >= 60

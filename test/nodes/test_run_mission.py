@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`make sim`: from the command line to summary, picture and CSV."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import re
+import signal
+import struct
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rig import TIMEOUT_S, Process, free_domain
+
+from dsse_ros.nodes import run_mission
+
+SANTOS = Path(__file__).resolve().parents[2] / "config" / "santos.yaml"
+
+
+def start(out: Path, *arguments: str) -> Process:
+    out.mkdir(parents=True, exist_ok=True)
+    command = ["dsse_ros.nodes.run_mission", "--scenario", str(SANTOS), "--out", str(out)]
+    return Process([*command, *arguments], out / "console.log", free_domain())
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def children(process: Process) -> dict[str, int]:
+    """Return the process ids of the nodes that a mission has started, by name."""
+    pid = process.child.pid
+    found = {}
+    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+        line = Path(f"/proc/{child}/cmdline").read_bytes().decode()
+        match = re.search(r"dsse_ros\.nodes\.(\w+)", line)
+        if match:
+            found[match[1]] = int(child)
+    return found
+
+
+def gone(pid: int) -> bool:
+    return not Path(f"/proc/{pid}").exists()
+
+
+def rows(out: Path) -> list[dict[str, str]]:
+    with (out / "mission.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two missions of the same seed and one of another, in folders with awkward names."""
+    base = tmp_path_factory.mktemp("missions")
+    outs = [base / name for name in ("first", "it's #2: [again]", "other")]
+    seeds = ("3", "3", "4")
+    runs = [start(out, "--rate", "0", "--seed", s) for out, s in zip(outs, seeds, strict=True)]
+    try:
+        for run in runs:
+            assert run.wait() == 0, run.output
+    finally:
+        for run in runs:
+            if run.running:
+                run.kill()
+    return outs
+
+
+def test_the_same_seed_gives_the_same_csv_byte_for_byte(flown: list[Path]) -> None:
+    first, again, other = ((out / "mission.csv").read_bytes() for out in flown)
+    assert first == again
+    assert first != other
+
+
+def test_the_summary_says_what_the_csv_says(flown: list[Path]) -> None:
+    for out in flown:
+        console, log = (out / "console.log").read_text(), rows(out)
+        lines = re.findall(r"^  (\w[\w ]*?) {2,}(.+)$", console, re.MULTILINE)
+        said = dict(reversed(lines))
+        drones = [row for row in log if row["agent"].startswith("drone")]
+        last = [row for row in log if row["step"] == log[-1]["step"]]
+        found = [row["found"] == "1" for row in last if row["agent"].startswith("person")]
+        assert said["end"].startswith("FOUND by drone" if all(found) else "not found")
+        assert said["steps"] == f"{log[-1]['step']} of 180"
+        minutes, seconds = divmod(round(float(log[-1]["time_s"])), 60)
+        assert said["time at sea"] == f"{minutes} min {seconds} s"
+        assert said["drones"].startswith("4")
+        flown_m: dict[str, float] = {}
+        place: dict[str, tuple[float, float]] = {}
+        for row in drones:
+            here = float(row["east_m"]), float(row["north_m"])
+            before = place.setdefault(row["agent"], here)
+            flown_m[row["agent"]] = flown_m.get(row["agent"], 0) + math.dist(before, here)
+            place[row["agent"]] = here
+        each = ", ".join(f"{metres:.0f}" for metres in flown_m.values())
+        assert said["flown"] == f"{sum(flown_m.values()):.0f} m ({each})"
+        assert said["reward"].startswith(f"{sum(float(row['reward']) for row in drones):.1f} (")
+        covered = float(drones[-1]["pos_cumulative"])
+        assert said["probability covered"] == f"{covered:.1%}"
+        assert said["picture"] == str(out / "mission.png")
+        assert console.count("Traceback") == 0
+
+
+def test_the_progress_line_ends_where_the_mission_does(flown: list[Path]) -> None:
+    for out in flown:
+        last = re.findall(r"step (\d+)/180 .* (\d+) drones, searched ([\d.]+%)", (
+            (out / "console.log").read_text()).replace("\r", "\n"))[-1]  # fmt: skip
+        assert last[:2] == (rows(out)[-1]["step"], "0")
+
+
+def test_the_picture_is_one(flown: list[Path]) -> None:
+    for out in flown:
+        data = (out / "mission.png").read_bytes()
+        assert data[:8] == b"\x89PNG\r\n\x1a\n"
+        width, height = struct.unpack(">II", data[16:24])
+        assert 300 <= width <= 4000 and 300 <= height <= 4000
+        assert len(data) > 10_000
+
+
+def test_no_node_outlives_its_mission(tmp_path: Path) -> None:
+    run = start(tmp_path, "--rate", "2")
+    try:
+        until(lambda: {"sim_node", "planner_node"} <= children(run).keys())
+        nodes = children(run)
+        run.signal(signal.SIGINT)
+        assert run.wait() == 130, run.output
+        until(lambda: all(gone(pid) for pid in nodes.values()))
+        assert "Traceback" not in run.output
+    finally:
+        run.kill()
+
+
+def test_a_simulation_that_dies_ends_the_mission_with_code_1(tmp_path: Path) -> None:
+    run = start(tmp_path, "--rate", "2")
+    try:
+        until(lambda: {"sim_node", "planner_node"} <= children(run).keys())
+        nodes = children(run)
+        os.kill(nodes["sim_node"], signal.SIGKILL)
+        assert run.wait() == 1, run.output
+        line = run.output.splitlines()[-1]
+        assert line.startswith("run_mission: sim_node ended with code -9")
+        until(lambda: gone(nodes["planner_node"]))
+    finally:
+        run.kill()
+
+
+def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
+    (tmp_path / "mission.csv").mkdir()
+    run = start(tmp_path)
+    assert run.wait() == 1, run.output
+    line = run.output.splitlines()[-1]
+    assert line.startswith("run_mission: sim_node: record_file: ")
+    assert line.endswith("Is a directory")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--scenario", "atlantis"], "scenario: 'atlantis' is no file"),
+        (["--scenario", "{file}"], "did you mean sigma?"),
+        (["--drones", "0"], "num_drones: 0 is not allowed"),
+        (["--drones", "401"], "at most 400"),
+        (["--drones", "many"], "--drones"),
+        (["--seed", "-1"], "seed: -1 is not allowed"),
+        (["--seed", str(2**63)], "seed"),
+        (["--rate", "nan"], "rate: nan is not allowed"),
+        (["--rate", "-1"], "rate"),
+        (["--planner", "oracle"], "expanding_square"),
+        (["--rules", "v9"], "paper"),
+        (["--out", "{file}"], "out: "),
+        (["--no-such"], "--no-such"),
+    ],
+)
+def test_bad_input_is_refused_on_one_line_with_code_2(
+    arguments: list[str], says: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file.yaml"
+    file.write_text("sigmma: 1.0")
+    given = ["--scenario", str(SANTOS), "--out", str(tmp_path / "out")]
+    given += [argument.format(file=file) for argument in arguments]
+    try:
+        code = run_mission.main(given)
+    except SystemExit as end:
+        code = int(end.code or 0)
+    output, errors = capfd.readouterr()
+    assert (code, output) == (2, "")
+    (line,) = errors.splitlines()
+    assert line.startswith("run_mission: ") and says in line
