@@ -190,6 +190,7 @@ class Mission:
         world = self.env.world
         self._stamp_ns += self._step_ns
         cells = self.env.positions
+        terminated, truncated = self.env.flags
         for track, (col, row) in zip(self.tracks, cells.tolist(), strict=True):
             if not track or track[-1] != (col, row):
                 track.append((col, row))
@@ -199,8 +200,8 @@ class Mission:
             cells=cells,
             actions=actions,
             rewards=world.rewards[0].copy(),
-            terminated=world.terminated[0].copy(),
-            truncated=world.truncated[0].copy(),
+            terminated=terminated.copy(),
+            truncated=truncated.copy(),
             found=world.found[0].copy(),
             held=held,
             probabilities=probabilities,

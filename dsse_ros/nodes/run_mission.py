@@ -22,14 +22,14 @@ import numpy as np
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from numpy.typing import NDArray
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
 from dsse_ros.nodes.mission_log import MissionRecord, read_log
 from dsse_ros.nodes.qos import LATCHED
-from dsse_ros.nodes.runtime import BAD_INPUT, fail, new_executor
+from dsse_ros.nodes.runtime import BAD_INPUT, Stop, fail, new_executor, on_signals
 from dsse_ros.nodes.settings import SimSettings
 from dsse_ros.planners import PLANNERS
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
@@ -47,6 +47,10 @@ STOP_S = 10.0
 
 class MissionFailed(Exception):
     """The mission did not come to its end."""
+
+
+class MissionStopped(Exception):
+    """Somebody has interrupted the mission."""
 
 
 class Watcher(Node):
@@ -124,7 +128,7 @@ def find_scenario(name: str) -> Path:
         return Path(name).resolve()
     try:
         share = Path(get_package_share_directory("dsse_ros"))
-    except (PackageNotFoundError, LookupError):
+    except (PackageNotFoundError, LookupError, OSError):
         # An environment that was never told to ament.
         share = Path(sys.prefix) / "share" / "dsse_ros"
     shipped = share / "config" / f"{Path(name).name.removesuffix('.yaml')}.yaml"
@@ -139,7 +143,9 @@ def process(
     module: str, parameters: dict[str, Any], log: Path
 ) -> Iterator[subprocess.Popen[bytes]]:
     """Run a node with these parameters as a process of its own; it is stopped at the end."""
-    command = [sys.executable, "-m", f"dsse_ros.nodes.{module}", "--ros-args"]
+    # Not by -m, which would prefer a source tree in the working directory to the installation.
+    program = f"import sys; del sys.path[0]; from dsse_ros.nodes.{module} import main; "
+    command = [sys.executable, "-c", program + "sys.exit(main())", "--ros-args"]
     for name, value in parameters.items():
         # A text is quoted, as what follows := is read as YAML.
         text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
@@ -175,11 +181,14 @@ def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
     raise MissionFailed(f"{name} ended with code {code}; see {log}")
 
 
-def fly(arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Rules) -> Watcher:
+def fly(
+    arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Rules, stop: Stop
+) -> Watcher:
     """Run the mission to its end, with a progress line; returns what was seen.
 
     Raises:
         MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
+        MissionStopped: If `stop` is wanted.
     """
     out: Path = arguments.out
     sim = {
@@ -203,11 +212,14 @@ def fly(arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Ru
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
         nonlocal heard
         executor.spin_once(timeout_sec=0.1)
+        if stop.wanted:
+            raise MissionStopped
         check_running(child, name, log)
         if watcher.step > bar.n:
             heard = time.monotonic()
             bar.set_description_str(watcher.line(), refresh=False)
-            bar.update(watcher.step - bar.n)
+            # The step that finds the time out is one more than the limit.
+            bar.update(min(watcher.step, bar.total) - bar.n)
         if time.monotonic() - heard > SILENCE_S:
             raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
         if watcher.count_publishers("step_report") > 1:
@@ -228,7 +240,7 @@ def fly(arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Ru
 def summary(record: MissionRecord, scenario: Scenario) -> str:
     """Return how the mission went, for people."""
     assert scenario.cell_size and scenario.timestep_limit
-    steps = record.tracks.shape[1] - 1
+    steps = min(record.tracks.shape[1] - 1, scenario.timestep_limit)
     legs = np.abs(np.diff(record.tracks, axis=1))
     metres = scenario.cell_size * np.hypot(legs[..., 0], legs[..., 1]).sum(axis=1)
     minutes, seconds = divmod(round(float(record.times_s[-1])), 60)
@@ -243,12 +255,12 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
     if persons > 1:
         end += f" ({found} of {persons} persons)"
     rewards = record.rewards.sum(axis=1)
-    lost = "" if found == persons else f", {int((~record.alive & ~record.truncated).sum())} lost"
+    down = 0 if found == persons else int((~record.alive & ~record.truncated).sum())
     rows = {
         "end": end,
         "steps": f"{steps} of {scenario.timestep_limit}",
         "time at sea": f"{minutes} min {seconds} s",
-        "drones": f"{len(metres)}{lost}",
+        "drones": f"{len(metres)}, {down} lost" if down else f"{len(metres)}",
         "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
         "probability covered": f"{record.pos_cumulative:.1%}",
         "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
@@ -319,17 +331,19 @@ def main(argv: list[str] | None = None) -> int:
         return fail("run_mission", f"out: {str(arguments.out)!r}: {error.strerror}")
     except FieldError as error:
         return fail("run_mission", error)
+    stop = Stop()
+    # An interrupt between the start of a node and its `finally` would leave it behind.
+    on_signals(stop)
     try:
-        rclpy.init(args=[])
-        watcher = fly(arguments, path, scenario, rules)
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        watcher = fly(arguments, path, scenario, rules, stop)
     except MissionFailed as error:
         fail("run_mission", error)
         return 1
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except MissionStopped:
         return 130
     finally:
-        with contextlib.suppress(KeyboardInterrupt, Exception):
-            rclpy.try_shutdown()
+        rclpy.try_shutdown()
     record = read_log(arguments.out / "mission.csv")
     save_picture(picture(record, watcher, scenario), arguments.out / "mission.png")
     print(summary(record, scenario))

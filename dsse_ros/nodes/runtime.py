@@ -86,16 +86,16 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
         argv: Command line without the program's name, by default the process's own.
     """
     node: AlarmNode | None = None
-    stop = _Stop()
+    stop = Stop()
     try:
-        _on_signals(signal.default_int_handler)
+        on_signals(signal.default_int_handler)
         with _as_field_error():
             _init([name, *(sys.argv[1:] if argv is None else argv)])
             node = make_node()
         executor = new_executor()
         executor.add_node(node)
         # A node is left between two callbacks only, so none of them meets a context that is gone.
-        _on_signals(stop)
+        on_signals(stop)
         # EventsExecutor.spin() of rclpy 7.1 burns a whole core once a timer exists.
         while rclpy.ok() and not stop.wanted:
             executor.spin_once(timeout_sec=min(node.alarms.wait_s(), _LOOK_S))
@@ -106,7 +106,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
         pass
     finally:
         # Not a handler: Python lets a signal kill it in its last moments, unless it is ignored.
-        _on_signals(signal.SIG_IGN)
+        on_signals(signal.SIG_IGN)
         with contextlib.suppress(Exception):
             if node is not None:
                 node.destroy_node()
@@ -120,16 +120,22 @@ def fail(name: str, error: object) -> int:
     return BAD_INPUT
 
 
-class _Stop:
-    """Handler of signals that only notes that one has come."""
+class Stop:
+    """Handler of signals that only notes that one has come.
+
+    Attributes:
+        wanted: Whether one has.
+    """
 
     wanted = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Note it."""
         self.wanted = True
 
 
-def _on_signals(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
+def on_signals(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
+    """Have SIGINT and SIGTERM handled by this."""
     for number in _SIGNALS:
         signal.signal(number, handler)
 

@@ -148,14 +148,11 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             return {}, {}, {}, {}, {}
         self.advance(self._joint_action(actions))
         rewards = self._rewards.tolist()
-        terminated, truncated = self._terminated.tolist(), self._truncated.tolist()
+        terminated, truncated = (flags.tolist() for flags in self.flags)
         if len(agents) < len(rewards):
             rewards, terminated, truncated = (
                 [values[i] for i in live] for values in (rewards, terminated, truncated)
             )
-        if self.rules.ends_together and not self.agents:
-            # Whom the end of all ends unflagged, it truncates.
-            truncated = [not t or u for t, u in zip(terminated, truncated, strict=True)]
         observations, infos = self._observe(agents, live)
         result = (
             observations,
@@ -198,6 +195,14 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self._live = [] if self._over[0] else np.flatnonzero(self._alive).tolist()
         self.agents = [self.possible_agents[i] for i in self._live]
         self._track = [self.positions]
+
+    @property
+    def flags(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Terminated and truncated (N,) of all drones; whom the end of all ends, it truncates."""
+        terminated, truncated = self._terminated, self._truncated
+        if self.rules.ends_together and self._over[0]:
+            truncated = truncated | ~terminated
+        return terminated, truncated
 
     @property
     def positions(self) -> NDArray[np.int64]:

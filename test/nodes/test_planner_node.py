@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
-import numpy as np
 import pytest
 from rig import LATCHED, Inbox, Rig
 from sensor_msgs.msg import Image, PointCloud2
@@ -56,7 +56,11 @@ class Stage:
             "step_report": step_report_message(info.frame, report, stamp),
         }
         for topic in topics or messages:
-            self._topics[topic].publish(messages[topic])
+            self.publish(topic, messages[topic])
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish any message."""
+        self._topics[topic].publish(message)
 
     def answer(self, mission: Mission) -> list[int]:
         """Return the first answer to the mission's step."""
@@ -138,15 +142,13 @@ def test_an_unanswered_command_is_sent_again(quiet: Stage) -> None:
     assert {m.data[0] for m in quiet.answers} == {1}
 
 
-def test_a_report_waits_for_its_map(quiet: Stage) -> None:
+def test_a_report_is_answered_with_the_map_of_its_step(quiet: Stage) -> None:
     flown = mission()
     quiet.show(flown)
     actions = quiet.answer(flown)
     flown.command_all(actions)
     flown.advance("hold")
     quiet.show(flown, "step_report")
-    quiet.answers.clear()
-    # The planner has the report when it repeats itself no longer, or still does.
     quiet.show(flown, "probability")
     planner = make_planner(PLANNER, flown.env.rules.actions)
     expected(mission(), planner)
@@ -182,23 +184,23 @@ def test_a_simulation_of_another_size_is_answered_whatever_comes_first(quiet: St
 
 
 def test_messages_that_make_no_sense_are_survived(quiet: Stage) -> None:
-    rig, flown = quiet.rig, mission()
+    flown = mission()
     quiet.show(flown)
     quiet.answer(flown)
-    topics = quiet._topics
-    for text in ("", "[]", "{", '{"agents": 3}', "NaN"):
-        topics["agents"].publish(String(data=text))
-    topics["probability"].publish(Image(width=3, height=2, encoding="rgb8"))
-    topics["step_report"].publish(PointCloud2(width=3))
-    topics["step_report"].publish(PointCloud2())
+    planner = quiet.rig.processes[0]
+    for topic, message in (
+        ("agents", String(data='{"agents": 3}')),
+        ("probability", Image(width=3, height=2, encoding="rgb8")),
+        ("step_report", PointCloud2(width=3)),
+    ):
+        quiet.publish(topic, message)
+        quiet.rig.until(lambda topic=topic: f"{topic}: " in planner.output)  # type: ignore[misc]
+    for text in ("", "[]", "{", "NaN", "\x00"):
+        quiet.publish("agents", String(data=text))
     flown.command_all([1, 1, 1])
     flown.advance("hold")
     quiet.show(flown)
     assert len(quiet.answer(flown)) == 3
-    rig.until(
-        lambda: "agents" in rig.processes[0].output and "step_report" in rig.processes[0].output
-    )
-    assert np.isfinite(quiet.answers.last.data).all()
 
 
 def test_a_planner_that_was_restarted_goes_on_with_the_mission(rig: Rig) -> None:
