@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
+from numba import njit
 from numpy.typing import NDArray
 
 from msg_adapters.frames import GridFrame, matrix_to_map_rows
@@ -21,8 +22,6 @@ SCALINGS = ("max", "linear", "log")
 LOG_DECADES = 6
 """Decades below the largest probability that scaling `log` spreads over 1 to 100."""
 
-# Cells worked on at a time, so that the scratch buffers stay in the cache (measured).
-_BLOCK_CELLS = 1 << 18
 # Below this the factor 100 / max overflows float32.
 _TINY = 1e-30
 
@@ -47,8 +46,19 @@ def probability_to_occupancy(
     Raises:
         ValueError: If the scaling is unknown.
     """
+    if scaling not in SCALINGS:
+        raise ValueError(f"scaling: {scaling!r} is not allowed; one of {', '.join(SCALINGS)}")
     occupancy = np.empty(probability.shape, dtype=np.int8)
-    _write_occupancy(probability, scaling, occupancy)
+    largest = float(probability.max(initial=0.0))
+    if not math.isfinite(largest):
+        largest = float(probability.max(initial=0.0, where=np.isfinite(probability)))
+    if 0 < largest < _TINY:
+        probability = probability.astype(np.float64)
+    if scaling == "log":
+        _write_log(probability, largest, occupancy)
+    else:
+        factor = 100.0 / largest if scaling == "max" and largest > 0 else 100.0
+        _write_linear(probability, probability.dtype.type(factor), occupancy)
     return occupancy
 
 
@@ -72,10 +82,9 @@ def occupancy_grid(
     size = frame.grid_size
     if probability.shape != (size, size):
         raise ValueError(f"probability: shape {probability.shape} is not ({size}, {size})")
-    # Written straight into the message's own array: no copy of the whole map on the way.
     data = array.array("b", [0]) * (size * size)
     rows = np.frombuffer(data, dtype=np.int8).reshape(size, size)
-    _write_occupancy(probability, scaling, matrix_to_map_rows(rows))
+    rows[...] = matrix_to_map_rows(probability_to_occupancy(probability, scaling))
 
     message = OccupancyGrid(header=header(frame.map_frame, stamp))
     message.info.map_load_time = stamp
@@ -101,93 +110,27 @@ def occupancy_to_array(message: OccupancyGrid) -> NDArray[np.int8]:
     return matrix_to_map_rows(rows).copy()
 
 
-def _write_occupancy(
-    probability: NDArray[np.floating[Any]], scaling: str, out: NDArray[np.int8]
-) -> None:
-    if scaling not in SCALINGS:
-        raise ValueError(f"scaling: {scaling!r} is not allowed; one of {', '.join(SCALINGS)}")
-    blocks = _blocks(probability)
-    peaks = [float(probability[block].max(initial=0.0)) for block in blocks]
-    # A sum of values that are not negative is NaN or infinite as soon as one of them is.
-    if not math.isfinite(sum(peaks)) or 0 < max(peaks) < _TINY:
-        _write_any(probability, scaling, out)
-    else:
-        _write_finite(probability, blocks, peaks, scaling, out)
+@njit(cache=True, nogil=True)
+def _write_linear(probability: Any, factor: Any, out: Any) -> None:
+    """Write the occupancy of each cell as its probability times a factor, in one pass."""
+    for row in range(probability.shape[0]):
+        cells, levels = probability[row], out[row]
+        for i in range(len(cells)):
+            p = cells[i]
+            level = np.int32(np.rint(p * factor)) if p * factor < 100 else np.int32(100)
+            if level < 1:
+                level = np.int32(p > 0)
+            levels[i] = level if p == p else np.int32(-1)
 
 
-def _blocks(probability: NDArray[np.floating[Any]]) -> list[slice]:
-    height, width = probability.shape
-    rows = max(1, _BLOCK_CELLS // width)
-    return [slice(start, min(start + rows, height)) for start in range(0, height, rows)]
-
-
-def _write_any(probability: NDArray[np.floating[Any]], scaling: str, out: NDArray[np.int8]) -> None:
-    """Write the occupancy of a map with NaN, infinities or only tiny values: slower."""
-    wide = probability.astype(np.float64)
-    wide[~np.isfinite(wide)] = 0.0
-    largest = float(wide.max())
-    if scaling != "linear" and largest > 0:
-        wide /= largest
-    blocks = _blocks(wide)
-    peaks = [float(wide[block].max()) for block in blocks]
-    _write_finite(wide, blocks, peaks, scaling, out)
-    out[np.isnan(probability)] = -1
-    out[np.isposinf(probability)] = 100
-
-
-def _write_finite(
-    probability: NDArray[np.floating[Any]],
-    blocks: list[slice],
-    peaks: list[float],
-    scaling: str,
-    out: NDArray[np.int8],
-) -> None:
-    """Write the occupancy of a map with finite values; `peaks` are the blocks' largest."""
-    largest = max(peaks)
-    shape = (blocks[0].stop, probability.shape[1])
-    levels = np.empty(shape, dtype=np.float32)
-    signs = np.empty(shape, dtype=np.bool_)
-    rounded = np.empty(shape, dtype=np.int8)
-    for block, peak in zip(blocks, peaks, strict=True):
-        if peak == 0:
-            out[block] = 0
-            continue
-        source = probability[block]
-        count = len(source)
-        level, cells = levels[:count], rounded[:count]
-        np.greater(source, 0, out=signs[:count])
-        positive = signs[:count].view(np.int8)
-        _LEVELS[scaling](source, largest, level)
-        np.rint(level, out=level)
-        np.copyto(cells, level, casting="unsafe")
-        if scaling == "log":
-            np.multiply(cells, positive, out=cells)
-        np.maximum(cells, positive, out=cells)
-        out[block] = cells
-
-
-def _max_level(
-    source: NDArray[np.floating[Any]], largest: float, level: NDArray[np.float32]
-) -> None:
-    np.multiply(source, 100.0 / largest, out=level, casting="same_kind")
-
-
-def _linear_level(
-    source: NDArray[np.floating[Any]], largest: float, level: NDArray[np.float32]
-) -> None:
-    np.minimum(source, 1.0, out=level, casting="same_kind")
-    np.multiply(level, 100.0, out=level)
-
-
-def _log_level(
-    source: NDArray[np.floating[Any]], largest: float, level: NDArray[np.float32]
-) -> None:
-    np.divide(source, largest, out=level, casting="same_kind")
-    np.clip(level, 10.0**-LOG_DECADES, 1.0, out=level)
-    # The natural logarithm is several times faster than the decadic one.
-    np.log(level, out=level)
-    np.multiply(level, 99.0 / (LOG_DECADES * math.log(10)), out=level)
-    np.add(level, 100.0, out=level)
-
-
-_LEVELS = {"max": _max_level, "linear": _linear_level, "log": _log_level}
+@njit(cache=True, nogil=True)
+def _write_log(probability: Any, largest: float, out: Any) -> None:
+    """Write the occupancy of each cell as the logarithm of its share of the largest."""
+    for row in range(probability.shape[0]):
+        for col in range(probability.shape[1]):
+            p = np.float64(probability[row, col])
+            if p > 0.0:
+                share = 1.0 + np.log10(p / largest) / LOG_DECADES if p < largest else 1.0
+                out[row, col] = max(np.int32(np.rint(1.0 + 99.0 * share)), 1)
+            else:
+                out[row, col] = 0 if p == p else -1
