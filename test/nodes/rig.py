@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import array
 import contextlib
-import itertools
+import fcntl
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -18,7 +19,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import numpy as np
 import rclpy
@@ -65,7 +66,7 @@ ALL = QoSProfile(
 )
 """Every report from the last one on: what waits is not overtaken by what comes."""
 
-# By default one that missed the first announcements waits 3 s for the next.
+# By default whoever missed the first announcements, or a message, waits 3 s for the next try.
 _PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com">
   <participant profile_name="quick" is_default_profile="true">
@@ -73,15 +74,19 @@ _PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
       <leaseAnnouncement><sec>0</sec><nanosec>200000000</nanosec></leaseAnnouncement>
     </discovery_config></builtin></rtps>
   </participant>
+  <data_writer profile_name="quick_writer" is_default_profile="true">
+    <times><{0}><sec>0</sec><nanosec>20000000</nanosec></{0}></times>
+  </data_writer>
 </profiles>
 """
 
 
 def _environment() -> dict[str, str]:
-    profiles = Path(tempfile.gettempdir()) / f"dsse_ros_test_profiles_{os.getuid()}.xml"
-    profiles.write_text(_PROFILES, encoding="utf-8")
-    # Fast DDS got another name with Kilted.
-    name = "FASTRTPS" if int(version("rclpy").split(".")[0]) < 8 else "FASTDDS"
+    # Fast DDS got other names with Kilted.
+    old = int(version("rclpy").split(".")[0]) < 8
+    name, period = ("FASTRTPS", "heartbeatPeriod") if old else ("FASTDDS", "heartbeat_period")
+    profiles = Path(tempfile.gettempdir()) / f"dsse_ros_test_{name}_{os.getuid()}.xml"
+    profiles.write_text(_PROFILES.format(period), encoding="utf-8")
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_PYTHON_CHECK_FIELDS": "1",
@@ -92,20 +97,25 @@ def _environment() -> dict[str, str]:
 ENVIRONMENT = _environment()
 """What the tests and the nodes they start have in common."""
 
-# Domains above 101 take ports that the system gives to anybody.
-_domains = (1 + (os.getpid() * 13 + i) % 101 for i in itertools.count())
+_locks: list[IO[bytes]] = []
 
 
 def free_domain() -> int:
-    """Return a ROS domain that no process of this machine is in."""
-    for domain in itertools.islice(_domains, 101):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
+    """Return a ROS domain that no process of this machine is in, and keep it from other tests."""
+    # Domains above 101 take ports that the system gives to anybody.
+    for domain in random.sample(range(1, 102), 101):
+        path = Path(tempfile.gettempdir()) / f"dsse_ros_test_domain_{os.getuid()}_{domain}"
+        lock = path.open("wb")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
                 # The port of a domain's first participant (DDSI-RTPS 2.3, 9.6.1.1).
                 probe.bind(("127.0.0.1", 7400 + 250 * domain + 10))
-            except OSError:
-                continue
-            return domain
+        except OSError:
+            lock.close()
+            continue
+        _locks.append(lock)
+        return domain
     raise RuntimeError("no ROS domain is free")
 
 
