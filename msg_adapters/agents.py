@@ -4,14 +4,12 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict, dataclass
-from typing import Any, NoReturn
 
 from std_msgs.msg import String
 
 from msg_adapters.frames import GridFrame
-from msg_adapters.result import shown
+from msg_adapters.json_keys import Keys, parse_json
 
 
 @dataclass(frozen=True)
@@ -82,12 +80,8 @@ def agents_from_message(message: String) -> AgentsInfo:
     Raises:
         ValueError: If the text is not such JSON; one line that names the key.
     """
-    try:
-        document = json.loads(message.data, parse_constant=_no_constant)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"agents: not JSON: {shown(str(error))}") from None
-    keys = _Keys(document, "agents")
-    origin = _Keys(keys.value("origin"), "agents.origin")
+    keys = Keys(parse_json(message.data, "agents"), "agents")
+    origin = keys.inner("origin")
     info = AgentsInfo(
         agents=keys.names("agents"),
         actions=keys.names("actions"),
@@ -111,61 +105,3 @@ def agents_from_message(message: String) -> AgentsInfo:
     except ValueError as error:
         raise ValueError(f"agents: {error}") from None
     return info
-
-
-class _Keys:
-    """Typed access to the keys of a JSON object."""
-
-    def __init__(self, document: Any, where: str) -> None:
-        if not isinstance(document, dict):
-            raise ValueError(f"{where}: {shown(document)} is not allowed; an object")
-        self._document = document
-        self._where = where
-
-    def value(self, key: str) -> Any:
-        if key not in self._document:
-            raise ValueError(f"{self._where}.{key}: missing")
-        return self._document[key]
-
-    def text(self, key: str) -> str:
-        value = self.value(key)
-        if not isinstance(value, str) or not value:
-            self._refuse(key, "a text that is not empty")
-        return str(value)
-
-    def names(self, key: str) -> tuple[str, ...]:
-        value = self.value(key)
-        wanted = "a list of different names"
-        if not isinstance(value, list) or not value:
-            self._refuse(key, wanted)
-        if not all(isinstance(name, str) and name for name in value):
-            self._refuse(key, wanted)
-        if len(set(value)) != len(value):
-            self._refuse(key, wanted)
-        return tuple(value)
-
-    def integer(self, key: str, least: int | None) -> int:
-        value = self.value(key)
-        if isinstance(value, bool) or not isinstance(value, int):
-            self._refuse(key, "a whole number")
-        if least is not None and value < least:
-            self._refuse(key, f"at least {least}")
-        return int(value)
-
-    def number(self, key: str) -> float:
-        value = self.value(key)
-        wanted = "a finite number"
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            self._refuse(key, wanted)
-        # An integer too large for a float raises; every other is finite.
-        if abs(value) > 1e300 or not math.isfinite(value):
-            self._refuse(key, wanted)
-        return float(value)
-
-    def _refuse(self, key: str, wanted: str) -> NoReturn:
-        value = shown(self._document[key])
-        raise ValueError(f"{self._where}.{key}: {value} is not allowed; {wanted}")
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not allowed")

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grids for the properties of this folder: `st.from_type(GridFrame)`."""
+"""Grids for the properties of this folder: `st.from_type(GridFrame)`; helpers can be imported."""
+
+import sys
+from pathlib import Path
 
 from hypothesis import settings
 from hypothesis import strategies as st
 
 from msg_adapters.frames import GridFrame
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 # The machine may be busy: an example that takes long is no failure.
 settings.register_profile("msg_adapters", deadline=None)

@@ -101,3 +101,39 @@ def test_the_fix_of_a_cell_is_that_of_its_centre_at_flight_altitude(frame, data)
     assert fix == cell_to_geodetic(frame, col, row, frame.alt_m)
     expected = (*cell_to_map(frame, col, row), frame.alt_m)
     assert geodetic_to_map(frame, *fix) == pytest.approx(expected, abs=1e-3)
+
+
+def test_100_000_points_within_50_km_come_back_within_2_cm_at_latitudes_to_80_degrees():
+    draw = np.random.default_rng(0)
+    for lat_deg, lon_deg in zip(
+        np.linspace(-80, 80, 100), draw.uniform(-180, 180, 100), strict=True
+    ):
+        frame = GridFrame(8, 130.0, lat_deg, lon_deg, draw.uniform(-100, 3000), 120.0)
+        bearing, distance_m = draw.uniform(0, 2 * math.pi, 1000), draw.uniform(0, 50_000, 1000)
+        points = np.array(
+            [distance_m * np.sin(bearing), distance_m * np.cos(bearing), draw.uniform(0, 500, 1000)]
+        )
+        fixes = map_to_geodetic(frame, *points)
+        assert (
+            np.linalg.norm(np.array(geodetic_to_map(frame, *fixes)) - points, axis=0).max() < 0.02
+        )
+        exact = np.array([on_the_ellipsoid(frame, *point) for point in points.T[:50]])
+        reached = np.array([ecef(*fix) for fix in np.array(fixes).T[:50]])
+        assert np.linalg.norm(exact - reached, axis=1).max() < 0.02
+        # What goes over the wire is rounded to 1e-7 degrees, 1.1 cm.
+        sent = (np.round(fixes[0] * 1e7) / 1e7, np.round(fixes[1] * 1e7) / 1e7, fixes[2])
+        assert np.linalg.norm(np.array(geodetic_to_map(frame, *sent)) - points, axis=0).max() < 0.02
+
+
+@given(st.integers(0, 7), st.integers(1, 7))
+def test_one_cell_to_the_east_is_130_m_on_the_tangent_plane_at_the_origin(row, col):
+    frame = GridFrame(8, 130.0, -24.0, -46.17, 0.0, 120.0)
+    places = [cell_to_geodetic(frame, col - 1, row, 0.0), cell_to_geodetic(frame, col, row, 0.0)]
+    west, east = (ecef(*place) for place in places)
+    lat, lon = math.radians(frame.origin_lat_deg), math.radians(frame.origin_lon_deg)
+    axis_east = np.array([-math.sin(lon), math.cos(lon), 0.0])
+    axis_north = np.array(
+        [-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)]
+    )
+    assert (east - west) @ axis_east == pytest.approx(130.0, abs=1e-3)
+    assert (east - west) @ axis_north == pytest.approx(0.0, abs=1e-3)

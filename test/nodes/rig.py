@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -34,6 +35,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.publisher import Publisher
@@ -284,6 +286,11 @@ class Rig:
         self.until(publisher.get_subscription_count, f"a listener to {topic}")
         return publisher
 
+    def deliver(self) -> None:
+        """Return when all that was published is with those it was for."""
+        for publisher in self._publishers.values():
+            assert publisher.wait_for_all_acked(Duration(seconds=TIMEOUT_S))
+
     def call(self, kind: Any, service: str, **fields: Any) -> Any:
         """Return the response of a service."""
         if service not in self._clients:
@@ -300,12 +307,14 @@ class Sim:
 
     Attributes:
         reports: All step reports since it was started.
+        refused: Commands refused by reason, as the diagnostics last seen here had it.
     """
 
     def __init__(self, rig: Rig, process: Process, namespace: str) -> None:
         self.rig = rig
         self.process = process
         self.namespace = namespace
+        self.refused: Counter[str] = Counter()
         self.reports = rig.listen(PointCloud2, self.topic("step_report"), ALL)
         rig.until(lambda: self.reports, "the first step report")
 
@@ -387,6 +396,7 @@ class Sim:
 
     def settle(self) -> None:
         """Return when the node has dealt with every message sent so far."""
+        self.rig.deliver()
         # It is asked after them, so it answers after them.
         self.get("seed")
 
@@ -435,13 +445,23 @@ class Sim:
                     for status in inbox.pop(0).status:
                         values: dict[str, Any] = {pair.key: pair.value for pair in status.values}
                         values |= {"level": status.level, "message": status.message}
-                        if status.name == name and condition(values):
+                        if status.name != name:
+                            continue
+                        self.refused = Counter(
+                            {k[9:]: int(v) for k, v in values.items() if k.startswith("rejected.")}
+                        )
+                        if condition(values):
                             return values
                 return None
 
             health = self.rig.until(found, "such diagnostics")
         assert health is not None
         return health
+
+    def health_after(self, *reasons: str) -> dict[str, Any]:
+        """Return the diagnostics that count these refusals beside those seen before."""
+        expected = self.refused + Counter(reasons)
+        return self.health_when(lambda _: self.refused == expected)
 
     def health(self) -> dict[str, Any]:
         """Return the next diagnostics."""

@@ -1,44 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missions and their files."""
+"""Files of waypoints."""
 
 import dataclasses
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mission_strategies import ITEMS
 
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import geodetic_to_map
-from msg_adapters.mission_files import (
-    FRAME_GLOBAL,
-    FRAME_GLOBAL_RELATIVE_ALT,
-    NAV_RETURN_TO_LAUNCH,
-    NAV_TAKEOFF,
-    NAV_WAYPOINT,
-    MissionItem,
-    parse_qgc_wpl,
-    qgc_wpl,
-    track_items,
-)
-from msg_adapters.tracks import without_repeats
+from msg_adapters.frames import GridFrame
+from msg_adapters.mission_items import FRAME_MISSION, MissionItem
+from msg_adapters.track_missions import track_mission
+from msg_adapters.waypoint_files import parse_qgc_wpl, qgc_wpl
 
 FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
-CELLS = st.lists(st.tuples(st.integers(0, 19), st.integers(0, 19)), min_size=1, max_size=12)
-NUMBERS = st.floats(-1e6, 1e6)
-ITEMS = st.builds(
-    MissionItem,
-    command=st.integers(0, 65535),
-    frame=st.integers(0, 255),
-    param1=NUMBERS,
-    param2=NUMBERS,
-    param3=NUMBERS,
-    param4=NUMBERS | st.just(math.nan),
-    lat_deg=st.floats(-90, 90),
-    lon_deg=st.floats(-180, 180),
-    alt_m=NUMBERS,
-)
 
 
 @given(st.lists(ITEMS, max_size=6))
@@ -58,7 +34,7 @@ def test_a_file_that_was_read_is_written_again_with_the_same_bytes(items):
 
 
 def test_a_file_is_laid_out_as_the_format_says():
-    text = qgc_wpl(track_items(FRAME, [(0, 0)]))
+    text = qgc_wpl(track_mission(FRAME, [(0, 0)]).numbered("ardupilot"))
     header, *lines = text.removesuffix("\n").split("\n")
     assert header == "QGC WPL 110"
     rows = [line.split("\t") for line in lines]
@@ -70,45 +46,23 @@ def test_a_file_is_laid_out_as_the_format_says():
     assert all(len(row[column].split(".")[1]) == 8 for row in rows for column in (8, 9))
 
 
-@given(CELLS)
-def test_a_track_is_home_take_off_each_cell_once_and_the_return(cells):
-    home, takeoff, *waypoints, back = track_items(
-        FRAME, np.array(cells), hold_s=5, acceptance_radius_m=20
-    )
-    first = (*cell_to_map(FRAME, *cells[0]), 0.0)
-    assert (home.command, home.frame) == (NAV_WAYPOINT, FRAME_GLOBAL)
-    place = geodetic_to_map(FRAME, home.lat_deg, home.lon_deg, home.alt_m)
-    assert place == pytest.approx(first, abs=1e-3)
-    assert (takeoff.command, takeoff.alt_m) == (NAV_TAKEOFF, 120.0)
-    assert (back.command, back.lat_deg, back.lon_deg) == (NAV_RETURN_TO_LAUNCH, 0.0, 0.0)
-    expected = without_repeats(cells)
-    assert len(waypoints) == len(expected)
-    for item, (col, row) in zip(waypoints, expected.tolist(), strict=True):
-        assert (item.command, item.frame) == (NAV_WAYPOINT, FRAME_GLOBAL_RELATIVE_ALT)
-        assert (item.param1, item.param2, item.alt_m) == (5.0, 20.0, 120.0)
-        assert math.isnan(item.param4)
-        # The cell's own place, 120 m up on the tangent plane, that is within 2 m on the ellipsoid.
-        x_m, y_m, _ = geodetic_to_map(FRAME, item.lat_deg, item.lon_deg, 120.0)
-        assert (x_m, y_m) == pytest.approx(cell_to_map(FRAME, col, row), abs=1e-3)
-
-
-def test_home_may_be_elsewhere():
-    home, takeoff, *_ = track_items(FRAME, [(0, 0)], home=(-24.0, -46.3, 4.0))
-    assert (home.lat_deg, home.lon_deg, home.alt_m) == (-24.0, -46.3, 4.0)
-    assert (takeoff.lat_deg, takeoff.lon_deg) == (-24.0, -46.3)
-
-
-def test_an_empty_track_is_refused():
-    with pytest.raises(ValueError, match="^cells: "):
-        track_items(FRAME, [])
-
-
 @pytest.mark.parametrize(
     ("field", "value"), [("lat_deg", 100.0), ("lon_deg", math.nan), ("alt_m", math.inf)]
 )
 def test_an_item_off_the_earth_is_not_written(field, value):
     with pytest.raises(ValueError, match="^item 1: .* is not allowed"):
         qgc_wpl([MissionItem(16), MissionItem(16, **{field: value})])
+
+
+@pytest.mark.parametrize("field", ["param1", "param4", "lon_deg"])
+def test_an_infinite_number_is_not_written(field):
+    with pytest.raises(ValueError, match="^item 0: .* is not allowed; a number$"):
+        qgc_wpl([MissionItem(20, FRAME_MISSION, **{field: math.inf})])
+
+
+def test_numbers_that_are_no_place_are_kept():
+    item = MissionItem(178, FRAME_MISSION, param2=8.0, lat_deg=1000.0, lon_deg=-2000.5)
+    assert parse_qgc_wpl(qgc_wpl([item])) == [item]
 
 
 def test_other_writers_files_are_read():

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Typed access to JSON that somebody else has written."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, NoReturn
+
+from msg_adapters.result import shown
+
+
+def parse_json(text: str, where: str) -> Any:
+    """Return the value of a JSON text; the constants NaN and Infinity are no JSON.
+
+    Raises:
+        ValueError: If the text is not JSON; one line that starts with `where`.
+    """
+    try:
+        return json.loads(text, parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{where}: not JSON: {shown(str(error))}") from None
+
+
+class Keys:
+    """Typed access to the keys of a JSON object.
+
+    Every error is a ValueError of one line that names the key, its value and what is allowed.
+
+    Args:
+        document: What should be the object.
+        where: Its name in errors.
+    """
+
+    def __init__(self, document: Any, where: str) -> None:
+        if not isinstance(document, dict):
+            raise ValueError(f"{where}: {shown(document)} is not allowed; an object")
+        self._document = document
+        self._where = where
+
+    def value(self, key: str) -> Any:
+        """Return the value of a key, whatever it is."""
+        if key not in self._document:
+            raise ValueError(f"{self._where}.{key}: missing")
+        return self._document[key]
+
+    def inner(self, key: str) -> Keys:
+        """Return access to an object in this one."""
+        return Keys(self.value(key), f"{self._where}.{key}")
+
+    def entries(self, key: str, length: int | None = None) -> list[Any]:
+        """Return a list, of this length if one is given."""
+        value = self.value(key)
+        if not isinstance(value, list) or length not in (None, len(value)):
+            self.refuse(key, "a list" if length is None else f"a list of {length}")
+        return list(value)
+
+    def text(self, key: str) -> str:
+        """Return a text that is not empty."""
+        value = self.value(key)
+        if not isinstance(value, str) or not value:
+            self.refuse(key, "a text that is not empty")
+        return str(value)
+
+    def names(self, key: str) -> tuple[str, ...]:
+        """Return different texts that are not empty, at least one."""
+        value = self.value(key)
+        wanted = "a list of different names"
+        if not isinstance(value, list) or not value:
+            self.refuse(key, wanted)
+        if not all(isinstance(name, str) and name for name in value):
+            self.refuse(key, wanted)
+        if len(set(value)) != len(value):
+            self.refuse(key, wanted)
+        return tuple(value)
+
+    def integer(self, key: str, least: int | None, most: int | None = None) -> int:
+        """Return a whole number within these limits."""
+        value = self.value(key)
+        if isinstance(value, bool) or not isinstance(value, int):
+            self.refuse(key, "a whole number")
+        if least is not None and value < least:
+            self.refuse(key, f"at least {least}")
+        if most is not None and value > most:
+            self.refuse(key, f"at most {most}")
+        return int(value)
+
+    def number(self, key: str) -> float:
+        """Return a finite number."""
+        value = self.value(key)
+        if not _is_finite(value):
+            self.refuse(key, "a finite number")
+        return float(value)
+
+    def numbers(self, key: str, length: int, *, null: float | None = None) -> list[float]:
+        """Return a list of finite numbers of this length.
+
+        Args:
+            key: The key.
+            length: How many there must be.
+            null: What null stands for; None if it may not occur.
+        """
+        values = self.entries(key, length)
+        if null is not None:
+            values = [null if value is None else value for value in values]
+        for value in values:
+            if value is not null and not _is_finite(value):
+                self.refuse(key, f"a list of {length} finite numbers")
+        return [float(value) for value in values]
+
+    def refuse(self, key: str, wanted: str) -> NoReturn:
+        """Raise the error that says what was wanted instead of the value of a key."""
+        value = shown(self._document[key])
+        raise ValueError(f"{self._where}.{key}: {value} is not allowed; {wanted}")
+
+
+def _is_finite(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    # An integer may be too large for a float.
+    return abs(value) <= 1e300
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not allowed")

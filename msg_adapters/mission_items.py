@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One item of a mission, as its files have it.
+
+Commands and frames: https://mavlink.io/en/messages/common.html.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+NAV_WAYPOINT = 16
+NAV_LOITER_TIME = 19
+NAV_RETURN_TO_LAUNCH = 20
+NAV_LAND = 21
+NAV_TAKEOFF = 22
+
+FRAME_GLOBAL = 0
+"""Altitude above mean sea level."""
+FRAME_MISSION = 2
+"""No place: the fields of the place are mere numbers. PX4 takes a return in no other frame."""
+FRAME_GLOBAL_RELATIVE_ALT = 3
+"""Altitude above home."""
+
+Firmware = Literal["ardupilot", "px4"]
+"""Whose missions: with ArduPilot item 0 is home, with PX4 it is the first to fly."""
+
+
+class Home(NamedTuple):
+    """Where a vehicle takes off and returns to: degrees and metres above mean sea level."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+
+
+@dataclass(frozen=True)
+class MissionItem:
+    """One item of a mission; its number is its place in the list.
+
+    Attributes:
+        command: MAV_CMD.
+        frame: MAV_FRAME, which says what the altitude is above.
+        param1: As the command has it, likewise the next; NaN where it leaves the choice open.
+        param2: For a waypoint the acceptance radius in metres.
+        param3: For a waypoint the pass radius in metres.
+        param4: For a waypoint the yaw in degrees.
+        lat_deg: WGS84 latitude; in `FRAME_MISSION` parameter 5, a number like any other.
+        lon_deg: WGS84 longitude; in `FRAME_MISSION` parameter 6.
+        alt_m: Altitude in the frame; in `FRAME_MISSION` parameter 7.
+    """
+
+    command: int
+    frame: int = FRAME_GLOBAL_RELATIVE_ALT
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    lat_deg: float = 0.0
+    lon_deg: float = 0.0
+    alt_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Mission:
+    """What one vehicle is to do.
+
+    Attributes:
+        home: Where it starts.
+        items: What it does, without home.
+    """
+
+    home: Home
+    items: tuple[MissionItem, ...]
+
+    def numbered(self, firmware: Firmware) -> list[MissionItem]:
+        """Return the items as a vehicle numbers them: with ArduPilot item 0 is home."""
+        if firmware == "px4":
+            return list(self.items)
+        lat_deg, lon_deg, alt_m = self.home
+        home = MissionItem(
+            NAV_WAYPOINT, FRAME_GLOBAL, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m
+        )
+        return [home, *self.items]
+
+
+def check_place(item: MissionItem, where: str) -> None:
+    """Raise a ValueError that starts with `where` if an item's place is not on the Earth."""
+    if item.frame == FRAME_MISSION:
+        return
+    for name, value, limit in (
+        ("latitude", item.lat_deg, 90.0),
+        ("longitude", item.lon_deg, 180.0),
+        ("altitude", item.alt_m, 1e6),
+    ):
+        if not abs(value) <= limit:
+            raise ValueError(f"{where}: {name} {value!r} is not allowed; {-limit:g} to {limit:g}")

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions from the cells that a drone visits and searches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from msg_adapters.frames import GridFrame
+from msg_adapters.geodesy import cell_to_geodetic
+from msg_adapters.mission_items import (
+    FRAME_MISSION,
+    NAV_RETURN_TO_LAUNCH,
+    NAV_TAKEOFF,
+    NAV_WAYPOINT,
+    Home,
+    Mission,
+    MissionItem,
+)
+from msg_adapters.tracks import stops
+
+
+def track_mission(
+    frame: GridFrame,
+    cells: ArrayLike,
+    searched: ArrayLike | None = None,
+    *,
+    home: Home | None = None,
+    merge_legs: bool = False,
+    hold_s: float = 0.0,
+    acceptance_radius_m: float = 0.0,
+    search_alt_m: float = 30.0,
+    search_hold_s: float = 5.0,
+) -> Mission:
+    """Return a track as a mission: take-off, waypoints, searches and the return.
+
+    A search is a descent over its cell, a hold and a climb back to flight altitude: the drone
+    "will descend and verify" (paper, section "Adopted simplications"), at an altitude and for a
+    time that the paper leaves open. Searches of one cell in a row are one descent with the times
+    added up. Altitudes are above home, which is taken to lie on the map plane.
+
+    Args:
+        frame: The grid; drones fly at its altitude.
+        cells: (K, 2) of (col, row), one for each step and the start; consecutive equal cells are
+            merged.
+        searched: (K,) flags; index k says whether the drone came to be in `cells[k]` by searching
+            it, and not by moving there. None for no search.
+        home: Where the vehicle takes off; if not given, below the first cell of the track.
+        merge_legs: Whether a straight leg is flown in one, without a waypoint in each cell.
+        hold_s: Time to stay at each waypoint.
+        acceptance_radius_m: Distance at which a waypoint is reached; 0 for the autopilot's own.
+        search_alt_m: Altitude of a search, not above the frame's.
+        search_hold_s: Time that one search holds there.
+
+    Raises:
+        ValueError: If the track is empty, shapes do not match or a number is not allowed.
+    """
+    track = np.asarray(cells).reshape(-1, 2)
+    if len(track) == 0:
+        raise ValueError("cells: an empty track is not allowed; at least one cell")
+    for name, value, most in (
+        ("hold_s", hold_s, 3600.0),
+        ("acceptance_radius_m", acceptance_radius_m, 255.0),
+        ("search_alt_m", search_alt_m, frame.alt_m),
+        ("search_hold_s", search_hold_s, 3600.0),
+    ):
+        if not 0 <= value <= most:
+            raise ValueError(f"{name}: {value!r} is not allowed; 0 to {most:g}")
+    flags = np.zeros(len(track), dtype=bool) if searched is None else searched
+    if home is None:
+        col, row = track[0].tolist()
+        home = Home(*cell_to_geodetic(frame, col, row, 0.0))
+
+    def waypoint(lat_deg: float, lon_deg: float, alt_m: float, stay_s: float) -> MissionItem:
+        return MissionItem(
+            NAV_WAYPOINT,
+            param1=float(stay_s),
+            param2=float(acceptance_radius_m),
+            param4=math.nan,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            alt_m=float(alt_m),
+        )
+
+    def items() -> Iterator[MissionItem]:
+        alt_m = frame.alt_m
+        yield MissionItem(NAV_TAKEOFF, lat_deg=home.lat_deg, lon_deg=home.lon_deg, alt_m=alt_m)
+        visited, searches = stops(track, flags, merge_legs=merge_legs)
+        cols, rows = visited[:, 0].astype(float), visited[:, 1].astype(float)
+        lats, lons, _ = cell_to_geodetic(frame, cols, rows, alt_m)
+        for lat, lon, times in zip(lats.tolist(), lons.tolist(), searches.tolist(), strict=True):
+            yield waypoint(lat, lon, alt_m, hold_s)
+            if times:
+                yield waypoint(lat, lon, search_alt_m, times * search_hold_s)
+                yield waypoint(lat, lon, alt_m, 0.0)
+        yield MissionItem(NAV_RETURN_TO_LAUNCH, FRAME_MISSION)
+
+    return Mission(home, tuple(items()))
+
+
+def track_items(
+    frame: GridFrame,
+    cells: ArrayLike,
+    *,
+    home: tuple[float, float, float] | None = None,
+    hold_s: float = 0.0,
+    acceptance_radius_m: float = 0.0,
+) -> list[MissionItem]:
+    """Return a track as a mission for ArduPilot, a waypoint per cell: see `track_mission`."""
+    mission = track_mission(
+        frame,
+        cells,
+        home=None if home is None else Home(*home),
+        hold_s=hold_s,
+        acceptance_radius_m=acceptance_radius_m,
+    )
+    return mission.numbered("ardupilot")

@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Puts the helpers of these tests where they can import them."""
+
+import sys
+from pathlib import Path
+
+from hypothesis import settings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+# The machine may be busy: an example that takes long is no failure.
+settings.register_profile("flight", deadline=None)
+settings.load_profile("flight")

@@ -1,0 +1,291 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Uploads, message by message."""
+
+import dataclasses
+
+import pytest
+from lossy_world import OURSELVES, Channel, World
+from mission_vehicle import VEHICLE, VEHICLES, ArduPilot
+from sample_missions import mission
+
+from dsse_ros.flight.messages import (
+    Address,
+    MissionAck,
+    MissionCount,
+    MissionItemInt,
+    MissionRequest,
+    MissionRequestInt,
+    MissionResult,
+)
+from dsse_ros.flight.readback import difference
+from dsse_ros.flight.transfer import Done, Failed, Timeouts
+from dsse_ros.flight.upload import Upload
+
+ITEMS = mission(1, 3)
+CANCELLED = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED)
+TIMEOUTS = Timeouts()
+
+
+def upload(items=ITEMS, *, dialect="ardupilot", **options):
+    return Upload(items, VEHICLE, OURSELVES, dialect=dialect, **options)
+
+
+def request(seq):
+    return MissionRequest(OURSELVES, seq)
+
+
+def ack(result):
+    return MissionAck(OURSELVES, result)
+
+
+def serve_all(exchange, now=0.0):
+    for item in ITEMS:
+        sent = exchange.receive(request(item.seq), VEHICLE, now)
+        assert sent == [MissionItemInt(VEHICLE, item)]
+
+
+@pytest.mark.parametrize("dialect", VEHICLES)
+def test_a_vehicle_holds_what_was_uploaded(dialect):
+    world = World(VEHICLES[dialect](), Channel(), seed=0)
+    assert world.run(upload(dialect=dialect)) == Done(ITEMS)
+    assert difference(ITEMS, world.vehicle.mission, dialect) is None
+
+
+@pytest.mark.parametrize("dialect", VEHICLES)
+def test_an_empty_mission_clears_the_vehicle(dialect):
+    world = World(VEHICLES[dialect](), Channel(), seed=0)
+    world.run(upload(dialect=dialect))
+    assert world.run(upload((), dialect=dialect)) == Done(())
+    assert world.vehicle.mission == ()
+
+
+@pytest.mark.parametrize("kind", [MissionRequest, MissionRequestInt])
+def test_the_old_request_gets_the_same_answer_as_the_new(kind):
+    exchange = upload()
+    assert exchange.start(0.0) == [MissionCount(VEHICLE, 3)]
+    sent = exchange.receive(kind(OURSELVES, 0), VEHICLE, 0.1)
+    assert sent == [MissionItemInt(VEHICLE, ITEMS[0])]
+
+
+def test_an_item_asked_for_again_is_sent_again():
+    exchange = upload()
+    exchange.start(0.0)
+    for seq in (0, 1, 1, 0, 2, 1):
+        sent = exchange.receive(request(seq), VEHICLE, 0.1)
+        assert sent == [MissionItemInt(VEHICLE, ITEMS[seq])]
+
+
+def test_an_unanswered_message_is_sent_again_in_its_own_time():
+    exchange = upload()
+    exchange.start(0.0)
+    assert exchange.deadline == TIMEOUTS.reply_s
+    assert exchange.tick(1.4) == []
+    assert exchange.tick(1.5) == [MissionCount(VEHICLE, 3)]
+    exchange.receive(request(0), VEHICLE, 2.0)
+    assert exchange.deadline == 2.0 + TIMEOUTS.item_s
+    assert exchange.tick(2.25) == [MissionItemInt(VEHICLE, ITEMS[0])]
+
+
+@pytest.mark.parametrize("asked", [0, 1, 2])
+def test_an_acknowledgement_before_every_item_was_asked_for_is_an_error(asked):
+    exchange = upload(timeouts=Timeouts(upload_retries=0))
+    exchange.start(0.0)
+    for seq in range(asked):
+        exchange.receive(request(seq), VEHICLE, 0.1)
+    assert exchange.receive(ack(0), VEHICLE, 0.2) == [CANCELLED]
+    assert exchange.tick(exchange.deadline) == []
+    assert isinstance(exchange.result, Failed) and exchange.result.code == "early_ack"
+
+
+def test_the_whole_upload_is_begun_anew_as_often_as_allowed():
+    exchange = upload(timeouts=Timeouts(upload_retries=2))
+    sent = exchange.start(0.0)
+    now = 0.0
+    for _ in range(3):
+        assert sent == [MissionCount(VEHICLE, 3)]
+        exchange.receive(ack(0), VEHICLE, now)
+        now = exchange.deadline
+        sent = exchange.tick(now)
+    assert sent == [] and exchange.result.code == "early_ack"
+
+
+@pytest.mark.parametrize("result", range(2, 13))
+def test_a_fault_of_the_mission_ends_the_upload_at_once(result):
+    exchange = upload()
+    exchange.start(0.0)
+    exchange.receive(request(0), VEHICLE, 0.1)
+    exchange.receive(ack(result), VEHICLE, 0.2)
+    exchange.tick(0.2 + TIMEOUTS.settle_s)
+    assert exchange.result.code == "refused" and exchange.result.ack == result
+    assert exchange.result.changed
+
+
+def test_a_bad_latitude_is_refused_by_the_vehicle_with_its_reason():
+    bad = dataclasses.replace(ITEMS[1], x=100 * 10**7)
+    world = World(ArduPilot(), Channel(), seed=0)
+    result = world.run(upload((ITEMS[0], bad, ITEMS[2])))
+    assert result.ack == MissionResult.INVALID_PARAM5_X
+    assert "INVALID_PARAM5_X (10)" in result.reason
+
+
+def test_grumbling_about_items_that_come_twice_does_not_stop_an_upload():
+    exchange = upload()
+    exchange.start(0.0)
+    exchange.receive(request(0), VEHICLE, 0.1)
+    for result in (MissionResult.INVALID_SEQUENCE, MissionResult.ERROR, MissionResult.DENIED):
+        assert exchange.receive(ack(result), VEHICLE, 0.1) == []
+    serve_all(exchange, 0.2)
+    exchange.receive(ack(0), VEHICLE, 0.3)
+    exchange.tick(0.3 + TIMEOUTS.settle_s)
+    assert exchange.result == Done(ITEMS)
+
+
+def test_a_vehicle_that_is_busy_is_asked_until_it_would_have_given_up():
+    exchange = upload()
+    sent, now = exchange.start(0.0), 0.0
+    while exchange.result is None:
+        if sent == [MissionCount(VEHICLE, 3)]:
+            exchange.receive(ack(MissionResult.DENIED), VEHICLE, now)
+        now = exchange.deadline
+        sent = exchange.tick(now)
+    assert exchange.result.code == "refused" and exchange.result.ack == MissionResult.DENIED
+    assert now > TIMEOUTS.stall_s
+
+
+def test_a_dead_link_is_reported_after_all_retries():
+    exchange = upload()
+    now, count = 0.0, len(exchange.start(0.0))
+    while exchange.result is None:
+        now = exchange.deadline
+        count += exchange.tick(now) == [MissionCount(VEHICLE, 3)]
+    assert exchange.result.code == "no_reply" and exchange.result.changed
+    assert count == TIMEOUTS.retries + 1
+
+
+def test_a_vehicle_is_waited_for_until_it_would_have_given_up_by_itself():
+    exchange = upload(timeouts=Timeouts(upload_retries=0))
+    exchange.start(0.0)
+    exchange.receive(request(0), VEHICLE, 0.0)
+    now = 0.0
+    while exchange.tick(now) != [CANCELLED]:
+        now = exchange.deadline
+    assert now > TIMEOUTS.stall_s
+
+
+def test_a_vehicle_that_has_asked_for_all_and_then_grumbles_is_not_waited_for_long():
+    exchange = upload(timeouts=Timeouts(upload_retries=0))
+    exchange.start(0.0)
+    serve_all(exchange)
+    exchange.receive(ack(MissionResult.ERROR), VEHICLE, 0.1)
+    now = 0.0
+    while exchange.tick(now) != [CANCELLED]:
+        now = exchange.deadline
+    assert now <= 2 * TIMEOUTS.reply_s
+
+
+def test_a_vehicle_that_still_waits_for_another_mission_gets_nothing_of_this_one():
+    exchange = upload()
+    exchange.start(0.0)
+    assert exchange.receive(request(1), VEHICLE, 0.1) == [CANCELLED]
+    assert exchange.receive(request(2), VEHICLE, 0.1) == [CANCELLED]
+    serve_all(exchange, 0.2)
+
+
+def test_a_request_for_an_item_that_does_not_exist_is_counted():
+    exchange = upload()
+    exchange.start(0.0)
+    exchange.receive(request(0), VEHICLE, 0.1)
+    assert exchange.receive(request(3), VEHICLE, 0.1) == []
+    assert exchange.counts["unexpected"] == 1
+
+
+def test_a_vehicle_that_asks_anew_after_the_end_gets_the_same_mission():
+    exchange = upload()
+    exchange.start(0.0)
+    serve_all(exchange, 0.1)
+    exchange.receive(ack(0), VEHICLE, 0.2)
+    assert exchange.result is None
+    serve_all(exchange, 0.9)
+    assert exchange.tick(0.2 + TIMEOUTS.settle_s) == [] and exchange.result is None
+    exchange.tick(0.9 + TIMEOUTS.settle_s)
+    assert exchange.result == Done(ITEMS)
+
+
+def test_a_cancelled_upload_sends_no_item_and_says_so_to_whoever_asks():
+    exchange = upload(dialect="px4")
+    exchange.start(0.0)
+    exchange.receive(request(0), VEHICLE, 0.1)
+    assert exchange.cancel(0.2) == [CANCELLED]
+    assert exchange.receive(request(1), VEHICLE, 0.3) == [CANCELLED]
+    exchange.tick(0.3 + 2 * TIMEOUTS.settle_s)
+    assert exchange.result.code == "cancelled" and exchange.result.changed
+
+
+@pytest.mark.parametrize("dialect", VEHICLES)
+def test_a_vehicle_that_never_stops_asking_is_left_in_the_end(dialect):
+    exchange = upload(dialect=dialect)
+    exchange.start(0.0)
+    exchange.cancel(0.0)
+    for tenths in range(1, 200):
+        now = tenths / 10
+        exchange.tick(now)
+        exchange.receive(request(0), VEHICLE, now)
+        if exchange.result is not None:
+            break
+    assert now == pytest.approx(TIMEOUTS.stall_s)
+
+
+@pytest.mark.parametrize("dialect", VEHICLES)
+def test_after_a_cancelled_upload_the_vehicle_waits_for_nothing(dialect):
+    world = World(VEHICLES[dialect](), Channel(), seed=0)
+    exchange = upload(mission(1, 20), dialect=dialect)
+    world.send(exchange.start(0.0))
+    while not world.vehicle.incoming:
+        world.step(exchange)
+    world.send(exchange.cancel(world.now))
+    while exchange.result is None:
+        world.step(exchange)
+    assert not world.vehicle.receiving
+    assert world.vehicle.held == [()]
+
+
+def test_an_upload_that_was_not_begun_is_cancelled_without_a_word():
+    exchange = upload()
+    assert exchange.cancel(0.0) == []
+    assert exchange.result.code == "cancelled" and not exchange.result.changed
+
+
+def test_an_upload_starts_once():
+    exchange = upload()
+    exchange.start(0.0)
+    with pytest.raises(RuntimeError):
+        exchange.start(1.0)
+
+
+@pytest.mark.parametrize(
+    ("items", "words"),
+    [
+        (ITEMS[1:], r"items\[0\].seq"),
+        ((*ITEMS, ITEMS[0]), r"items\[3\].seq"),
+        ((dataclasses.replace(ITEMS[0], mission_type=1),), r"items\[0\].mission_type"),
+        ((dataclasses.replace(ITEMS[0], current=2),), r"items\[0\].current"),
+    ],
+)
+def test_items_that_would_not_be_stored_as_meant_are_refused(items, words):
+    with pytest.raises(ValueError, match=f"^{words}: .* is not allowed"):
+        upload(items)
+
+
+@pytest.mark.parametrize("system", [0, -1, 256])
+def test_nothing_is_sent_to_everybody(system):
+    with pytest.raises(ValueError, match="^target: "):
+        Upload(ITEMS, Address(system, 1), OURSELVES, dialect="px4")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"item_s": 0.0}, {"reply_s": float("nan")}, {"retries": -1}, {"upload_retries": 1001}],
+)
+def test_timeouts_that_would_never_end_are_refused(options):
+    with pytest.raises(ValueError, match=f"^{next(iter(options))}: .* is not allowed"):
+        Timeouts(**options)

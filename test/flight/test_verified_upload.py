@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Uploads over links that lose, double and delay: complete or refused, and never a mixture."""
+
+import dataclasses
+import random
+
+import pytest
+from lossy_world import OURSELVES, Channel, World
+from mission_vehicle import VEHICLE, VEHICLES, ArduPilot, Px4
+from sample_missions import mission
+
+from dsse_ros.flight.messages import MissionAck, MissionItemInt
+from dsse_ros.flight.readback import difference
+from dsse_ros.flight.transfer import Done, Failed, Timeouts
+from dsse_ros.flight.verified_upload import VerifiedUpload
+
+DIALECTS = list(VEHICLES)
+BAD_LINK = Channel(loss=0.3, duplicate=0.2, reorder=0.3)
+
+
+def verified(items, dialect, **options):
+    return VerifiedUpload(items, VEHICLE, OURSELVES, dialect=dialect, **options)
+
+
+def complete(dialect, channel, runs):
+    """Return in how many runs 20 items were uploaded and read back; check what the vehicle held."""
+    items = mission(1, 20)
+    done = 0
+    for seed in range(runs):
+        world = World(VEHICLES[dialect](), channel, seed)
+        result = world.run(verified(items, dialect), horizon_s=600)
+        assert all(not held or not difference(items, held, dialect) for held in world.vehicle.held)
+        if isinstance(result, Done):
+            done += 1
+            assert difference(items, world.vehicle.mission, dialect) is None
+            assert result.items == world.vehicle.mission
+    return done
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_every_upload_is_complete_over_a_link_that_loses_5_percent(dialect):
+    assert complete(dialect, Channel(loss=0.05), 1000) == 1000
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_uploads_are_complete_over_a_link_that_loses_30_percent_and_doubles_and_reorders(dialect):
+    assert complete(dialect, BAD_LINK, 2000) >= 0.999 * 2000
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_uploads_are_complete_over_a_link_that_only_doubles_and_reorders(dialect):
+    assert complete(dialect, Channel(duplicate=0.2, reorder=0.3), 300) == 300
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_no_vehicle_ever_holds_a_mixture_of_a_cancelled_mission_and_the_next(dialect):
+    for seed in range(600):
+        draw = random.Random(seed)
+        channel = dataclasses.replace(BAD_LINK, loss=draw.choice([0.0, 0.05, 0.3]))
+        missions = [mission(number, draw.randint(2, 20)) for number in (1, 2)]
+        world = World(VEHICLES[dialect](), channel, seed)
+        first = verified(missions[0], dialect)
+        world.send(first.start(world.now))
+        until = draw.uniform(0, draw.choice([1, 30]))
+        while first.result is None and world.step(first, until):
+            pass
+        world.send(first.cancel(world.now))
+        while first.result is None:
+            assert world.step(first, until + 12), "the cancelled upload goes on"
+        assert isinstance(world.run(verified(missions[1], dialect)), Done)
+        for held in world.vehicle.held:
+            assert not held or None in [difference(items, held, dialect) for items in missions]
+
+
+class Forgetful(ArduPilot):
+    """Stores a wrong altitude now and then."""
+
+    spoilt = 0
+
+    def stored(self, item):
+        kept = super().stored(item)
+        if item.seq == 2 and self.spoilt:
+            self.spoilt -= 1
+            return dataclasses.replace(kept, z=20.0)
+        return kept
+
+
+@pytest.mark.parametrize(("spoilt", "done"), [(0, True), (3, True), (4, False)])
+def test_a_mission_that_reads_back_wrong_is_uploaded_again_as_often_as_allowed(spoilt, done):
+    vehicle = Forgetful()
+    vehicle.spoilt = spoilt
+    exchange = verified(mission(1, 5), "ardupilot", timeouts=Timeouts(upload_retries=3))
+    result = World(vehicle, Channel(), seed=0).run(exchange)
+    assert isinstance(result, Done) == done
+    assert exchange.counts["mismatch"] == min(spoilt, 3)
+    if isinstance(result, Failed):
+        assert (result.code, result.changed) == ("mismatch", True)
+        assert "item 2: z 120.0 was sent, 20.0 read back" in result.reason
+
+
+class Mute(Px4):
+    """Loses every acknowledgement."""
+
+    def ack(self, to, result):
+        return []
+
+
+def test_a_mission_that_reads_back_right_needs_no_acknowledgement():
+    world = World(Mute(), Channel(), seed=0)
+    assert isinstance(world.run(verified(mission(1), "px4")), Done)
+
+
+def test_a_vehicle_that_dies_after_the_upload_has_an_unknown_mission():
+    world = World(ArduPilot(), Channel(), seed=0)
+    exchange = verified(mission(1), "ardupilot")
+    world.send(exchange.start(0.0))
+    while not world.vehicle.mission:
+        world.step(exchange)
+    world.channel = Channel(loss=1.0)
+    while exchange.result is None:
+        world.step(exchange)
+    assert exchange.result.code == "no_reply" and exchange.result.changed
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_cancel_ends_an_upload_whenever_it_comes(dialect):
+    """Cancels before the first, second, third, ... event of an undisturbed upload."""
+    steps = 0
+    while True:
+        world = World(VEHICLES[dialect](), Channel(), seed=0)
+        exchange = verified(mission(1, 4), dialect)
+        world.send(exchange.start(0.0))
+        for _ in range(steps):
+            world.step(exchange)
+        if exchange.result is not None:
+            break
+        sent = exchange.cancel(world.now)
+        assert sent == [] or isinstance(sent[0], MissionAck)
+        now = world.now
+        while exchange.result is None:
+            now = exchange.deadline
+            sent = exchange.tick(now)
+            assert not any(isinstance(message, MissionItemInt) for message in sent)
+        assert exchange.result.code == "cancelled"
+        assert now - world.now <= Timeouts().stall_s
+        steps += 1
+    assert steps > 20

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nothing is sent to a place where a vehicle may not be."""
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from mission_strategies import ITEMS
+
+from msg_adapters.fence import Fence, check_item, check_mission, check_place
+from msg_adapters.frames import GridFrame
+from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic
+from msg_adapters.mission_items import FRAME_MISSION, Home, Mission, MissionItem
+from msg_adapters.result import Accepted, Rejected
+from msg_adapters.track_missions import track_mission
+
+FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
+SIDE_M = 2600.0
+MARGIN_M = 200.0
+FENCE = Fence(FRAME, MARGIN_M, min_alt_m=10.0, max_alt_m=120.0)
+COMMANDS = st.sampled_from([16, 19, 21, 22])
+INSIDE_M = st.floats(-MARGIN_M + 0.1, SIDE_M + MARGIN_M - 0.1)
+FAR_M = st.floats(MARGIN_M + 0.1, 4e5)
+
+
+def waypoint(x_m=1300.0, y_m=1300.0, **values):
+    lat_deg, lon_deg, _ = map_to_geodetic(FRAME, x_m, y_m, 0.0)
+    known = {"command": 16, "param4": math.nan, "alt_m": 120.0}
+    return MissionItem(**{**known, "lat_deg": lat_deg, "lon_deg": lon_deg, **values})
+
+
+def code(item, fence=FENCE):
+    checked = check_item(item, fence)
+    return checked.code if isinstance(checked, Rejected) else None
+
+
+@given(INSIDE_M, INSIDE_M, st.floats(10, 120), COMMANDS)
+def test_an_item_inside_is_accepted(x_m, y_m, alt_m, command):
+    item = waypoint(x_m, y_m, alt_m=alt_m, command=command)
+    assert check_item(item, FENCE) == Accepted(item)
+    assert check_place(item.lat_deg, item.lon_deg, alt_m, FENCE) == Accepted(
+        (item.lat_deg, item.lon_deg, alt_m)
+    )
+
+
+@given(FAR_M, st.floats(-4e5, 4e5), st.booleans(), st.booleans(), COMMANDS)
+def test_an_item_outside_is_refused(beyond_m, along_m, low, swap, command):
+    across_m = -beyond_m if low else SIDE_M + beyond_m
+    x_m, y_m = (along_m, across_m) if swap else (across_m, along_m)
+    item = waypoint(x_m, y_m, command=command)
+    assert code(item) == "outside_fence"
+    checked = check_place(item.lat_deg, item.lon_deg, 120.0, FENCE)
+    assert isinstance(checked, Rejected) and checked.code == "outside_fence"
+
+
+@given(st.floats(-90, 90), st.floats(-180, 180))
+def test_all_the_rest_of_the_earth_is_outside(lat_deg, lon_deg):
+    assume(abs(lat_deg + 24.03) > 0.02 or abs(lon_deg + 46.16) > 0.03)
+    assert code(waypoint(lat_deg=lat_deg, lon_deg=lon_deg)) == "outside_fence"
+
+
+def test_the_place_straight_through_the_earth_is_outside():
+    z_m = -12.7e6
+    for _ in range(20):
+        lat_deg, lon_deg, alt_m = map_to_geodetic(FRAME, 1300.0, 1300.0, z_m)
+        z_m += alt_m
+    x_m, y_m, _ = geodetic_to_map(FRAME, lat_deg, lon_deg, 0.0)
+    assert (x_m, y_m) == pytest.approx((1300.0, 1300.0), abs=1e-2)
+    assert code(waypoint(lat_deg=lat_deg, lon_deg=lon_deg)) == "outside_fence"
+
+
+@given(st.floats(-1e9, 9.99) | st.floats(120.01, 1e9))
+def test_an_item_too_high_or_too_low_is_refused(alt_m):
+    assert code(waypoint(alt_m=alt_m)) == "altitude"
+    assert code(waypoint(alt_m=alt_m, command=22)) == "altitude"
+
+
+def test_only_a_landing_goes_to_the_ground():
+    assert code(waypoint(alt_m=0.0, command=21)) is None
+    assert code(waypoint(alt_m=-1.0, command=21)) == "altitude"
+
+
+@given(
+    st.sampled_from(["param1", "param2", "param3", "lat_deg", "lon_deg", "alt_m"]),
+    st.sampled_from([math.nan, math.inf, -math.inf]),
+    COMMANDS,
+)
+def test_what_is_not_finite_is_refused(field, value, command):
+    item = dataclasses.replace(waypoint(command=command), **{field: value})
+    assert code(item) == "not_finite"
+
+
+@pytest.mark.parametrize("value", [math.inf, -math.inf])
+def test_an_open_yaw_is_nan_and_nothing_else(value):
+    assert code(waypoint(param4=value)) == "not_finite"
+    assert code(MissionItem(20, FRAME_MISSION, param4=math.nan)) == "not_finite"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("lat_deg", 100.0), ("lat_deg", -90.01), ("lon_deg", 313.83)]
+)
+def test_a_place_that_is_not_on_the_earth_is_refused(field, value):
+    assert code(dataclasses.replace(waypoint(), **{field: value})) == "not_on_earth"
+
+
+@given(st.integers(0, 255).filter(lambda frame: frame != 3), COMMANDS)
+def test_an_altitude_above_anything_but_home_is_refused(frame, command):
+    assert code(waypoint(frame=frame, command=command)) == "unknown_frame"
+
+
+@given(st.integers(0, 65535).filter(lambda command: command not in (16, 19, 20, 21, 22)))
+def test_a_command_that_is_never_sent_is_refused(command):
+    assert code(waypoint(command=command, param4=0.0)) == "unknown_command"
+
+
+def test_a_parameter_that_no_command_has_is_refused():
+    assert code(waypoint(param1=1e7)) == "bad_parameter"
+
+
+def test_a_return_needs_no_place():
+    assert code(MissionItem(20, FRAME_MISSION)) is None
+    assert code(MissionItem(20)) is None
+    assert code(MissionItem(20, 7)) == "unknown_frame"
+
+
+@given(ITEMS)
+def test_whatever_is_accepted_can_be_flown(item):
+    if code(item) is None:
+        assert item.command == 20 or 0 <= item.alt_m <= 120.0
+
+
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
+def test_home_may_be_elsewhere_with_the_same_margin(x_m, y_m):
+    assume(abs(math.hypot(x_m, y_m) - MARGIN_M) > 0.1)
+    home = Home(*map_to_geodetic(FRAME, -9000.0, 4000.0, 0.0))
+    fence = dataclasses.replace(FENCE, home=home)
+    item = waypoint(-9000.0 + x_m, 4000.0 + y_m)
+    assert code(item) == "outside_fence"
+    assert (code(item, fence) is None) == (math.hypot(x_m, y_m) < MARGIN_M)
+
+
+def test_a_mission_is_refused_by_its_first_bad_item():
+    mission = track_mission(FRAME, [(0, 0), (1, 0)])
+    items = [*mission.numbered("ardupilot"), waypoint(9000.0), waypoint(alt_m=500.0)]
+    checked = check_mission(items, FENCE, "ardupilot")
+    assert isinstance(checked, Rejected)
+    assert checked.code == "outside_fence" and checked.reason.startswith("item 5: ")
+
+
+def test_home_is_checked_where_ardupilot_has_it_and_nowhere_else():
+    items = track_mission(FRAME, [(0, 0)]).numbered("ardupilot")
+    assert isinstance(check_mission(items, FENCE, "ardupilot"), Accepted)
+    as_px4 = check_mission(items, FENCE, "px4")
+    assert isinstance(as_px4, Rejected) and as_px4.reason.startswith("item 0: frame: 0")
+    far = Mission(Home(0.0, 0.0, 0.0), tuple(items[1:])).numbered("ardupilot")
+    for spoilt, wanted in (
+        (far, "outside_fence"),
+        (items[1:], "unknown_command"),
+        ([waypoint(), *items[1:]], "unknown_frame"),
+        ([dataclasses.replace(items[0], lat_deg=math.nan), *items[1:]], "not_finite"),
+    ):
+        checked = check_mission(spoilt, FENCE, "ardupilot")
+        assert isinstance(checked, Rejected) and checked.code == wanted
+
+
+@pytest.mark.parametrize(
+    "values", [(-1.0, 0.0, 120.0), (math.nan, 0.0, 120.0), (0.0, 50.0, 40.0), (0.0, -1.0, 120.0)]
+)
+def test_a_fence_that_holds_nothing_is_refused(values):
+    with pytest.raises(ValueError, match="is not allowed"):
+        Fence(FRAME, *values)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions that fly where a drone went and look where it searched."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msg_adapters import mission_files
+from msg_adapters.fence import Fence, check_mission
+from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.geodesy import geodetic_to_map
+from msg_adapters.mission_items import (
+    FRAME_GLOBAL,
+    FRAME_GLOBAL_RELATIVE_ALT,
+    FRAME_MISSION,
+    NAV_RETURN_TO_LAUNCH,
+    NAV_TAKEOFF,
+    NAV_WAYPOINT,
+    Home,
+)
+from msg_adapters.result import Accepted
+from msg_adapters.track_missions import track_items, track_mission
+from msg_adapters.tracks import corners, stops, without_repeats
+
+FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
+CELLS = st.lists(st.tuples(st.integers(0, 19), st.integers(0, 19)), min_size=1, max_size=12)
+STRAIGHT = [(0, 0), (1, 0), (2, 0), (3, 0), (3, 1)]
+
+
+def place(item):
+    """Return the cell of a waypoint, whose altitude does not move it."""
+    x_m, y_m, _ = geodetic_to_map(FRAME, item.lat_deg, item.lon_deg, 120.0)
+    col, row = x_m / 130 - 0.5, 19 - (y_m / 130 - 0.5)
+    assert (col, row) == pytest.approx((round(col), round(row)), abs=1e-5)
+    return round(col), round(row)
+
+
+@given(CELLS)
+def test_a_track_is_take_off_each_cell_once_and_the_return(cells):
+    mission = track_mission(FRAME, np.array(cells), hold_s=5, acceptance_radius_m=20)
+    takeoff, *waypoints, back = mission.items
+    first = (*cell_to_map(FRAME, *cells[0]), 0.0)
+    assert geodetic_to_map(FRAME, *mission.home) == pytest.approx(first, abs=1e-3)
+    assert (takeoff.command, takeoff.alt_m) == (NAV_TAKEOFF, 120.0)
+    assert (takeoff.lat_deg, takeoff.lon_deg) == mission.home[:2]
+    assert (back.command, back.frame) == (NAV_RETURN_TO_LAUNCH, FRAME_MISSION)
+    assert [place(item) for item in waypoints] == [tuple(c) for c in without_repeats(cells)]
+    for item in waypoints:
+        assert (item.command, item.frame) == (NAV_WAYPOINT, FRAME_GLOBAL_RELATIVE_ALT)
+        assert (item.param1, item.param2, item.alt_m) == (5.0, 20.0, 120.0)
+        assert math.isnan(item.param4)
+
+
+@given(CELLS, st.booleans(), st.data())
+def test_a_search_is_a_descent_a_hold_and_a_climb_over_its_cell(cells, merge_legs, data):
+    steps = [(cell, searched) for cell in cells for searched in [False, *data.draw(FLAGS)]]
+    track, searched = zip(*steps, strict=True)
+    mission = track_mission(
+        FRAME,
+        track,
+        searched,
+        merge_legs=merge_legs,
+        search_alt_m=15.0,
+        search_hold_s=7.0,
+        acceptance_radius_m=10.0,
+    )
+    items = iter(mission.items[1:-1])
+    where, times = stops(track, searched, merge_legs=merge_legs)
+    for cell, n in zip(where.tolist(), times.tolist(), strict=True):
+        over = [next(items) for _ in range(3 if n else 1)]
+        assert {place(item) for item in over} == {tuple(cell)}
+        assert [item.alt_m for item in over] == [120.0, 15.0, 120.0][: len(over)]
+        assert [item.param1 for item in over] == [0.0, 7.0 * n, 0.0][: len(over)]
+        assert {item.param2 for item in over} == {10.0}
+    assert next(items, None) is None
+
+
+FLAGS = st.lists(st.just(True), max_size=3)
+
+
+def test_a_straight_leg_may_be_flown_in_one():
+    one_per_cell = track_mission(FRAME, STRAIGHT).items[1:-1]
+    merged = track_mission(FRAME, STRAIGHT, merge_legs=True).items[1:-1]
+    assert [place(item) for item in one_per_cell] == STRAIGHT
+    assert [place(item) for item in merged] == [(0, 0), (3, 0), (3, 1)]
+    assert [list(place(item)) for item in merged] == corners(STRAIGHT).tolist()
+
+
+def test_a_search_on_a_straight_leg_is_not_lost():
+    cells = [(0, 0), (1, 0), (1, 0), (2, 0)]
+    items = track_mission(FRAME, cells, [False, False, True, False], merge_legs=True).items
+    assert [place(item) for item in items[1:-1]] == [(0, 0), (1, 0), (1, 0), (1, 0), (2, 0)]
+
+
+def test_ardupilot_numbers_home_and_px4_does_not():
+    mission = track_mission(FRAME, [(0, 0)], home=Home(-24.0, -46.3, 4.0))
+    home, *items = mission.numbered("ardupilot")
+    assert (home.command, home.frame) == (NAV_WAYPOINT, FRAME_GLOBAL)
+    assert (home.lat_deg, home.lon_deg, home.alt_m) == (-24.0, -46.3, 4.0)
+    assert items == mission.numbered("px4") == list(mission.items)
+    assert (items[0].lat_deg, items[0].lon_deg) == (-24.0, -46.3)
+
+
+@given(CELLS, st.booleans())
+def test_every_mission_in_the_area_is_inside_its_fence(cells, merge_legs):
+    mission = track_mission(FRAME, cells, [True] * len(cells), merge_legs=merge_legs)
+    fence = Fence(FRAME, margin_m=0.0, min_alt_m=30.0, max_alt_m=120.0)
+    for firmware in ("ardupilot", "px4"):
+        items = mission.numbered(firmware)
+        assert check_mission(items, fence, firmware) == Accepted(tuple(items))
+
+
+def test_track_items_are_the_mission_for_ardupilot():
+    mission = track_mission(FRAME, STRAIGHT, hold_s=2.0, acceptance_radius_m=3.0)
+    items = track_items(FRAME, STRAIGHT, hold_s=2.0, acceptance_radius_m=3.0)
+    assert [item.command for item in items] == [16, 22, *[16] * 5, 20]
+    assert mission_files.qgc_wpl(items) == mission_files.qgc_wpl(mission.numbered("ardupilot"))
+    assert mission_files.track_items(FRAME, [(0, 0)], home=(-24.0, -46.3, 4.0))[0].alt_m == 4.0
+
+
+def test_an_empty_track_is_refused():
+    with pytest.raises(ValueError, match="^cells: "):
+        track_mission(FRAME, [])
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("hold_s", -1.0),
+        ("acceptance_radius_m", math.nan),
+        ("acceptance_radius_m", 256.0),
+        ("search_alt_m", 121.0),
+        ("search_hold_s", math.inf),
+    ],
+)
+def test_numbers_that_no_autopilot_would_take_are_refused(option, value):
+    with pytest.raises(ValueError, match=f"^{option}: .* is not allowed"):
+        track_mission(FRAME, [(0, 0)], **{option: value})

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tracks reduced to the cells to fly to."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msg_adapters.tracks import corners, stops, without_repeats
+
+STEPS = st.lists(
+    st.sampled_from([(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (0, 0)]), min_size=1, max_size=30
+)
+
+
+def flown(steps):
+    """Return cells and flags of a drone that moves, or searches where the step is (0, 0)."""
+    cells = np.cumsum([(0, 0), *steps], axis=0)
+    return cells, np.array([False, *[step == (0, 0) for step in steps]])
+
+
+@given(STEPS)
+def test_every_visit_is_a_stop_with_its_searches(steps):
+    cells, searched = flown(steps)
+    where, times = stops(cells, searched, merge_legs=False)
+    assert where.tolist() == without_repeats(cells).tolist()
+    assert times.sum() == searched.sum()
+    replayed = [cell for cell, n in zip(where.tolist(), times, strict=True) for _ in range(1 + n)]
+    assert replayed == cells.tolist()
+
+
+@given(STEPS)
+def test_a_merged_track_is_the_same_line_with_the_same_searches(steps):
+    cells, searched = flown(steps)
+    where, times = stops(cells, searched, merge_legs=True)
+    assert corners(where).tolist() == corners(cells).tolist()
+    searched_cells = [cell for cell, n in zip(where.tolist(), times, strict=True) for _ in range(n)]
+    assert searched_cells == cells[searched].tolist()
+    # Nothing is left that the line does not need.
+    needed = {tuple(cell) for cell in corners(cells).tolist()}
+    assert all(n or tuple(cell) in needed for cell, n in zip(where.tolist(), times, strict=True))
+
+
+def test_one_flag_per_cell_is_wanted():
+    with pytest.raises(ValueError, match=r"^searched: shape \(1,\) is not allowed; \(2,\)"):
+        stops([(0, 0), (0, 1)], [True], merge_legs=False)
+
+
+def test_an_empty_track_has_no_stops():
+    where, times = stops([], [], merge_legs=True)
+    assert where.shape == (0, 2) and times.shape == (0,)
