@@ -31,11 +31,11 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim test lint format clean
+.PHONY: help sim test lint format bench reproduce clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
-		printf 'make %-8s %s\n' "$$target" "$$text"; done
+		printf 'make %-9s %s\n' "$$target" "$$text"; done
 
 sim: $(VENV)/.sim ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder
 	@$(BIN)/run_mission $(MISSION)
@@ -51,6 +51,12 @@ lint: $(VENV)/.test ## Lint and check the types
 format: $(VENV)/.test ## Format the code and mend what the linter can
 	@$(BIN)/ruff check --fix
 	@$(BIN)/ruff format
+
+bench: $(VENV)/.test ## Measure beside the published packages and a C floor: BENCH=--quick
+	@$(BIN)/python -m benchmarks.bench $(BENCH)
+
+reproduce: $(VENV)/.test ## Replay the published tables
+	@$(BIN)/python -m benchmarks.reproduce
 
 clean: ## Remove the environment and everything built
 	rm -rf $(VENV) build dist install log *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures that the authors of DSSE published, and what an independent replay of them gave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Source:
+    """Somebody's figures.
+
+    Attributes:
+        name: Whose.
+        episodes: Behind the figures.
+        found: Share of the episodes in which every person was found.
+        steps: Mean number of calls of `step` per episode.
+        steps_when_found: The same of the episodes with a find, None if not given.
+        median_steps: Median of all episodes or, where `steps_when_found` is given, of those.
+        reward: Mean sum of rewards per episode, None if not given.
+    """
+
+    name: str
+    episodes: int
+    found: float
+    steps: float
+    steps_when_found: float | None = None
+    median_steps: float | None = None
+    reward: float | None = None
+
+
+SWEEP = (
+    Source("published", 10_000, 0.0562, 195.82, 92.07, 95),
+    Source("replay", 100_000, 0.0542, 196.05, 92.30),
+)
+"""DSSE 0.1.13, one drone, parallel sweep, grid 20 (2023)."""
+
+GREEDY = {
+    0.05: (
+        Source("published", 5_000, 0.5018, 65.07, None, 94, 0.86),
+        Source("replay", 3_000, 0.5073, 64.74, None, 90, 0.870),
+    ),
+    0.1: (Source("published", 5_000, 0.3584, 77.48, None, 100, 0.59),),
+}
+"""DSSE 1.1.9, four drones, greedy, grid 40 (2024), by the dispersion's growth per step."""

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`make bench`: everything in one run on one machine, so that its ratios can be trusted."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks import conversion, goals, lockstep, memory, plot, speed, start_up
+from benchmarks.processes import ROOT, ContenderError
+from benchmarks.published import V1, V2, Unavailable, build_floor, install, versions
+
+RESULTS = Path(__file__).with_name("results")
+SECTIONS = ("speed", "start_up", "memory", "conversion", "lockstep")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure, print, write the results and return the exit code; a missed goal is none."""
+    given = _arguments(arguments)
+    quick = given.quick
+    given.build.mkdir(parents=True, exist_ok=True)
+    out = given.out or (given.build if quick else RESULTS)
+    out.mkdir(parents=True, exist_ok=True)
+    pythons, floor = _contenders(given.build)
+
+    began = time.time()
+    load = os.getloadavg()[0]
+    figures: dict[str, Any] = {"speed": []}
+    sections: dict[str, Callable[[], Any]] = {
+        "speed": lambda: speed.measure(
+            pythons,
+            floor,
+            cells=speed.QUICK_CELLS if quick else speed.CELLS,
+            rounds=1 if quick else 4,
+            seconds=0.2 if quick else 0.4,
+            tell=_tell,
+        ),
+        "start_up": lambda: start_up.measure(1 if quick else 2),
+        "memory": lambda: memory.measure(pythons, 10**5 if quick else 10**6),
+        "conversion": lambda: conversion.measure(30 if quick else 300),
+        "lockstep": lambda: lockstep.measure(
+            rounds=2 if quick else 6, seconds=1.0 if quick else 3.0, tell=_tell
+        ),
+    }
+    for name in given.only or SECTIONS:
+        _tell(f"\n{name.replace('_', '-')}")
+        if name == "speed":
+            _tell(speed.heading())
+        try:
+            figures[name] = sections[name]()
+        except (ContenderError, OSError) as error:
+            _tell(f"{name}: {error}")
+    _tell_others(figures)
+
+    judged = goals.judge(figures)
+    _tell(f"\n{goals.table(judged)}")
+    result = {
+        "machine": machine(),
+        "load_before": load,
+        "load_after": os.getloadavg()[0],
+        "versions": {
+            "ours": own_versions(),
+            **{name: versions(python) for name, python in pythons.items()},
+        },
+        "date": time.strftime("%Y-%m-%d", time.gmtime(began)),
+        "seconds": round(time.time() - began),
+        "quick": quick,
+        "goals": judged,
+        **figures,
+    }
+    path = out / "bench.json"
+    path.write_text(json.dumps(rounded(result), indent=1) + "\n", encoding="utf-8")
+    if figures["speed"]:
+        plot.save(figures["speed"], out / "bench.png")
+    _tell(f"\n{result['seconds']} s; written to {path}")
+    return 0
+
+
+def machine() -> dict[str, Any]:
+    """Return what the figures depend on."""
+    return {
+        "cpu": _cpu(),
+        "cores": os.cpu_count(),
+        "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30),
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+    }
+
+
+def own_versions() -> dict[str, str]:
+    """Return the versions of what this environment runs."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {"python": platform.python_version()}
+    for name in ("dsse_ros", "numpy", "numba", "gymnasium", "pettingzoo", "rclpy"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def rounded(value: Any) -> Any:
+    """Return the value with its floats at five significant digits, as no timing has more."""
+    if isinstance(value, float):
+        return float(f"{value:.5g}")
+    if isinstance(value, dict):
+        return {key: rounded(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(part) for part in value]
+    return value
+
+
+def _arguments(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="about 2 minutes instead of 10")
+    parser.add_argument("--only", nargs="+", choices=SECTIONS, help="measure only these")
+    parser.add_argument(
+        "--build", type=Path, default=ROOT / ".venv" / "bench", help="for what is installed"
+    )
+    parser.add_argument("--out", type=Path, help="for results; a quick run's go to --build")
+    return parser.parse_args(arguments)
+
+
+def _contenders(build: Path) -> tuple[dict[str, Path], Path | None]:
+    """Return the Pythons of the published packages and the floor, without those not to be had."""
+    pythons: dict[str, Path] = {}
+    floor = None
+    for name, package in (("dsse_0_1_13", V1), ("dsse_1_1_9", V2)):
+        try:
+            pythons[name] = install(package, build)
+        except Unavailable as error:
+            _tell(str(error))
+    try:
+        floor = build_floor(build)
+    except Unavailable as error:
+        _tell(str(error))
+    return pythons, floor
+
+
+def _tell(line: str) -> None:
+    print(line, flush=True)
+
+
+def _tell_others(figures: dict[str, Any]) -> None:
+    if "start_up" in figures:
+        best = {kind: min(found) for kind, found in figures["start_up"].items()}
+        _tell(
+            f"\nfirst step after {best['warm_s']:.2f} s with the compiler's cache, "
+            f"{best['cold_s']:.1f} s without"
+        )
+    for name, found in figures.get("memory", {}).items():
+        growth = found.get("growth_bytes_per_step")
+        grows = "" if growth is None else f", grows {growth:.3f} bytes per step"
+        _tell(f"memory {name:12} peak {found['peak_mib']:6.0f} MiB{grows}")
+    for name, found in figures.get("conversion", {}).items():
+        _tell(
+            f"OccupancyGrid 1000 x 1000, {name}: {1e3 * found['message_s']:.2f} ms; copying the "
+            f"bytes {1e3 * found['copy_s']:.2f} ms, into new memory "
+            f"{1e3 * found['new_copy_s']:.2f} ms"
+        )
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    named = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""World to message: the map of a large world as an OccupancyGrid, beside copying its bytes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+
+from dsse_ros.search import parallel_env
+from msg_adapters.frames import GridFrame
+from msg_adapters.occupancy import occupancy_grid
+
+GRID_SIZE = 1000
+STEPS = 50
+# Every cell has a probability, or only those in the circle around the datum.
+WORLDS: dict[str, dict[str, Any]] = {
+    "dense": {"rules": "v2", "sigma": 200.0},
+    "circle": {"rules": "paper"},
+}
+
+
+def measure(rounds: int) -> dict[str, dict[str, float]]:
+    """Return the least seconds of each way, for a map without zeros and for one with a circle.
+
+    `copy_s` copies the float32 map into memory that is there already, `new_copy_s` into new
+    memory, as a message needs it.
+    """
+    frame = GridFrame(
+        grid_size=GRID_SIZE,
+        cell_size_m=130.0,
+        origin_lat_deg=-24.04,
+        origin_lon_deg=-46.17,
+        origin_alt_m=0.0,
+        alt_m=120.0,
+    )
+    found = {}
+    for name, fields in WORLDS.items():
+        env = parallel_env(grid_size=GRID_SIZE, **fields)
+        env.reset(seed=1)
+        for _ in range(STEPS):
+            env.step(dict.fromkeys(env.agents, 1))
+        target = np.empty_like(env.probability)
+        ways: dict[str, Callable[[], object]] = {
+            "copy_s": partial(np.copyto, target, env.probability),
+            "new_copy_s": env.probability.copy,
+            "message_s": partial(occupancy_grid, frame, env.probability, Time()),
+        }
+        best = dict.fromkeys(ways, float("inf"))
+        for _ in range(rounds):
+            for way, do in ways.items():
+                start = time.perf_counter()
+                do()
+                best[way] = min(best[way], time.perf_counter() - start)
+        found[name] = best
+    return found

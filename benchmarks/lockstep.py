@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lockstep steps per second of `sim_node`, beside bare rclpy that sends the same messages."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.processes import ROOT, ContenderError, Process, last_line
+from benchmarks.workload import random_walks
+from dsse_ros.search.rules import profile
+
+DRONES = (1, 20, 100)
+GRID_SIZE = 40
+LIMIT = 100
+STEPS = LIMIT + 1
+CAPTURE_TIMEOUT_S = 120
+
+
+def measure(
+    *, rounds: int, seconds: float, tell: Callable[[str], None]
+) -> dict[str, dict[str, Any]]:
+    """Return steps per second by number of drones; both take turns."""
+    found = {}
+    for num_drones in DRONES:
+        try:
+            found[str(num_drones)] = figures = _measure(num_drones, rounds, seconds)
+        except (ContenderError, subprocess.SubprocessError) as error:
+            tell(f"lockstep with {num_drones} drones: {error}")
+            continue
+        tell(
+            f"{num_drones:>7} drones{max(figures['sim_node']):10.1f} sim_node"
+            f"{max(figures['ping_pong']):10.1f} ping-pong   steps/s"
+            f"{figures['messages_per_step']:8.1f} messages per step"
+        )
+    return found
+
+
+def _measure(num_drones: int, rounds: int, seconds: float) -> dict[str, Any]:
+    rates: dict[str, list[float]] = {"sim_node": [], "ping_pong": []}
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        workload, recording = folder / "walk.npz", folder / "recording.json"
+        starts, actions = random_walks(
+            GRID_SIZE, num_drones, profile("paper").actions, STEPS, worlds=1, seed=1
+        )
+        np.savez(workload, starts=starts, actions=actions)
+
+        domains = {"sim_node": _environment(0), "ping_pong": _environment(1)}
+        stack.enter_context(
+            _node("dsse_ros.nodes.sim_node", _parameters(starts), domains["sim_node"])
+        )
+        subprocess.run(
+            [sys.executable, "-m", "benchmarks.ros.capture", "dsse_sim", workload, recording],
+            cwd=ROOT,
+            env=domains["sim_node"],
+            check=True,
+            timeout=CAPTURE_TIMEOUT_S,
+            stdin=subprocess.DEVNULL,
+        )
+        arguments = [str(recording), str(STEPS)]
+        stack.enter_context(_node("benchmarks.ros.ping_pong", arguments, domains["ping_pong"]))
+
+        peers = {}
+        for name, node in (("sim_node", "dsse_sim"), ("ping_pong", "ping_pong")):
+            peers[name] = stack.enter_context(Process("lockstep", environment=domains[name]))
+            peers[name].set_up({"node": node, "workload": str(workload)})
+            peers[name].rate(seconds)
+        for turn in range(rounds):
+            for name in list(peers)[:: 1 if turn % 2 == 0 else -1]:
+                rates[name].append(peers[name].rate(seconds))
+        topics = json.loads(recording.read_text())
+    return {
+        **rates,
+        "messages_per_step": float(sum(topic["per_step"] for topic in topics)),
+        "bytes_per_step": sum(len(t["message"]) * 3 // 4 for t in topics if t["per_step"]),
+    }
+
+
+def _environment(offset: int) -> dict[str, str]:
+    """Return the variables of a domain that no other run here uses."""
+    domain = 10 + (2 * os.getpid() + offset) % 90
+    return {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+
+
+def _parameters(starts: Any) -> list[str]:
+    values = {
+        "rules": "paper",
+        "grid_size": GRID_SIZE,
+        "drones_positions": starts.ravel().tolist(),
+        "timestep_limit": LIMIT,
+        "probability_of_detection": 0.0,
+        "auto_reset": "true",
+        "seed": 1,
+    }
+    given = [part for name, value in values.items() for part in ("-p", f"{name}:={value}")]
+    return ["--ros-args", "--log-level", "warn", *given]
+
+
+@contextmanager
+def _node(module: str, arguments: list[str], environment: dict[str, str]) -> Iterator[None]:
+    """Run a node while the block lasts.
+
+    Raises:
+        ContenderError: If the block fails and it is the node that had ended.
+    """
+    with tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            cwd=ROOT,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+        )
+        try:
+            yield
+        except Exception:
+            if process.poll() is not None:
+                raise ContenderError(f"{module}: {last_line(errors)}") from None
+            raise
+        finally:
+            process.terminate()
+            try:
+                process.wait(timeout=5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The speeds as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+# Name, label, colour, line style.
+LINES = (
+    ("lazy_one_core", "ours, lazy batch, one core", "tab:blue", ":"),
+    ("floor_lazy", "C, lazy", "tab:gray", ":"),
+    ("batch_all_cores", "ours, batch, all cores", "tab:blue", "--"),
+    ("batch_one_core", "ours, batch, one core", "tab:blue", "-."),
+    ("floor_batch", "C, batch, one core", "tab:gray", "-."),
+    ("single_v2", "ours, one world, v2", "tab:orange", "-"),
+    ("single_v1", "ours, one world, v1", "tab:blue", "-"),
+    ("dsse_1_1_9", "DSSE 1.1.9", "tab:red", "-"),
+    ("dsse_0_1_13", "DSSE 0.1.13", "tab:purple", "-"),
+)
+GRID_SIZE, NUM_DRONES = 40, 5
+
+
+def save(cells: list[dict[str, Any]], path: Path) -> None:
+    """Write steps per second over the grid's size and over the number of drones."""
+    figure, panels = plt.subplots(1, 2, figsize=(11, 5), sharey=True, layout="constrained")
+    for axes, axis, other, value, title in (
+        (panels[0], "grid_size", "num_drones", NUM_DRONES, f"{NUM_DRONES} drones"),
+        (panels[1], "num_drones", "grid_size", GRID_SIZE, f"grid {GRID_SIZE} x {GRID_SIZE}"),
+    ):
+        row = sorted((c for c in cells if c[other] == value), key=lambda cell: cell[axis])
+        for name, label, colour, style in LINES:
+            points = [(c[axis], c["best"][name]) for c in row if name in c["best"]]
+            if points:
+                axes.plot(*zip(*points, strict=True), style, color=colour, label=label, marker=".")
+        axes.set(xscale="log", yscale="log", xlabel=axis.replace("_", " "), title=title)
+        ticks = [cell[axis] for cell in row]
+        axes.set_xticks(ticks, [str(tick) for tick in ticks])
+        axes.minorticks_off()
+        axes.grid(alpha=0.3)
+    panels[0].set_ylabel("environment steps per second")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right center", fontsize=8)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contenders as processes that wait while another one runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import select
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Protocol
+
+ROOT = Path(__file__).resolve().parents[1]
+TIMEOUT_S = 180.0
+
+
+class ContenderError(Exception):
+    """A contender failed or fell silent; its text is one line."""
+
+
+class Contender(Protocol):
+    """Something that does environment steps on demand."""
+
+    def set_up(self, config: dict[str, Any]) -> None:
+        """Get ready for this work."""
+
+    def rate(self, seconds: float) -> float:
+        """Work for this long and return environment steps per second."""
+
+
+class Process:
+    """A program of `benchmarks.contenders`.
+
+    Args:
+        module: Its name.
+        python: Of the environment it runs in, by default this one.
+        environment: Variables to add.
+
+    Raises:
+        ContenderError: From any method, if the program fails.
+    """
+
+    def __init__(
+        self, module: str, python: Path | None = None, environment: dict[str, str] | None = None
+    ) -> None:
+        self.module = module
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115
+        self._process = subprocess.Popen(
+            [str(python or sys.executable), "-m", f"benchmarks.contenders.{module}"],
+            cwd=ROOT,
+            env={**os.environ, "SDL_VIDEODRIVER": "dummy", **(environment or {})},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            bufsize=0,
+        )
+
+    def __enter__(self) -> Process:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def set_up(self, config: dict[str, Any]) -> None:
+        """Get ready for this work."""
+        self.ask("set_up", config)
+
+    def rate(self, seconds: float) -> float:
+        """Work for this long and return environment steps per second."""
+        answer = self.ask("run", seconds)
+        return float(answer["steps"] / answer["seconds"])
+
+    def ask(self, what: str, *arguments: Any) -> dict[str, Any]:
+        """Have the program do something and return its answer."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        request = json.dumps({"do": what, "with": arguments}) + "\n"
+        try:
+            self._process.stdin.write(request.encode())
+        except BrokenPipeError:
+            raise ContenderError(self._last_words()) from None
+        if not select.select([self._process.stdout], [], [], TIMEOUT_S)[0]:
+            self._process.kill()
+            raise ContenderError(f"{self.module}: no answer within {TIMEOUT_S:g} s")
+        line = self._process.stdout.readline()
+        if not line:
+            raise ContenderError(self._last_words())
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def close(self) -> None:
+        """End the program."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        try:
+            self._process.wait(timeout=5)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _last_words(self) -> str:
+        self._process.wait(timeout=10)
+        return f"{self.module}: {last_line(self._errors)}"
+
+
+def last_line(errors: IO[bytes]) -> str:
+    """Return the last line that a program had to say."""
+    errors.seek(0)
+    lines = errors.read().decode(errors="replace").splitlines()
+    return next((line.strip() for line in reversed(lines) if line.strip()), "it ended")
+
+
+class Floor:
+    """The C floor.
+
+    Args:
+        program: As `published.build_floor` made it.
+        lazy: Whether it keeps only the parameters of the maps.
+        worlds: In a batch, by default as many as the set-up says.
+    """
+
+    def __init__(self, program: Path, *, lazy: bool = False, worlds: int | None = None) -> None:
+        self._program = program
+        self._lazy = lazy
+        self._worlds = worlds
+        self._arguments: list[str] = []
+
+    def set_up(self, config: dict[str, Any]) -> None:
+        """Get ready for this work."""
+        worlds = self._worlds or config["worlds"]["count"]
+        fields = config["fields"]
+        self._arguments = [str(n) for n in (fields["grid_size"], config["num_drones"], worlds)]
+
+    def rate(self, seconds: float) -> float:
+        """Work for this long and return environment steps per second."""
+        command = [str(self._program), *self._arguments, f"{seconds:g}", str(int(self._lazy))]
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=TIMEOUT_S, stdin=subprocess.DEVNULL
+        )
+        found = re.search(r"([\d.]+) env steps/s", done.stdout)
+        if done.returncode or found is None:
+            raise ContenderError(f"the C floor: exit code {done.returncode}")
+        return float(found[1])

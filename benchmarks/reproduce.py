@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`make reproduce`: two published tables, replayed in batches on the profiles v1 and v2.
+
+A figure is reproduced if it lies in the 99 % interval of the published one or of the replay of the
+published package. The interval's width is that of the other side's number of episodes; ours are so
+many more that their own uncertainty hardly counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.anchors import GREEDY, SWEEP, Source
+from benchmarks.bench import RESULTS, machine, own_versions, rounded
+from benchmarks.greedy_batch import TIES, GreedyBatch
+from benchmarks.intervals import contains, of_mean, of_share
+from dsse_ros.search.scenario import scenario_and_rules
+from dsse_ros.search.world import World
+
+SEED = 2023
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """What E episodes came to.
+
+    Attributes:
+        found: (E,) bool, whether every person was found.
+        steps: (E,) calls of `step`.
+        rewards: (E,) sums of the rewards of all drones.
+    """
+
+    found: NDArray[np.bool_]
+    steps: NDArray[np.int64]
+    rewards: NDArray[np.float64]
+
+
+def sweep_actions(legend: tuple[str, ...], grid_size: int) -> Iterator[int]:
+    """Yield the actions of the authors' sweep from (0, 0), row by row.
+
+    It searches a cell, then steps sideways. On the last cell of a row it goes down without a
+    search, and searches where it arrives.
+    """
+    search, right, left, down = (legend.index(n) for n in ("search", "right", "left", "down"))
+    for row in range(grid_size):
+        for _ in range(grid_size - 1):
+            yield search
+            yield right if row % 2 == 0 else left
+        yield down
+
+
+def sweep_episodes(count: int, seed: int) -> Episodes:
+    """Play table A: one drone sweeps, each episode drifts its own way.
+
+    Each component of the vector is one of -0.1, 0 and 0.1: `round(uniform(-0.1, 0.1), 1)`.
+    """
+    scenario, rules = scenario_and_rules(
+        rules="v1", grid_size=20, person_initial_position=(9, 9), sigma=3, timestep_limit=200
+    )
+    world = World(scenario, rules, count, write_maps=False)
+    rng = np.random.default_rng(seed)
+    world.seed(seed)
+    for axis in ("vector_x", "vector_y"):
+        world.worlds[axis] = rng.uniform(-0.1, 0.1, count).round(1)
+    world.reset()
+    actions = sweep_actions(rules.actions, 20)
+    return play(world, lambda which: np.full((count, 1), next(actions), np.int8))
+
+
+def greedy_episodes(count: int, seed: int, dispersion_inc: float, ties: str) -> Episodes:
+    """Play table B: four drones from the middles of the edges, greedy."""
+    scenario, rules = scenario_and_rules(
+        rules="v2",
+        grid_size=40,
+        drones_positions=[(20, 0), (20, 39), (0, 20), (39, 20)],
+        person_initial_position=(20, 20),
+        dispersion_inc=dispersion_inc,
+    )
+    world = World(scenario, rules, count, reuse_maps=True)
+    world.seed(seed)
+    world.reset()
+    greedy = GreedyBatch(rules.actions, ties)
+    return play(world, lambda which: greedy(world.maps, world.drones, which))
+
+
+def play(world: World, policy: Any) -> Episodes:
+    """Step the worlds until each has ended once.
+
+    Args:
+        world: Just reset, without automatic resets.
+        policy: Gives joint actions (B, N) int8 for the worlds with which[b], (B,) bool.
+    """
+    count = world.num_worlds
+    going = np.ones(count, bool)
+    found = np.zeros(count, bool)
+    steps = np.zeros(count, np.int64)
+    rewards = np.zeros(count)
+    while going.any():
+        world.step(policy(going))
+        steps[going] += 1
+        rewards[going] += world.rewards[going].sum(axis=1)
+        # A world that goes on after its end does not count any more.
+        found |= going & (world.worlds["adrift"] == 0)
+        going &= ~world.worlds["over"]
+    return Episodes(found, steps, rewards)
+
+
+def in_batches(play_batch: Any, count: int, batch: int) -> Episodes:
+    """Return `count` episodes, played so many at a time with seeds of their own."""
+    parts = []
+    for first in range(0, count, batch):
+        parts.append(play_batch(min(batch, count - first), SEED + first))
+    return Episodes(
+        *(
+            np.concatenate([getattr(p, name) for p in parts])
+            for name in ("found", "steps", "rewards")
+        )
+    )
+
+
+def summary(episodes: Episodes, *, when_found: bool) -> dict[str, Any]:
+    """Return the figures with their intervals; the median as the source has it."""
+    found, steps, count = episodes.found, episodes.steps, len(episodes.found)
+    chosen = steps[found] if when_found else steps
+    figures: dict[str, Any] = {
+        "episodes": count,
+        "found": _figure(found.mean(), of_share(float(found.mean()), count)),
+        "steps": _mean(steps),
+        "median_steps": {"ours": float(np.median(chosen))},
+        "longest": int(steps.max()),
+    }
+    if when_found:
+        figures["steps_when_found"] = _mean(chosen)
+    else:
+        figures["reward"] = _mean(episodes.rewards)
+    return figures
+
+
+def _mean(values: NDArray[Any]) -> dict[str, Any]:
+    mean, deviation = float(values.mean()), float(values.std())
+    figure = _figure(mean, of_mean(mean, deviation, len(values)))
+    return {**figure, "deviation": deviation}
+
+
+def _figure(value: float, interval: tuple[float, float]) -> dict[str, Any]:
+    return {"ours": float(value), "interval": list(interval)}
+
+
+def compare(figures: dict[str, Any], sources: tuple[Source, ...]) -> bool:
+    """Add the others' figures and verdicts; returns whether the required ones are reproduced.
+
+    Required are the share of finds and the mean number of steps.
+    """
+    for name in ("found", "steps", "steps_when_found", "reward", "median_steps"):
+        if name not in figures:
+            continue
+        figure = figures[name]
+        for source in sources:
+            theirs = getattr(source, name)
+            if theirs is None:
+                continue
+            figure[source.name] = theirs
+            if name == "median_steps":
+                continue
+            if name == "found":
+                interval = of_share(theirs, source.episodes)
+            else:
+                share = source.found if name == "steps_when_found" else 1.0
+                interval = of_mean(theirs, figure["deviation"], round(share * source.episodes))
+            figure[f"{source.name}_interval"] = list(interval)
+        intervals = [v for k, v in figure.items() if k.endswith("_interval")]
+        if intervals:
+            figure["reproduced"] = any(contains(tuple(i), figure["ours"]) for i in intervals)
+    return bool(figures["found"]["reproduced"] and figures["steps"]["reproduced"])
+
+
+def table(title: str, figures: dict[str, Any]) -> str:
+    """Return the comparison as a table."""
+    lines = [f"\n{title}: {figures['episodes']} episodes, the longest {figures['longest']} steps"]
+    lines.append(
+        f"{'':18}{'ours':>9}{'99 %':>20}{'published':>11}{'99 %':>20}{'replay':>9}{'99 %':>20}"
+    )
+    for name in ("found", "steps", "steps_when_found", "median_steps", "reward"):
+        if name not in figures:
+            continue
+        figure, scale = figures[name], 100 if name == "found" else 1
+        label = "found, %" if name == "found" else name.replace("_", " ")
+        line = f"{label:18}"
+        for who, width in (("ours", 9), ("published", 11), ("replay", 9)):
+            interval = figure.get("interval" if who == "ours" else f"{who}_interval")
+            value = figure.get(who)
+            line += f"{'-' if value is None else f'{scale * value:.2f}':>{width}}"
+            shown = f"{scale * interval[0]:.2f} .. {scale * interval[1]:.2f}" if interval else ""
+            line += f"{shown:>20}"
+        if "reproduced" in figure:
+            line += "  reproduced" if figure["reproduced"] else "  NOT reproduced"
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Replay both tables; the exit code is 1 if one is not reproduced."""
+    parser = argparse.ArgumentParser(prog="make reproduce", description=__doc__)
+    parser.add_argument("--episodes", type=int, default=100_000, help="of the sweep")
+    parser.add_argument("--greedy-episodes", type=int, default=20_000)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    given = parser.parse_args(arguments)
+
+    began = time.time()
+    sweep = summary(in_batches(sweep_episodes, given.episodes, 20_000), when_found=True)
+    reproduced = compare(sweep, SWEEP)
+    print(table("A. v1, parallel sweep", sweep), flush=True)
+    greedy: dict[str, Any] = {}
+    for dispersion_inc, sources in GREEDY.items():
+        greedy[f"{dispersion_inc:g}"] = of_ties = {}
+        for ties in TIES:
+            play_batch = partial(greedy_episodes, dispersion_inc=dispersion_inc, ties=ties)
+            episodes = in_batches(play_batch, given.greedy_episodes, 2_000)
+            of_ties[ties] = summary(episodes, when_found=False)
+            same = compare(of_ties[ties], sources)
+            # The published code sorts so; the other order shows how much hangs on it.
+            if ties == "quicksort":
+                reproduced = reproduced and same
+            title = f"B. v2, greedy, dispersion_inc {dispersion_inc:g}, ties as by a {ties} sort"
+            print(table(title, of_ties[ties]), flush=True)
+
+    result = {
+        "machine": machine(),
+        "versions": own_versions(),
+        "date": time.strftime("%Y-%m-%d", time.gmtime(began)),
+        "seconds": round(time.time() - began),
+        "seed": SEED,
+        "level": 0.99,
+        "reproduced": reproduced,
+        "sweep": sweep,
+        "greedy": greedy,
+    }
+    given.out.mkdir(parents=True, exist_ok=True)
+    path = given.out / "reproduce.json"
+    path.write_text(json.dumps(rounded(result), indent=1) + "\n", encoding="utf-8")
+    print(f"\n{result['seconds']} s; written to {path}")
+    return 0 if reproduced else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Programs of the lockstep benchmark: the peer of `sim_node` and what stands in for `sim_node`."""

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Environment steps per second of every contender, over grids and numbers of drones."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.processes import Contender, ContenderError, Floor, Process
+from benchmarks.workload import batch_size, random_walks
+from dsse_ros.search.rules import profile
+
+LIMIT = 100
+# Calls of an episode that only time ends.
+CALLS = {"v1": LIMIT + 2, "v2": LIMIT + 1}
+WALKS = 64
+
+DRONES = (1, 5, 20, 50, 400)
+GRIDS = (20, 40, 100, 200, 1000)
+# A block of one cell has no move.
+CELLS = [(g, n) for g in GRIDS for n in DRONES if 2 * n <= g * g and (g < 1000 or n != 20)]
+QUICK_CELLS = [(40, 5), (100, 5), (40, 50), (20, 5), (200, 5), (1000, 5), (40, 1), (40, 400)]
+GOAL_CELLS = [(40, 5), (100, 5), (40, 50)]
+# One step takes 0.1.13 more than a second.
+TOO_LARGE = {"dsse_0_1_13": 1000}
+
+Rates = dict[str, list[float]]
+
+
+def configuration(rules: str, grid_size: int, num_drones: int) -> dict[str, Any]:
+    """Return what every contender is told: the scenario of the floor, or the defaults of v2.
+
+    Nobody is found, so that every episode lasts until its time is out.
+    """
+    fields: dict[str, Any] = {
+        "rules": rules,
+        "grid_size": grid_size,
+        "person_initial_position": [grid_size // 2, grid_size // 2],
+        "vector": [0.1, 0.1] if rules == "v1" else [1.1, 1.0],
+        "timestep_limit": LIMIT,
+        "probability_of_detection": 0.0,
+    }
+    if rules == "v1":
+        fields["sigma"] = 3.0
+    return {"fields": fields, "num_drones": num_drones}
+
+
+def contenders(
+    stack: ExitStack, pythons: Mapping[str, Path], floor: Path | None
+) -> dict[str, tuple[str, dict[str, Any], Contender]]:
+    """Return every contender by name, with its rules and what its set-up adds."""
+    cores = os.cpu_count() or 1
+
+    def ours() -> Process:
+        return stack.enter_context(Process("ours"))
+
+    def worlds(lazy: bool, threads: int) -> dict[str, Any]:
+        return {"worlds": {"lazy": lazy, "threads": threads}}
+
+    made: dict[str, tuple[str, dict[str, Any], Contender]] = {}
+    for module, rules in (("dsse_0_1_13", "v1"), ("dsse_1_1_9", "v2")):
+        if module in pythons:
+            process = stack.enter_context(Process(module, pythons[module]))
+            made[module] = (rules, {}, process)
+        made[f"single_{rules}"] = (rules, {}, ours())
+    if floor is not None:
+        made["floor_single"] = ("v1", {}, Floor(floor, worlds=1))
+        made["floor_batch"] = ("v1", worlds(False, 1), Floor(floor))
+    made["batch_one_core"] = ("v1", worlds(False, 1), ours())
+    made["batch_all_cores"] = ("v1", worlds(False, cores), ours())
+    if floor is not None:
+        made["floor_lazy"] = ("v1", worlds(True, 1), Floor(floor, lazy=True))
+    made["lazy_one_core"] = ("v1", worlds(True, 1), ours())
+    made["lazy_all_cores"] = ("v1", worlds(True, cores), ours())
+    made["batch_v2_one_core"] = ("v2", worlds(False, 1), ours())
+    return made
+
+
+def measure(
+    pythons: Mapping[str, Path],
+    floor: Path | None,
+    *,
+    cells: list[tuple[int, int]],
+    rounds: int,
+    seconds: float,
+    tell: Callable[[str], None],
+) -> list[dict[str, Any]]:
+    """Return the rates of all contenders at each cell (grid size, drones).
+
+    They take turns, in one order and then in the other, so that a slow moment of the machine
+    meets them all; the cells that have goals get twice as many rounds.
+    """
+    found = []
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        made = contenders(stack, pythons, floor)
+        for grid_size, num_drones in cells:
+            rates: Rates = {}
+            for name, (rules, extra, contender) in made.items():
+                if grid_size >= TOO_LARGE.get(name, grid_size + 1):
+                    continue
+                config = configuration(rules, grid_size, num_drones)
+                config["workload"] = str(_workload(folder, rules, grid_size, num_drones))
+                if "worlds" in extra:
+                    config["worlds"] = {"count": batch_size(grid_size), **extra["worlds"]}
+                try:
+                    contender.set_up(config)
+                    rates[name] = []
+                except ContenderError as error:
+                    tell(f"G {grid_size} N {num_drones}: {error}")
+            turns = rounds * (2 if (grid_size, num_drones) in GOAL_CELLS else 1)
+            for turn in range(turns):
+                for name in list(rates)[:: 1 if turn % 2 == 0 else -1]:
+                    try:
+                        rates[name].append(made[name][2].rate(seconds))
+                    except ContenderError as error:
+                        tell(f"G {grid_size} N {num_drones}: {error}")
+                        del rates[name]
+            found.append(
+                {
+                    "grid_size": grid_size,
+                    "num_drones": num_drones,
+                    "batch": batch_size(grid_size),
+                    "rates": rates,
+                    "best": {name: max(measured) for name, measured in rates.items()},
+                }
+            )
+            tell(row(found[-1]))
+    return found
+
+
+def _workload(folder: Path, rules: str, grid_size: int, num_drones: int) -> Path:
+    path = folder / f"{rules}-{grid_size}-{num_drones}.npz"
+    if not path.exists():
+        starts, actions = random_walks(
+            grid_size, num_drones, profile(rules).actions, CALLS[rules], WALKS, seed=1
+        )
+        np.savez(path, starts=starts, actions=actions)
+    return path
+
+
+COLUMNS = (
+    ("0.1.13", "dsse_0_1_13"),
+    ("v1", "single_v1"),
+    ("1.1.9", "dsse_1_1_9"),
+    ("v2", "single_v2"),
+    ("C", "floor_single"),
+    ("C batch", "floor_batch"),
+    ("1 core", "batch_one_core"),
+    ("all", "batch_all_cores"),
+    ("C lazy", "floor_lazy"),
+    ("1 core", "lazy_one_core"),
+    ("all", "lazy_all_cores"),
+    ("v2 batch", "batch_v2_one_core"),
+)
+
+
+def heading() -> str:
+    """Return the heading of the table, two lines."""
+    names = "".join(f"{name:>10}" for name, _ in COLUMNS)
+    groups = f"{'':12}{'one world':>40}{'':>10}{'dense batch':>30}{'lazy batch':>30}"
+    return f"{groups}\n{'grid':>5}{'drones':>7}{names}   env steps/s"
+
+
+def row(cell: Mapping[str, Any]) -> str:
+    """Return a row of the table."""
+    best = cell["best"]
+    rates = "".join(f"{best[key]:10.0f}" if key in best else f"{'-':>10}" for _, key in COLUMNS)
+    return f"{cell['grid_size']:>5}{cell['num_drones']:>7}{rates}"
+
+
+def ratio(cells: list[dict[str, Any]], cell: tuple[int, int], of: str, to: str) -> float | None:
+    """Return the ratio of two contenders' best rates, None where one was not measured."""
+    for found in cells:
+        best = found["best"]
+        if (found["grid_size"], found["num_drones"]) == cell and of in best and to in best:
+            return float(best[of] / best[to])
+    return None

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The side of a contender that runs in a process and an environment of its own.
+
+It needs nothing but the standard library and knows nothing of this package, so that it runs
+beside the published ones. It is told what to do by lines of JSON and answers with one each.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import sys
+import time
+from collections.abc import Callable, Iterator
+from itertools import islice
+from typing import Any
+
+Contender = Callable[[dict[str, Any]], Iterator[int]]
+"""Makes a contender from what the set-up says: an endless iterator that does some work at each
+`next` and says how many environment steps it was."""
+
+LOOK_S = 0.002
+"""Time between looks at the clock."""
+WARM_UP_S = 0.1
+
+
+def peak_bytes() -> int:
+    """Return the peak memory of this process."""
+    try:
+        # Not ru_maxrss: that of a child begins at what its parent had.
+        with open("/proc/self/status") as status:
+            return 1024 * int(re.findall(r"VmHWM:\s+(\d+) kB", status.read())[0])
+    except (OSError, IndexError):
+        unit = 1 if sys.platform == "darwin" else 1024
+        return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def present_bytes() -> int:
+    """Return the memory of this process now, 0 where the system does not tell."""
+    try:
+        with open("/proc/self/statm") as statm:
+            return int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return 0
+
+
+class _Runner:
+    def __init__(self, make: Contender) -> None:
+        self._make = make
+        self._work: Iterator[int] = iter(())
+        self._between_looks = 1
+
+    def set_up(self, config: dict[str, Any]) -> dict[str, Any]:
+        """Make the contender and let it warm up."""
+        self._work = iter(())
+        self._work = self._make(config)
+        next(self._work)
+        self._between_looks = 1
+        done, seconds = 0, 0.0
+        start = time.perf_counter()
+        while seconds < WARM_UP_S:
+            next(self._work)
+            done += 1
+            seconds = time.perf_counter() - start
+        self._between_looks = max(1, int(done * LOOK_S / seconds))
+        return {}
+
+    def run(self, seconds: float) -> dict[str, Any]:
+        """Work for this long; the world goes on where the last run left it."""
+        steps, elapsed = 0, 0.0
+        start = time.perf_counter()
+        while elapsed < seconds:
+            steps += sum(islice(self._work, self._between_looks))
+            elapsed = time.perf_counter() - start
+        return {"steps": steps, "seconds": elapsed}
+
+    def memory(self, steps: int) -> dict[str, Any]:
+        """Do this many steps."""
+        done = 0
+        while done < steps:
+            done += sum(islice(self._work, self._between_looks))
+        return {"steps": done, "peak": peak_bytes(), "present": present_bytes()}
+
+
+def serve(make: Contender) -> None:
+    """Obey the lines on standard input until it ends."""
+    # Whatever the contender prints must not get between the answers.
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    runner = _Runner(make)
+    for line in sys.stdin:
+        request = json.loads(line)
+        answer = getattr(runner, request["do"])(*request["with"])
+        print(json.dumps(answer), file=answers, flush=True)
