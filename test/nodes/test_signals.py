@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import signal
 from signal import SIGINT, SIGTERM
 
 import pytest
@@ -53,11 +52,3 @@ def test_a_signal_ends_a_node_at_work_in_peace(
         assert process.wait() == 0, process.output
         for word in ("Traceback", "FATAL", "Error", "terminate called"):
             assert word not in process.output, process.output
-
-
-def test_more_signals_while_it_ends_change_nothing(rig: Rig) -> None:
-    sim = rig.sim({"seed": 0}, namespace="/storm")
-    while sim.process.running:
-        sim.process.signal(signal.SIGINT)
-    assert sim.process.wait() == 0, sim.process.output
-    assert "Traceback" not in sim.process.output, sim.process.output
