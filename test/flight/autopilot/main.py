@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The process: a vehicle, its sockets and the wall clock."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from selectors import EVENT_READ, DefaultSelector
+
+from . import options
+from .ardupilot import ArduCopter
+from .channel import Channel
+from .endpoints import Endpoint, TcpEndpoint, UdpEndpoint
+from .px4 import Px4
+from .settings import Settings
+from .vehicle import Vehicle
+
+# However fast vehicle time goes, the process sleeps this long when nobody speaks.
+_MIN_SLEEP_S = 0.002
+
+
+def make_vehicle(settings: Settings) -> Vehicle:
+    """Return a vehicle with the manners of its dialect."""
+    return {"ardupilot": ArduCopter, "px4": Px4}[settings.dialect](settings)
+
+
+def run(
+    vehicle: Vehicle, endpoints: Sequence[Endpoint], speedup: float, *, until_eof: bool
+) -> None:
+    """Fly until the standard input ends, or for ever.
+
+    If there is TCP, vehicle time does not begin before the first client of the first such endpoint.
+    """
+    awaited = next((end for end in endpoints if isinstance(end, TcpEndpoint)), None)
+    start_s: float | None = None
+    over = False
+
+    def now_s() -> float:
+        return 0.0 if start_s is None else (time.monotonic() - start_s) * speedup
+
+    def receive(channel: Channel, data: bytes) -> None:
+        vehicle.advance(now_s())
+        vehicle.hear(channel, data)
+
+    def read_input() -> None:
+        nonlocal over
+        over = not os.read(sys.stdin.fileno(), 1024)
+
+    with DefaultSelector() as selector:
+        for endpoint in endpoints:
+            channel = vehicle.connect(endpoint.transmit, datagram=endpoint.datagram)
+            endpoint.register(selector, partial(receive, channel))
+        if until_eof:
+            selector.register(sys.stdin, EVENT_READ, read_input)
+        while not over:
+            wait_s = None
+            if start_s is None and (awaited is None or awaited.has_client):
+                start_s = time.monotonic()
+            if start_s is not None:
+                vehicle.advance(now_s())
+                wait_s = max((vehicle.next_s - now_s()) / speedup, _MIN_SLEEP_S)
+            for key, _ in selector.select(wait_s):
+                serve: Callable[[], None] = key.data
+                serve()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; its end is a signal, or that of the standard input."""
+    chosen = options.parse(arguments)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: sys.exit(0))
+    endpoints: list[Endpoint] = [
+        *(TcpEndpoint(local) for local in chosen.tcp),
+        *(UdpEndpoint(local) for local in chosen.udpin),
+        *(UdpEndpoint(_beside(peer[0]), peer) for peer in chosen.udp),
+    ]
+    for endpoint in endpoints:
+        print(endpoint.connection)
+    sys.stdout.flush()
+    run(make_vehicle(chosen.settings), endpoints, chosen.speedup, until_eof=chosen.until_eof)
+    return 0
+
+
+def _beside(host: str) -> tuple[str, int]:
+    """Return what to bind to: this machine alone, if the other end is on it."""
+    return ("127.0.0.1" if host in ("localhost", "127.0.0.1") else "", 0)

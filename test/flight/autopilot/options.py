@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from . import ardupilot, px4
+from .endpoints import Address
+from .faults import KINDS, Fault
+from .local_frame import Place
+from .settings import Settings
+
+T = TypeVar("T")
+
+_READY_S = {"ardupilot": 42.0, "px4": 10.0}
+_MODES = {"ardupilot": ardupilot.Mode, "px4": px4.Mode}
+
+
+def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """Return `settings`, `udp`, `udpin` and `tcp` (addresses), `speedup` and `until_eof`.
+
+    Raises:
+        SystemExit: If they make no sense.
+    """
+    parser = argparse.ArgumentParser(
+        prog="autopilot",
+        description="A simulated autopilot with the manners of ArduCopter or PX4.",
+        epilog="It prints how pymavlink names the other end of each link, one a line.",
+    )
+    add = parser.add_argument
+    add("--sysid", type=_system, default=1, help="system id (%(default)s)")
+    add("--dialect", choices=_MODES, default="ardupilot", help="whose manners (%(default)s)")
+    add("--udp", type=_argument(address), action="append", default=[], metavar="[HOST:]PORT",
+        help="send there first, and to everybody who is heard")  # fmt: skip
+    add("--udpin", type=_argument(address), action="append", default=[], metavar="[HOST:]PORT",
+        help="wait there to be spoken to; port 0 takes a free one")  # fmt: skip
+    add("--tcp", type=_argument(address), action="append", default=[], metavar="[HOST:]PORT",
+        help="serve one client; nothing starts until the first one comes")  # fmt: skip
+    add("--home", type=_argument(_place), default=Settings.home, metavar="LAT,LON,ALT",
+        help="where it stands, degrees and metres above the sea")  # fmt: skip
+    add("--speedup", type=_argument(_positive), default=1.0, metavar="FACTOR",
+        help="vehicle time in a second of wall time (%(default)s)")  # fmt: skip
+    add("--seed", type=int, default=0, help="of all that is random (%(default)s)")
+    add("--signing-key", type=_argument(_key), default=None, metavar="FILE", dest="key",
+        help="32 bytes or 64 hexadecimal digits; then all is signed, or not heard")  # fmt: skip
+    add("--ready", type=_argument(_positive), default=None, metavar="SECONDS",
+        help="vehicle time until it can be armed (42, px4: 10)")  # fmt: skip
+    add("--deaf", type=float, default=Settings.deaf_s, metavar="SECONDS",
+        help="requests for messages are acknowledged and lost so long (%(default)s)")  # fmt: skip
+    add("--endurance", type=_argument(_positive), default=Settings.endurance_s, metavar="SECONDS",
+        help="time in the air that the battery lasts (%(default)s)")  # fmt: skip
+    add("--fault", type=_argument(Fault.parse), action="append", default=[],
+        metavar="KIND@[airborne:]SECONDS[+SECONDS][=VALUE]",
+        help=f"what goes wrong, when and for how long, of {', '.join(KINDS)}; "
+        "the value of acks is a probability, that of pilot a mode")  # fmt: skip
+    add("--until-eof", action="store_true", help="end when the standard input does")
+    options = parser.parse_args(arguments)
+    if not options.udp + options.udpin + options.tcp:
+        parser.error("no link: give --udp, --udpin or --tcp")
+    modes = _MODES[options.dialect].__members__
+    for fault in options.fault:
+        if fault.kind == "pilot" and fault.value not in {"", *modes}:
+            parser.error(f"pilot: {fault.value} is no mode; one of {', '.join(modes)}")
+    options.settings = Settings(
+        system=options.sysid,
+        dialect=options.dialect,
+        home=options.home,
+        seed=options.seed,
+        key=options.key,
+        ready_s=options.ready or _READY_S[options.dialect],
+        deaf_s=options.deaf,
+        endurance_s=options.endurance,
+        faults=tuple(options.fault),
+    )
+    return options
+
+
+def address(text: str) -> Address:
+    """Read `[HOST:]PORT`; the host is this machine if none is given."""
+    host, _, port = text.rpartition(":")
+    number = int(port)
+    if not 0 <= number < 1 << 16:
+        raise ValueError(f"port {number} is not allowed; 0 to 65535")
+    return host or "127.0.0.1", number
+
+
+def _argument(read: Callable[[str], T]) -> Callable[[str], T]:
+    """Have the reason of a ValueError shown."""
+
+    def convert(text: str) -> T:
+        try:
+            return read(text)
+        except (OSError, ValueError) as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
+
+    return convert
+
+
+def _positive(text: str) -> float:
+    number = float(text)
+    if not number > 0:
+        raise ValueError(f"{text} is not allowed; more than 0")
+    return number
+
+
+@_argument
+def _system(text: str) -> int:
+    number = int(text)
+    if not 1 <= number <= 255:
+        raise ValueError(f"{text} is not allowed; 1 to 255")
+    return number
+
+
+def _place(text: str) -> Place:
+    numbers = [float(part) for part in text.split(",")]
+    if len(numbers) != 3 or abs(numbers[0]) > 90 or abs(numbers[1]) > 180:
+        raise ValueError(f"{text} is no place; latitude, longitude, altitude")
+    return Place(*numbers)
+
+
+def _key(text: str) -> bytes:
+    key = Path(text).read_bytes()
+    if len(key.strip()) == 64:
+        key = bytes.fromhex(key.strip().decode("ascii"))
+    if len(key) != 32:
+        raise ValueError(f"{text}: {len(key)} bytes are no key; 32")
+    return key

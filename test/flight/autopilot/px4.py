@@ -1,0 +1,392 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The manners of PX4's multicopter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import ClassVar
+
+from .channel import Sender
+from .commands import ACCEPTED, TEMPORARILY_REJECTED, UNSUPPORTED, Command
+from .local_frame import Point
+from .maneuvers import GoTo, Hold, Land, Return, TakeOff, Velocity
+from .mission_items import GLOBAL_FRAMES, Item, height_m
+from .mission_run import MissionRun
+from .parameters import Number
+from .point_mass import Limits
+from .px4_missions import Px4Missions
+from .settings import Settings
+from .telemetry import PX4
+from .vehicle import Vehicle, clamp
+from .wire import Message, mavlink
+
+
+def _encoded(main: int, sub: int = 0) -> int:
+    return main << 16 | sub << 24
+
+
+class Mode(IntEnum):
+    """HEARTBEAT.custom_mode: the main mode in its third byte, the sub-mode in the fourth."""
+
+    MANUAL = _encoded(1)
+    ALTCTL = _encoded(2)
+    POSCTL = _encoded(3)
+    OFFBOARD = _encoded(6)
+    STABILIZED = _encoded(7)
+    TAKEOFF = _encoded(4, 2)
+    HOLD = _encoded(4, 3)
+    MISSION = _encoded(4, 4)
+    RTL = _encoded(4, 5)
+    LAND = _encoded(4, 6)
+
+
+_MANUAL = {Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL, Mode.STABILIZED}
+_OFFBOARD_GAP_S = 0.5
+_OPEN_ENDED_S = math.inf
+_EKF_WITHOUT_POSITION, _EKF_GOOD = 0x27, 0x33F
+_IGNORE_POSITION, _IGNORE_VELOCITY = 0x007, 0x038
+_FIRST_DESCENT_UP_M = 10.0
+_REACHED_REPEATS = 10
+
+
+class Px4(Vehicle):
+    """A vehicle that behaves as PX4 does."""
+
+    autopilot = mavlink.MAV_AUTOPILOT_PX4
+    version = (1, 15, 4)
+    capabilities = (
+        mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    )
+    builders = PX4
+    default_intervals_s: ClassVar[dict[int, float]] = {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.2,
+        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
+        mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0,
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 0.2,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.2,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION: 2.0,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.2,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 1.0,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS: 0.5,
+        mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.5,
+    }
+    default_parameters: ClassVar[dict[str, Number]] = {
+        "SYS_AUTOSTART": 10016,
+        "CAL_ACC0_ID": 1310988,
+        "CAL_GYRO0_ID": 1310988,
+        "CAL_MAG0_ID": 197388,
+        "COM_DISARM_LAND": 2.0,
+        "COM_DISARM_PRFLT": 10.0,
+        "COM_OBL_RC_ACT": 5,
+        "COM_OF_LOSS_T": 1.0,
+        "GF_ACTION": 2,
+        "MIS_TAKEOFF_ALT": 2.5,
+        "MPC_ACC_HOR": 3.0,
+        "MPC_ACC_UP_MAX": 4.0,
+        "MPC_LAND_SPEED": 0.7,
+        "MPC_TKO_SPEED": 1.5,
+        "MPC_XY_CRUISE": 5.0,
+        "MPC_XY_VEL_MAX": 12.0,
+        "MPC_Z_VEL_MAX_DN": 1.5,
+        "MPC_Z_VEL_MAX_UP": 3.0,
+        "NAV_ACC_RAD": 2.0,
+        "NAV_DLL_ACT": 0,
+        "RTL_CONE_ANG": 45,
+        "RTL_DESCEND_ALT": 30.0,
+        "RTL_LAND_DELAY": 0.0,
+        "RTL_RETURN_ALT": 60.0,
+    }
+    bytewise_parameters = True
+    mission_service = Px4Missions
+    takes_off_by_itself = True
+
+    def __init__(self, settings: Settings) -> None:
+        self.mode = Mode.HOLD
+        self._has_landed = False
+        self._set_point: Message | None = None
+        self._set_point_s = -math.inf
+        self._stream_since_s = -math.inf
+        self._reached_repeats = 0
+        self._last_current = 0
+        super().__init__(settings)
+        self.understand(
+            {
+                mavlink.MAV_CMD_NAV_TAKEOFF: self._nav_takeoff,
+                mavlink.MAV_CMD_NAV_LAND: lambda _: self.set_mode_number(Mode.LAND),
+                mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode_number(Mode.RTL),
+                mavlink.MAV_CMD_DO_REPOSITION: self._do_reposition,
+                mavlink.MAV_CMD_MISSION_START: self._mission_start,
+            }
+        )
+
+    def _own_parameters(self) -> Mapping[str, Number]:
+        return {"MAV_SYS_ID": self.settings.system}
+
+    # State
+
+    @property
+    def ekf_flags(self) -> int:
+        return _EKF_GOOD if self.has_position else _EKF_WITHOUT_POSITION
+
+    @property
+    def base_mode(self) -> int:
+        if self.mode in _MANUAL:
+            return mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+        return (
+            mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+            | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+            | mavlink.MAV_MODE_FLAG_AUTO_ENABLED
+        )
+
+    @property
+    def custom_mode(self) -> int:
+        return self.mode.value
+
+    @property
+    def mission_total(self) -> int:
+        return len(self.mission.items)
+
+    @property
+    def grounded_limit_s(self) -> float:
+        return self.parameters["COM_DISARM_LAND" if self._has_landed else "COM_DISARM_PRFLT"]
+
+    # What maneuvers are made of
+
+    def usual_limits(self) -> Limits:
+        parameters = self.parameters
+        return Limits(
+            parameters["MPC_XY_CRUISE"],
+            parameters["MPC_ACC_HOR"],
+            parameters["MPC_Z_VEL_MAX_UP"],
+            parameters["MPC_Z_VEL_MAX_DN"],
+            parameters["MPC_ACC_UP_MAX"],
+        )
+
+    def take_off(self, up_m: float) -> TakeOff:
+        climb_mps = clamp(self.parameters["MPC_TKO_SPEED"], 0.1, self.limits.climb_mps)
+        return TakeOff(self.craft.point, up_m, climb_mps)
+
+    def landing(self) -> Land:
+        final_mps = clamp(self.parameters["MPC_LAND_SPEED"], 0.1, self.limits.descent_mps)
+        return Land(_FIRST_DESCENT_UP_M, final_mps)
+
+    def way_home(self) -> Return:
+        here = self.craft.point
+        descend_up_m = self._height_m("RTL_DESCEND_ALT")
+        half_angle_deg = clamp(self.parameters["RTL_CONE_ANG"], 1, 89)
+        # Near home it does not climb all the way.
+        cone_m = math.hypot(*here[:2]) / math.tan(math.radians(half_angle_deg))
+        up_m = min(self._height_m("RTL_RETURN_ALT"), max(descend_up_m, cone_m))
+        wait_s = self.parameters["RTL_LAND_DELAY"]
+        return Return(here, up_m, descend_up_m, wait_s, self.landing())
+
+    def _height_m(self, name: str) -> float:
+        return clamp(self.parameters[name], 0.0, 3000.0)
+
+    def acceptance_radius_m(self, item: Item) -> float:
+        return item.param2 if item.param2 > 0 else self.parameters["NAV_ACC_RAD"]
+
+    # Modes
+
+    def request_mode(self, main: int, sub: int) -> int:
+        return self.set_mode_number(_encoded(main, sub))
+
+    def set_mode_number(self, custom_mode: int) -> int:
+        try:
+            mode = Mode(custom_mode)
+        except ValueError:
+            return UNSUPPORTED
+        return ACCEPTED if self.set_mode(mode) else TEMPORARILY_REJECTED
+
+    def set_mode(self, mode: Mode) -> bool:
+        """Change the mode, unless something is against it."""
+        if mode == self.mode:
+            return True
+        problem = self._mode_problem(mode)
+        if problem:
+            self.say(f"Switching to {mode.name} denied: {problem}", mavlink.MAV_SEVERITY_CRITICAL)
+            return False
+        self.mode = mode
+        self._enter_mode()
+        return True
+
+    def _mode_problem(self, mode: Mode) -> str:
+        if mode not in _MANUAL and not self.has_position:
+            return "no position"
+        if mode is Mode.MISSION and not self.mission.items:
+            return "no valid mission"
+        if mode is Mode.OFFBOARD and not self._has_stream:
+            return "no offboard signal"
+        return ""
+
+    def _enter_mode(self) -> None:
+        self.mission.active = False
+        match self.mode:
+            case Mode.MISSION:
+                if self.mission.finished:
+                    self.mission.rewind(0)
+                self.mission.active = True
+                self.maneuver = MissionRun()
+            case Mode.RTL:
+                self.maneuver = self.way_home()
+            case Mode.LAND:
+                self.maneuver = self.landing()
+            case Mode.TAKEOFF:
+                self.maneuver = self.take_off(self._height_m("MIS_TAKEOFF_ALT"))
+            case _:
+                self.maneuver = Hold()
+
+    # Arming
+
+    def arm(self, *, force: bool) -> int:
+        if not self.ready and not force:
+            self.say("Arming denied: Resolve system health failures first", 2)
+            return TEMPORARILY_REJECTED
+        self._has_landed = False
+        self.start_motors()
+        self.say("Armed by external command")
+        if self.mode in (Mode.RTL, Mode.LAND):
+            self.mode = Mode.HOLD
+        self._enter_mode()
+        return ACCEPTED
+
+    def disarm(self) -> None:
+        if self.armed:
+            self.say("Disarmed by landing" if self._has_landed else "Disarmed")
+            self.mission.active = False
+        super().disarm()
+        self.maneuver = Hold()
+
+    def touch_down(self) -> None:
+        super().touch_down()
+        self._has_landed = True
+        self.say("Landing detected")
+
+    # Commands
+
+    def _nav_takeoff(self, command: Command) -> int:
+        # Above the sea, whatever the frame says.
+        up_m = command.z - self.frame.home.alt_amsl_m
+        if not math.isfinite(command.z):
+            up_m = self._height_m("MIS_TAKEOFF_ALT")
+        if not self.has_position or not self.landed or not Point(0.0, 0.0, up_m).within_reach:
+            return TEMPORARILY_REJECTED
+        self.mode = Mode.TAKEOFF
+        self._enter_mode()
+        self.maneuver = self.take_off(up_m)
+        return ACCEPTED
+
+    def _do_reposition(self, command: Command) -> int:
+        if command.param2 != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+            return UNSUPPORTED
+        north_m, east_m, up_m = self.craft.point
+        if command.on_the_earth:
+            north_m, east_m = self.frame.horizontal(command.lat_deg, command.lon_deg)
+        if math.isfinite(command.z):
+            # Above the sea, whatever the frame says.
+            up_m = command.z - self.frame.home.alt_amsl_m
+        target = Point(north_m, east_m, up_m)
+        if not target.within_reach or not self.set_mode(Mode.HOLD):
+            return TEMPORARILY_REJECTED
+        self.maneuver = GoTo(target)
+        return ACCEPTED
+
+    def _mission_start(self, command: Command) -> int:
+        if not self.mission.items or not self.set_mode(Mode.MISSION):
+            return TEMPORARILY_REJECTED
+        return ACCEPTED if self.armed else self.arm(force=False)
+
+    # Set-points
+
+    @property
+    def _has_stream(self) -> bool:
+        """Whether set-points have been coming at more than 2 Hz for a while."""
+        return (
+            self.time_s - self._set_point_s < _OFFBOARD_GAP_S
+            and self._set_point_s - self._stream_since_s >= _OFFBOARD_GAP_S
+        )
+
+    def set_position_target(self, message: Message, sender: Sender) -> None:
+        """Take a set-point; it counts in OFFBOARD, and it takes a stream of them to get there."""
+        if self.time_s - self._set_point_s >= _OFFBOARD_GAP_S:
+            self._stream_since_s = self.time_s
+        self._set_point, self._set_point_s = message, self.time_s
+        if self.mode is Mode.OFFBOARD and self.armed:
+            self._follow(message)
+
+    def _follow(self, message: Message) -> None:
+        if self.landed:
+            # Any set-point above it lifts it off the ground.
+            self.lift_off()
+        if not message.type_mask & _IGNORE_POSITION:
+            target = self._target(message)
+            self.maneuver = GoTo(target) if target and target.within_reach else Hold()
+        elif not message.type_mask & _IGNORE_VELOCITY:
+            self.maneuver = Velocity(message.vx, message.vy, -message.vz, _OPEN_ENDED_S)
+        else:
+            self.maneuver = Hold()
+
+    def _target(self, message: Message) -> Point | None:
+        if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+            return Point(message.x, message.y, -message.z)
+        if message.coordinate_frame not in GLOBAL_FRAMES:
+            return None
+        place = self.frame.horizontal(message.lat_int * 1e-7, message.lon_int * 1e-7)
+        return Point(*place, height_m(message.alt, message.coordinate_frame, self.frame))
+
+    # Missions
+
+    def item_begun(self, seq: int, item: Item) -> None:
+        if item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            self.mode = Mode.RTL
+
+    def item_reached(self, seq: int) -> None:
+        super().item_reached(seq)
+        self._reached_repeats = _REACHED_REPEATS
+
+    def mission_finished(self) -> None:
+        if not self.landed:
+            self.say("Mission finished, loitering")
+
+    # What happens by itself
+
+    def tick(self) -> None:
+        self._say_progress()
+        if isinstance(self.maneuver, TakeOff) and self.mode is Mode.TAKEOFF and self.maneuver.done:
+            target = self.maneuver.target
+            self.mode = Mode.HOLD
+            self.maneuver = GoTo(target)
+        if self.mode is Mode.OFFBOARD and self.time_s - self._set_point_s >= _OFFBOARD_GAP_S:
+            self.say("Offboard signal lost", mavlink.MAV_SEVERITY_CRITICAL)
+            self.failsafes.add("offboard")
+            self.set_mode(Mode.HOLD)
+        elif self._has_stream:
+            self.failsafes.discard("offboard")
+
+    def _say_progress(self) -> None:
+        if self.mission.current != self._last_current:
+            self._last_current = self.mission.current
+            self.broadcast(self.builders[mavlink.MAVLINK_MSG_ID_MISSION_CURRENT](self))
+        if self._reached_repeats and self.mission.reached is not None:
+            whole_second = math.floor(self.time_s + 1e-9) > math.floor(self.time_s - 0.1 + 1e-9)
+            if whole_second:
+                self._reached_repeats -= 1
+                self.broadcast(mavlink.MAVLink_mission_item_reached_message(self.mission.reached))
+
+    def battery_failsafe(self) -> None:
+        self.say("Low battery level, return advised", mavlink.MAV_SEVERITY_WARNING)
+        if self.armed and not self.landed:
+            self.set_mode(Mode.RTL)
+
+    def pilot_takes_over(self, mode: str) -> None:
+        self.set_mode(Mode[mode or "POSCTL"])

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts autopilots and relays as processes of their own, for a while.
+
+`with running_autopilot(speedup=10) as autopilot: connect(autopilot.connection)`
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import select
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from .settings import Dialect
+
+FOLDER = Path(__file__).resolve().parent
+TIMEOUT_S = 30.0
+"""Wall time within which a process starts or ends."""
+
+Link = Literal["udpin", "udp", "tcp"]
+
+
+@dataclass(frozen=True)
+class Running:
+    """A process that runs.
+
+    Attributes:
+        process: The process.
+        connection: How pymavlink names the other end, which is for the client to open:
+            `udpout:`, `udpin:` or `tcp:`, host and port.
+    """
+
+    process: subprocess.Popen[bytes]
+    connection: str
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self.process.pid
+
+    @property
+    def host(self) -> str:
+        """Host of the connection."""
+        return self.connection.split(":")[1]
+
+    @property
+    def port(self) -> int:
+        """Port of the connection."""
+        return int(self.connection.split(":")[2])
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self.process.poll() is None
+
+    def kill(self) -> None:
+        """End it without asking, as a crash would."""
+        self.process.kill()
+        self.process.wait(TIMEOUT_S)
+
+
+def free_udp_port() -> int:
+    """Return a port of this machine that nobody is bound to."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@contextlib.contextmanager
+def running_autopilot(
+    dialect: Dialect = "ardupilot",
+    *,
+    link: Link = "udpin",
+    port: int = 0,
+    system: int = 1,
+    home: tuple[float, float, float] | None = None,
+    speedup: float = 1.0,
+    seed: int = 0,
+    ready_s: float | None = None,
+    deaf_s: float | None = None,
+    key_file: Path | None = None,
+    faults: Sequence[str] = (),
+    options: Sequence[str] = (),
+) -> Iterator[Running]:
+    """Run an autopilot; it is stopped at the end, and held to having had no trouble.
+
+    Args:
+        dialect: Whose manners it has.
+        link: `udpin` waits to be spoken to, `udp` speaks first, `tcp` does nothing before a
+            client comes.
+        port: Of the link; 0 takes a free one. With `udp` it is the client's.
+        system: System id.
+        home: Latitude and longitude in degrees, metres above the sea.
+        speedup: Vehicle time in a second of wall time.
+        seed: Of all that is random.
+        ready_s: Vehicle time until it can be armed.
+        deaf_s: Vehicle time in which requests for messages are lost.
+        key_file: With the key to sign with.
+        faults: Each as on the command line.
+        options: Further words of the command line.
+
+    Raises:
+        AssertionError: If it does not start, or if it ends with an error.
+    """
+    if link == "udp" and not port:
+        port = free_udp_port()
+    words = [f"--dialect={dialect}", f"--{link}={port}", f"--sysid={system}"]
+    words += [f"--speedup={speedup}", f"--seed={seed}", *(f"--fault={fault}" for fault in faults)]
+    if home is not None:
+        words.append("--home={},{},{}".format(*home))
+    for name, value in (("ready", ready_s), ("deaf", deaf_s), ("signing-key", key_file)):
+        if value is not None:
+            words.append(f"--{name}={value}")
+    with _running([str(FOLDER), *words, *options]) as running:
+        yield running
+
+
+@contextlib.contextmanager
+def running_relay(
+    to_port: int,
+    *,
+    loss: float = 0.0,
+    duplicate: float = 0.0,
+    reorder: float = 0.0,
+    delay_s: float = 0.0,
+    jitter_s: float = 0.0,
+    hold_s: float = 0.05,
+    seed: int = 0,
+    counts: dict[str, Any] | None = None,
+) -> Iterator[Running]:
+    """Run a relay to a UDP port of this machine; see `relay.Weather`.
+
+    Args:
+        to_port: Where datagrams go that are sent to the relay.
+        loss: Share that never arrives.
+        duplicate: Share of the others that arrives twice.
+        reorder: Share that is held back.
+        delay_s: Time that each takes.
+        jitter_s: Time by which it may take longer.
+        hold_s: Time by which some are held back.
+        seed: Of all that is random.
+        counts: Filled at the end: `outward` and `homeward`, each with `came`, `lost` and `sent`.
+
+    Raises:
+        AssertionError: If it does not start, or if it ends with an error.
+    """
+    words = [f"--to={to_port}", f"--loss={loss}", f"--duplicate={duplicate}"]
+    words += [f"--reorder={reorder}", f"--delay={delay_s}", f"--jitter={jitter_s}"]
+    words += [f"--hold={hold_s}", f"--seed={seed}"]
+    said: list[str] = []
+    with _running([str(FOLDER / "relay.py"), *words], said) as running:
+        yield running
+    if counts is not None and said:
+        counts.update(json.loads(said[-1]))
+
+
+@contextlib.contextmanager
+def _running(arguments: list[str], said: list[str] | None = None) -> Iterator[Running]:
+    with tempfile.TemporaryFile() as errors:
+
+        def trouble() -> str:
+            errors.seek(0)
+            return errors.read().decode(errors="replace")
+
+        process = subprocess.Popen(
+            [sys.executable, *arguments, "--until-eof"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+        )
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            ready, _, _ = select.select([process.stdout], [], [], TIMEOUT_S)
+            first = process.stdout.readline().decode().strip() if ready else ""
+            assert first, f"{arguments} did not start: {trouble()}"
+            running = Running(process, first)
+            yield running
+            if running.running:
+                process.stdin.close()
+                code = process.wait(TIMEOUT_S)
+                rest = process.stdout.read().decode().split("\n")
+                if said is not None:
+                    said += [line for line in rest if line]
+                assert code == 0, f"{arguments} ended with {code}: {trouble()}"
+            assert "Traceback" not in trouble(), trouble()
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait(TIMEOUT_S)
+            with contextlib.suppress(OSError):
+                process.stdin.close()
+            process.stdout.close()

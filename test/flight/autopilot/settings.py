@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a vehicle is started with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from .faults import Fault
+from .local_frame import Place
+
+Dialect = Literal["ardupilot", "px4"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a vehicle is started with; times are vehicle times.
+
+    Attributes:
+        system: System id.
+        dialect: Whose manners it has.
+        home: Where it stands.
+        seed: Of all that is random.
+        key: 32 bytes to sign with, None to leave it.
+        ready_s: Time from the start until it can be armed.
+        deaf_s: Requests for messages in this time from the start are acknowledged and lost.
+        endurance_s: Time in the air that its battery lasts.
+        faults: What goes wrong.
+    """
+
+    system: int = 1
+    dialect: Dialect = "ardupilot"
+    home: Place = Place(-24.0, -46.3, 0.0)
+    seed: int = 0
+    key: bytes | None = None
+    ready_s: float = 42.0
+    deaf_s: float = 1.0
+    endurance_s: float = 1500.0
+    faults: tuple[Fault, ...] = ()
