@@ -18,6 +18,7 @@ from benchmarks.processes import ROOT, ContenderError
 from benchmarks.published import V1, V2, Unavailable, build_floor, install, versions
 
 RESULTS = Path(__file__).with_name("results")
+BUSY = 0.5
 SECTIONS = ("speed", "start_up", "memory", "conversion", "lockstep")
 
 
@@ -32,21 +33,23 @@ def main(arguments: list[str] | None = None) -> int:
 
     began = time.time()
     load = os.getloadavg()[0]
+    if load > BUSY:
+        _tell(f"The machine is busy (load {load:.1f}): figures and ratios will be worse")
     figures: dict[str, Any] = {"speed": []}
     sections: dict[str, Callable[[], Any]] = {
         "speed": lambda: speed.measure(
             pythons,
             floor,
             cells=speed.QUICK_CELLS if quick else speed.CELLS,
-            rounds=1 if quick else 4,
-            seconds=0.2 if quick else 0.4,
+            rounds=3 if quick else 6,
+            seconds=0.1 if quick else 0.15,
             tell=_tell,
         ),
         "start_up": lambda: start_up.measure(1 if quick else 2),
         "memory": lambda: memory.measure(pythons, 10**5 if quick else 10**6),
         "conversion": lambda: conversion.measure(30 if quick else 300),
         "lockstep": lambda: lockstep.measure(
-            rounds=2 if quick else 6, seconds=1.0 if quick else 3.0, tell=_tell
+            rounds=2 if quick else 5, seconds=1.0 if quick else 2.5, tell=_tell
         ),
     }
     for name in given.only or SECTIONS:

@@ -24,7 +24,7 @@ TIES = ("quicksort", "stable")
 """`quicksort`: as NumPy's quicksort leaves them where it does not use vector instructions.
 `stable`: of equal values the one further back in the map counts as the greater."""
 
-SMALL = 16
+SMALL = 15
 """NumPy sorts by insertion what is not longer than this plus one."""
 
 

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,6 @@ QUICK_CELLS = [(40, 5), (100, 5), (40, 50), (20, 5), (200, 5), (1000, 5), (40, 1
 GOAL_CELLS = [(40, 5), (100, 5), (40, 50)]
 # One step takes 0.1.13 more than a second.
 TOO_LARGE = {"dsse_0_1_13": 1000}
-
-Rates = dict[str, list[float]]
 
 
 def configuration(rules: str, grid_size: int, num_drones: int) -> dict[str, Any]:
@@ -93,15 +92,15 @@ def measure(
 ) -> list[dict[str, Any]]:
     """Return the rates of all contenders at each cell (grid size, drones).
 
-    They take turns, in one order and then in the other, so that a slow moment of the machine
-    meets them all; the cells that have goals get twice as many rounds.
+    They take turns, in one order and then in the other, so that a slow phase of the machine meets
+    them all; the cells that have goals get twice as many rounds.
     """
     found = []
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         made = contenders(stack, pythons, floor)
         for grid_size, num_drones in cells:
-            rates: Rates = {}
+            rates: dict[str, list[float]] = {}
             for name, (rules, extra, contender) in made.items():
                 if grid_size >= TOO_LARGE.get(name, grid_size + 1):
                     continue
@@ -127,8 +126,9 @@ def measure(
                     "grid_size": grid_size,
                     "num_drones": num_drones,
                     "batch": batch_size(grid_size),
-                    "rates": rates,
+                    "rounds": turns,
                     "best": {name: max(measured) for name, measured in rates.items()},
+                    "median": {name: median(measured) for name, measured in rates.items()},
                 }
             )
             tell(row(found[-1]))
