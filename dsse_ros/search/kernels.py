@@ -314,7 +314,11 @@ def disperse(c, w, gauss, tails):
     grown = max(w.map_steps - 1, 0) * c.dispersion_inc
     fill_axis(gauss[0], tails[0], c.grid_size, c.sigma_x + grown)
     if c.sigma_x == c.sigma_y:
-        gauss[1], tails[1] = gauss[0], tails[0]
+        # Element by element: assigning a slice takes the compiler three seconds.
+        for d in range(gauss.shape[1]):
+            gauss[1, d] = gauss[0, d]
+        for d in range(tails.shape[1]):
+            tails[1, d] = tails[0, d]
     else:
         fill_axis(gauss[1], tails[1], c.grid_size, c.sigma_y + grown)
 
