@@ -77,7 +77,7 @@ $(BASE):
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz
-$(VENV)/.test: EXTRAS := viz,test
+$(VENV)/.test: EXTRAS := viz,test,sitl
 $(VENV)/.sim $(VENV)/.test: $(BASE) setup.py pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build

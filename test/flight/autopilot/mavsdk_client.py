@@ -6,6 +6,7 @@ It prints, as JSON, what it has seen.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import sys
@@ -18,8 +19,8 @@ from mavsdk.plugins.action import Action
 from mavsdk.plugins.mission import Mission, MissionItem, MissionPlan
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
-from mavsdk.plugins.offboard import Offboard, PositionNedYaw
-from mavsdk.plugins.telemetry import Telemetry
+from mavsdk.plugins.offboard import Offboard, OffboardError, PositionNedYaw
+from mavsdk.plugins.telemetry import FlightMode, Telemetry
 
 T = TypeVar("T")
 
@@ -108,20 +109,26 @@ def px4_mission(pilot: Pilot) -> dict[str, Any]:
 
 def px4_set_points(pilot: Pilot) -> dict[str, Any]:
     """Take off, go somewhere, fly set-points, land."""
-    pilot.action.set_takeoff_altitude(15.0)
+    pilot.action.set_takeoff_altitude(5.0)
     pilot.arm()
     pilot.action.takeoff()
-    until(lambda: pilot.telemetry.position().relative_altitude_m > 14.0, "altitude")
+    until(lambda: pilot.telemetry.position().relative_altitude_m > 4.5, "altitude")
     home_amsl_m = pilot.telemetry.home().absolute_altitude_m
-    pilot.action.goto_location(HOME[0] + 3e-4, HOME[1], home_amsl_m + 25.0, math.nan)
-    until(lambda: pilot.telemetry.position().relative_altitude_m > 24.0, "place")
-    until(lambda: abs(pilot.telemetry.position().latitude_deg - HOME[0] - 3e-4) < 1e-5, "place")
+    pilot.action.goto_location(HOME[0] + 1e-4, HOME[1], home_amsl_m + 8.0, math.nan)
+    until(lambda: pilot.telemetry.position().relative_altitude_m > 7.5, "place")
+    until(lambda: abs(pilot.telemetry.position().latitude_deg - HOME[0] - 1e-4) < 1e-5, "place")
     went_to = pilot.seen()
-    pilot.offboard.set_position_ned(PositionNedYaw(0.0, 20.0, -30.0, 0.0))
-    # What MAVSDK sends again and again has to have come for a while.
-    time.sleep(0.5)
-    pilot.offboard.start()
-    until(lambda: pilot.telemetry.position_velocity_ned().position.east_m > 19.0, "set-point")
+    pilot.offboard.set_position_ned(PositionNedYaw(0.0, 10.0, -10.0, 0.0))
+
+    def there() -> bool:
+        if pilot.telemetry.flight_mode() is not FlightMode.OFFBOARD:
+            # What MAVSDK sends again and again has not come for long enough, or not often enough.
+            time.sleep(0.3)
+            with contextlib.suppress(OffboardError):
+                pilot.offboard.start()
+        return bool(pilot.telemetry.position_velocity_ned().position.east_m > 9.0)
+
+    until(there, "set-point")
     pilot.offboard.stop()
     pilot.action.land()
     pilot.be_down()

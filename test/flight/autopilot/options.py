@@ -43,7 +43,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     add("--home", type=_argument(_place), default=Settings.home, metavar="LAT,LON,ALT",
         help="where it stands, degrees and metres above the sea")  # fmt: skip
     add("--speedup", type=_argument(_positive), default=1.0, metavar="FACTOR",
-        help="vehicle time in a second of wall time (%(default)s)")  # fmt: skip
+        help="vehicle time in a second of wall time, if the machine can (%(default)s)")  # fmt: skip
     add("--seed", type=int, default=0, help="of all that is random (%(default)s)")
     add("--signing-key", type=_argument(_key), default=None, metavar="FILE", dest="key",
         help="32 bytes or 64 hexadecimal digits; then all is signed, or not heard")  # fmt: skip

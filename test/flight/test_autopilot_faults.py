@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What goes wrong goes wrong when it should, for as long as it should."""
+
+from __future__ import annotations
+
+import pytest
+from autopilot.ardupilot import Mode as CopterMode
+from autopilot.bench import GUIDED, LOITER, RTL, Bench
+from autopilot.faults import Fault
+from autopilot.px4 import Mode as Px4Mode
+
+
+def bench(*faults: str, dialect: str = "ardupilot") -> Bench:
+    return Bench(dialect=dialect, faults=tuple(Fault.parse(text) for text in faults), ready_s=10.0)
+
+
+def test_a_fault_is_read_from_text() -> None:
+    assert Fault.parse("link@60") == Fault("link", 60.0)
+    assert Fault.parse("acks@airborne:1.5+10=0.3") == Fault("acks", 1.5, True, 10.0, "0.3")
+
+
+@pytest.mark.parametrize("text", ["", "link", "link@", "fire@3", "link@-3", "acks@1=2=3", "@3"])
+def test_what_is_no_fault_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="is no fault"):
+        Fault.parse(text)
+
+
+def test_while_the_link_is_lost_nothing_is_sent_nor_heard() -> None:
+    vehicle = bench("link@20+15")
+    vehicle.wait(20.05)
+    before = len(vehicle.heard)
+    assert vehicle.command(176, 1, GUIDED) is None
+    vehicle.wait(14.9)
+    assert len(vehicle.heard) == before
+    assert vehicle.vehicle.custom_mode == CopterMode.STABILIZE
+    vehicle.wait(1.1)
+    assert len(vehicle.heard) > before
+    assert vehicle.command(176, 1, GUIDED) == 0
+
+
+def test_acknowledgements_are_lost_but_commands_are_not() -> None:
+    vehicle = bench("acks@0+5", "mission_acks@0+5")
+    vehicle.wait(1.5)
+    assert vehicle.command(176, 1, GUIDED) is None
+    assert vehicle.vehicle.custom_mode == GUIDED
+    vehicle.offer([])
+    assert not vehicle.all("MISSION_ACK")
+    vehicle.wait(5)
+    assert vehicle.command(176, 1, LOITER) == 0
+
+
+def test_acknowledgements_can_be_lost_now_and_then() -> None:
+    vehicle = bench("acks@0=0.5")
+    vehicle.wait(1.5)
+    got = sum(vehicle.command(520) is not None for _ in range(1000))
+    assert 400 < got < 600
+
+
+@pytest.mark.parametrize(("dialect", "returning"), [("ardupilot", RTL), ("px4", Px4Mode.RTL)])
+def test_a_low_battery_brings_it_home(dialect: str, returning: int) -> None:
+    vehicle = bench("battery@airborne:30", dialect=dialect)
+    vehicle.fly_to_altitude()
+    vehicle.until(lambda: vehicle.vehicle.custom_mode == returning)
+    vehicle.wait(1.1)
+    assert vehicle.last("HEARTBEAT").system_status == 5
+    assert vehicle.command(512, 1) == 0
+    assert vehicle.last("SYS_STATUS").battery_remaining <= 12
+    assert any("attery" in text for text in vehicle.texts())
+    vehicle.until(lambda: not vehicle.vehicle.armed)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "fault", "mode"),
+    [
+        ("ardupilot", "pilot@airborne:40", LOITER),
+        ("ardupilot", "pilot@airborne:40=ALT_HOLD", CopterMode.ALT_HOLD),
+        ("px4", "pilot@airborne:40", Px4Mode.POSCTL),
+    ],
+)
+def test_a_pilot_takes_over_and_set_points_count_no_more(
+    dialect: str, fault: str, mode: int
+) -> None:
+    vehicle = bench(fault, dialect=dialect)
+    vehicle.fly_to_altitude()
+    taken_s = vehicle.until(lambda: vehicle.vehicle.custom_mode == mode)
+    assert taken_s > 1
+    vehicle.wait(5)
+    here = vehicle.vehicle.craft.point
+    vehicle.set_point(100, 100, 50)
+    vehicle.wait(10)
+    assert vehicle.vehicle.craft.point == here

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""PX4's manners, in vehicle time."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import replace
+
+import pytest
+from autopilot.bench import POSITION_ONLY, Bench
+from autopilot.commands import ACCEPTED, TEMPORARILY_REJECTED, UNSUPPORTED
+from autopilot.local_frame import Place
+from autopilot.px4 import Mode
+from autopilot.wire import mavlink
+
+OK, ERROR = 0, 1
+SET_MODE, REPOSITION = 176, 192
+AUTO_MISSION, AUTO_RTL, AUTO_LAND, OFFBOARD = (4, 4), (4, 5), (4, 6), (6, 0)
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench(dialect="px4", home=Place(47.4, 8.5, 488.0), ready_s=5.0)
+
+
+def stream_set_points(bench: Bench, seconds: float, rate_hz: float) -> None:
+    for _ in range(round(seconds * rate_hz)):
+        bench.set_point(40, 0, 30)
+        bench.wait(1 / rate_hz)
+
+
+def test_its_heartbeat_is_px4s_with_the_mode_in_the_upper_bytes(bench: Bench) -> None:
+    bench.fly_to_altitude()
+    bench.command(SET_MODE, 1, *AUTO_RTL)
+    bench.wait(1.01)
+    heartbeat = bench.last("HEARTBEAT")
+    assert heartbeat.autopilot == mavlink.MAV_AUTOPILOT_PX4
+    assert heartbeat.custom_mode == 4 << 16 | 5 << 24
+    assert heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+def test_arming_too_early_is_rejected_with_a_reason(bench: Bench) -> None:
+    bench.wait(1)
+    assert bench.command(400, 1) == TEMPORARILY_REJECTED
+    assert bench.texts()[-1].startswith("Arming denied: ")
+
+
+def test_a_take_off_is_above_the_sea_and_ends_in_hold(bench: Bench) -> None:
+    bench.fly_to_altitude(12)
+    assert bench.vehicle.craft.up_m == pytest.approx(12, abs=0.1)
+    assert bench.vehicle.custom_mode == Mode.HOLD
+
+
+@pytest.mark.parametrize("frame", [0, 3, 6])
+def test_a_reposition_is_above_the_sea_whatever_its_frame(bench: Bench, frame: int) -> None:
+    bench.fly_to_altitude()
+    lat_deg, lon_deg = bench.vehicle.frame.geodetic(0, 50)
+    result = bench.command_at(REPOSITION, lat_deg, lon_deg, 518, frame=frame, param2=1)
+    assert result == ACCEPTED
+    bench.wait(60)
+    assert bench.vehicle.craft.point == pytest.approx((0, 50, 30), abs=0.1)
+
+
+def test_a_reposition_without_leave_to_change_the_mode_is_unsupported(bench: Bench) -> None:
+    bench.fly_to_altitude()
+    result = bench.command_at(REPOSITION, 47.4, 8.5, 518, frame=0, param2=0)
+    assert result == UNSUPPORTED
+
+
+class TestOffboard:
+    def test_it_is_refused_without_set_points(self, bench: Bench) -> None:
+        bench.fly_to_altitude()
+        assert bench.command(SET_MODE, 1, *OFFBOARD) == TEMPORARILY_REJECTED
+
+    def test_it_is_refused_with_too_few(self, bench: Bench) -> None:
+        bench.fly_to_altitude()
+        stream_set_points(bench, 5, 1.9)
+        assert bench.command(SET_MODE, 1, *OFFBOARD) == TEMPORARILY_REJECTED
+
+    def test_it_flies_them_while_they_come_and_holds_when_they_stop(self, bench: Bench) -> None:
+        bench.fly_to_altitude()
+        before = bench.vehicle.craft.point
+        stream_set_points(bench, 2, 4)
+        assert bench.vehicle.craft.point == pytest.approx(before, abs=0.1)
+        assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
+        stream_set_points(bench, 30, 4)
+        assert bench.vehicle.craft.point == pytest.approx((40, 0, 30), abs=0.1)
+        bench.wait(1)
+        assert bench.vehicle.custom_mode == Mode.HOLD
+        assert bench.texts()[-1] == "Offboard signal lost"
+
+
+class TestMissions:
+    def test_there_is_no_home_item_and_all_is_read_back(self, bench: Bench) -> None:
+        items = [bench.item(16, 10.0 * i, 0.0, 30.0, param2=2.0) for i in range(30)]
+        items[3] = replace(items[3], frame=3)
+        assert bench.upload(items) == OK
+        assert len(bench.all("MISSION_REQUEST_INT")) == len(items)
+        assert bench.download() == [replace(item, frame=6) for item in items]
+
+    def test_an_upload_that_stalls_ends_without_a_word_and_changes_nothing(
+        self, bench: Bench
+    ) -> None:
+        first = [bench.item(16, 10, 0, 30), bench.item(16, 20, 0, 30)]
+        bench.upload(first)
+        acks = len(bench.all("MISSION_ACK"))
+        second = [bench.item(16, 10, 0, 50), bench.item(16, 20, 0, 50)]
+        bench.offer(second)
+        bench.give(second, 0)
+        bench.wait(6)
+        assert len(bench.all("MISSION_ACK")) == acks
+        assert bench.texts()[-1] == "Operation timeout"
+        assert bench.download() == first
+
+    def test_it_asks_four_times_a_second(self, bench: Bench) -> None:
+        bench.offer([bench.item(16)])
+        bench.wait(1.01)
+        assert len(bench.all("MISSION_REQUEST_INT")) in (4, 5)
+
+    def test_repeated_items_do_no_harm(self, bench: Bench) -> None:
+        items = [bench.item(16, 10, 0, 30), bench.item(16, 20, 0, 30)]
+        bench.offer(items)
+        for seq in (0, 0, 1, 1):
+            bench.give(items, seq)
+        assert [ack.type for ack in bench.all("MISSION_ACK")] == [OK, OK]
+        bench.give(items, 0)
+        assert bench.last("MISSION_ACK").type == ERROR
+
+    def test_an_upload_during_a_download_is_refused(self, bench: Bench) -> None:
+        items = [bench.item(16, 10, 0, 30)]
+        bench.upload(items)
+        bench.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+        bench.offer(items)
+        assert bench.last("MISSION_ACK").type == ERROR
+        bench.wait(6)
+        assert bench.upload(items) == OK
+
+    def test_a_cancelled_upload_can_be_begun_anew(self, bench: Bench) -> None:
+        items = [bench.item(16, 10, 0, 30), bench.item(16, 20, 0, 30)]
+        bench.offer(items)
+        bench.give(items, 0)
+        bench.send(mavlink.MAVLink_mission_ack_message(1, 1, 15, 0))
+        assert bench.upload(items) == OK
+
+    def test_it_takes_off_flies_and_returns(self, bench: Bench) -> None:
+        bench.until(lambda: bench.vehicle.ready)
+        way = [bench.item(16, 50, 0, 20), bench.item(16, 50, 50, 25)]
+        bench.upload([*way, bench.item(20, x=0, y=0, frame=2)])
+        assert bench.command(300) == ACCEPTED
+        modes = set()
+
+        def down() -> bool:
+            modes.add(bench.vehicle.custom_mode)
+            return not bench.vehicle.armed
+
+        bench.until(down)
+        assert modes == {Mode.MISSION, Mode.RTL}
+        reached = [message.seq for message in bench.all("MISSION_ITEM_REACHED")]
+        assert list(dict.fromkeys(reached)) == [0, 1, 2]
+        assert reached.count(1) > 1, "it says so more than once"
+        assert math.hypot(*bench.vehicle.craft.point) < 0.5
+
+    def test_the_mode_is_refused_without_a_mission(self, bench: Bench) -> None:
+        bench.fly_to_altitude()
+        assert bench.command(SET_MODE, 1, *AUTO_MISSION) == TEMPORARILY_REJECTED
+
+
+def test_it_lands_where_it_is_and_disarms_two_seconds_later(bench: Bench) -> None:
+    bench.fly_to_altitude()
+    assert bench.command(SET_MODE, 1, *AUTO_LAND) == ACCEPTED
+    bench.until(lambda: bench.vehicle.landed)
+    assert bench.until(lambda: not bench.vehicle.armed) == pytest.approx(2, abs=0.2)
+
+
+def test_whole_parameters_travel_as_their_bits(bench: Bench) -> None:
+    bits = struct.unpack("<f", struct.pack("<i", 7))[0]
+    bench.send(mavlink.MAVLink_param_set_message(1, 1, b"NAV_DLL_ACT", bits, 6))
+    assert bench.vehicle.parameters["NAV_DLL_ACT"] == 7
+    value = bench.last("PARAM_VALUE").param_value
+    assert struct.unpack("<i", struct.pack("<f", value)) == (7,)
+
+
+def test_set_points_in_the_local_frame_are_from_home(bench: Bench) -> None:
+    bench.fly_to_altitude()
+
+    def stream(seconds: int) -> None:
+        for _ in range(4 * seconds):
+            bench.send(
+                mavlink.MAVLink_set_position_target_local_ned_message(
+                    0, 1, 1, 1, POSITION_ONLY, 10.0, 20.0, -30.0, *[0.0] * 8
+                )
+            )
+            bench.wait(0.25)
+
+    stream(1)
+    assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
+    stream(30)
+    assert bench.vehicle.craft.point == pytest.approx((10, 20, 30), abs=0.1)
