@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prints a digest of everything that happens in long play, one line per seed given."""
+"""Prints digests of all that happens in long play, one per seed: `play_trace.py RULES SEED...`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,20 @@ from play import some_actions
 
 from dsse_ros.search import parallel_env
 
-STEPS = 320
+STEPS = 1000
 
 
-def digest(seed: int) -> str:
+def digest(rules: str, seed: int) -> str:
     """SHA-256 over hidden states, observations and results of many steps and missions."""
     env = parallel_env(
-        grid_size=12, num_drones=6, person_amount=3, vector=(0.2, -0.3), sigma=2, timestep_limit=40
+        rules=rules,
+        grid_size=12,
+        num_drones=6,
+        person_amount=3,
+        vector=(0.2, -0.3),
+        timestep_limit=40,
+        # In v2 the map spreads instead.
+        **({} if rules == "v2" else {"sigma": 2}),
     )
     generator = np.random.default_rng(seed)
     sha = hashlib.sha256()
@@ -39,5 +46,5 @@ def digest(seed: int) -> str:
 
 
 if __name__ == "__main__":
-    for argument in sys.argv[1:]:
-        print(argument, digest(int(argument)))
+    for argument in sys.argv[2:]:
+        print(argument, digest(sys.argv[1], int(argument)))

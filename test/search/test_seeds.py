@@ -17,8 +17,9 @@ from play import missions, some_actions, started
 from play_trace import digest
 
 from dsse_ros.search import Scenario, SearchEnv, World, parallel_env, profile
+from dsse_ros.search.rules import PROFILES
 
-SEEDS = (0, 1, 2026, 2**40)
+SEEDS = (*range(8), 2026, 2**40)
 
 
 def play(env: SearchEnv, steps: int, seed: int) -> None:
@@ -31,8 +32,10 @@ def play(env: SearchEnv, steps: int, seed: int) -> None:
             env.reset()
 
 
-def test_hidden_states_agree_over_hundreds_of_steps_in_two_processes() -> None:
-    command = [sys.executable, str(Path(__file__).with_name("play_trace.py")), *map(str, SEEDS)]
+@pytest.mark.parametrize("rules", PROFILES)
+def test_hidden_states_agree_over_a_thousand_steps_in_two_processes(rules: str) -> None:
+    script = Path(__file__).with_name("play_trace.py")
+    command = [sys.executable, str(script), rules, *map(str, SEEDS)]
     processes = [
         subprocess.Popen(
             command,
@@ -44,7 +47,7 @@ def test_hidden_states_agree_over_hundreds_of_steps_in_two_processes() -> None:
     ]
     first, second = (process.communicate(timeout=120)[0].splitlines() for process in processes)
     assert [process.returncode for process in processes] == [0, 0]
-    assert first == second == [f"{seed} {digest(seed)}" for seed in SEEDS]
+    assert first == second == [f"{seed} {digest(rules, seed)}" for seed in SEEDS]
     assert len({line.split()[1] for line in first}) == len(SEEDS)
 
 
