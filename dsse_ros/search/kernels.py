@@ -166,15 +166,25 @@ def span_sum(tails, lo, hi):
 
 
 @njit(cache=True, nogil=True)
-def radius(w):
-    """Return the radius of the circle in cells: 1, 1, 1.5, 2, ... from the first map step on."""
-    return 1.0 + 0.5 * max(w.map_steps - 2, 0)
+def diameter(w):
+    """Return the diameter of the circle in cells: 2, 2, 3, 4, ... from the first map step on."""
+    return 2 + max(w.map_steps - 2, 0)
 
 
 @njit(cache=True, nogil=True)
-def inside_circle(adx, ady, r2):
-    """Return whether the cell at this distance lies in the circle, by its outer edges."""
-    return (adx + 0.5) ** 2 + ady**2 <= r2 and adx**2 + (ady + 0.5) ** 2 <= r2
+def radius(w):
+    """Return the radius of the circle in cells."""
+    return diameter(w) / 2.0
+
+
+@njit(cache=True, nogil=True)
+def inside_circle(adx, ady, d2):
+    """Return whether the cell at this distance lies in the circle of this squared diameter.
+
+    Its outer edges must: (adx + 1/2)^2 + ady^2 <= r^2 and adx^2 + (ady + 1/2)^2 <= r^2.
+    """
+    x, y = 2 * adx, 2 * ady
+    return (x + 1) * (x + 1) + y * y <= d2 and x * x + (y + 1) * (y + 1) <= d2
 
 
 @njit(cache=True, nogil=True)
@@ -186,38 +196,56 @@ def cell_probability(c, w, gauss, x, y):
     adx, ady = abs(x - w.circle_x), abs(y - w.circle_y)
     if w.scale == 0.0:
         return 1.0 if adx == 0 and ady == 0 else 0.0
-    if c.circle and not inside_circle(adx, ady, radius(w) ** 2):
+    if c.circle and not inside_circle(adx, ady, diameter(w) ** 2):
         return 0.0
     return (w.scale * gauss[1, g + y - w.datum_y]) * gauss[0, g + x - w.datum_x]
 
 
 @njit(cache=True, nogil=True)
-def row_sum(w, tails, g, half_width):
-    """Return the sum of the Gaussian over a row of the circle, along x."""
-    lo = max(w.circle_x - half_width, 0)
-    hi = min(w.circle_x + half_width, g - 1)
-    return span_sum(tails[0], lo - w.datum_x, hi - w.datum_x)
+def rows_covered(w, g, d2):
+    """Return how many rows on each side of the circle's centre it covers whole, -1 for none."""
+    far = max(w.circle_x, g - 1 - w.circle_x)
+    rest = d2 - (2 * far + 1) * (2 * far + 1)
+    if rest < 0:
+        return -1
+    rows = min(np.int64(np.sqrt(rest) / 2), max(w.circle_y, g - 1 - w.circle_y))
+    while rows >= 0 and not inside_circle(far, rows, d2):
+        rows -= 1
+    return rows
+
+
+@njit(cache=True, nogil=True)
+def circle_sum(w, gauss, tails, g):
+    """Return the sum of the Gaussian over the cells of the circle."""
+    x, y, d2 = w.circle_x, w.circle_y, diameter(w) ** 2
+    along_x = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x)
+    rows = rows_covered(w, g, d2)
+    total = 0.0
+    if rows >= 0:
+        low, high = max(y - rows, 0), min(y + rows, g - 1)
+        total = along_x * span_sum(tails[1], low - w.datum_y, high - w.datum_y)
+    half_width = diameter(w) // 2
+    for ady in range(rows + 1, max(y, g - 1 - y) + 1):
+        while half_width >= 0 and not inside_circle(half_width, ady, d2):
+            half_width -= 1
+        if half_width < 0:
+            break
+        low, high = max(x - half_width, 0), min(x + half_width, g - 1)
+        along_y = 0.0
+        if y - ady >= 0:
+            along_y += gauss[1, g + y - ady - w.datum_y]
+        if ady > 0 and y + ady < g:
+            along_y += gauss[1, g + y + ady - w.datum_y]
+        total += along_y * span_sum(tails[0], low - w.datum_x, high - w.datum_x)
+    return total
 
 
 @njit(cache=True, nogil=True)
 def normalise(c, w, gauss, tails):
     """Set the scale that makes the probabilities sum to 1."""
     g = c.grid_size
-    total = 0.0
     if c.circle:
-        r = radius(w)
-        half_width = np.int64(r)
-        for ady in range(min(half_width, max(w.circle_y, g - 1 - w.circle_y)) + 1):
-            while half_width >= 0 and not inside_circle(half_width, ady, r * r):
-                half_width -= 1
-            if half_width < 0:
-                break
-            row = row_sum(w, tails, g, half_width)
-            above, below = w.circle_y - ady, w.circle_y + ady
-            if above >= 0:
-                total += row * gauss[1, g + above - w.datum_y]
-            if ady > 0 and below < g:
-                total += row * gauss[1, g + below - w.datum_y]
+        total = circle_sum(w, gauss, tails, g)
     else:
         total = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x) * span_sum(
             tails[1], -w.datum_y, g - 1 - w.datum_y
@@ -227,52 +255,38 @@ def normalise(c, w, gauss, tails):
 
 
 @njit(cache=True, nogil=True)
-def write_row(c, w, gauss, out, y, half_width):
-    """Write row y of the map, whose possible cells are within half_width of the circle."""
-    g = c.grid_size
-    lo, hi = 0, g
-    if c.circle:
-        lo = max(w.circle_x - half_width, 0)
-        hi = min(w.circle_x + half_width + 1, g)
-    row = out[y]
-    row[:lo] = 0
-    row[hi:] = 0
-    k = w.scale * gauss[1, g + y - w.datum_y]
-    # Slices that start at 0 compile to vector code.
-    possible, weights = row[lo:hi], gauss[0, g - w.datum_x + lo : g - w.datum_x + hi]
-    for i in range(len(possible)):
-        possible[i] = k * weights[i]
-
-
-@njit(cache=True, nogil=True)
 def write_map(c, w, gauss, out):
-    """Write the map (G, G) float32, out[y, x]."""
+    """Write the map (G, G) float32, out[y, x], row after row as memory likes it."""
     g = c.grid_size
     if w.scale == 0.0:
         out[:] = 0
         out[w.circle_y, w.circle_x] = 1
         return
-    if not c.circle:
-        for y in range(g):
-            write_row(c, w, gauss, out, y, g)
-        return
-    r = radius(w)
-    half_width = np.int64(r)
-    ady = 0
-    while ady <= max(w.circle_y, g - 1 - w.circle_y):
-        while half_width >= 0 and not inside_circle(half_width, ady, r * r):
-            half_width -= 1
+    x, d2 = w.circle_x, diameter(w) ** 2
+    # Slices that start at 0 compile to vector code.
+    weights = gauss[0, g - w.datum_x : 2 * g - w.datum_x]
+    half_width = -1 if c.circle else g
+    for y in range(g):
+        row = out[y]
+        ady = abs(y - w.circle_y)
+        if c.circle and y <= w.circle_y:
+            while half_width < g and inside_circle(half_width + 1, ady, d2):
+                half_width += 1
+        elif c.circle:
+            while half_width >= 0 and not inside_circle(half_width, ady, d2):
+                half_width -= 1
         if half_width < 0:
-            break
-        if w.circle_y - ady >= 0:
-            write_row(c, w, gauss, out, w.circle_y - ady, half_width)
-        if ady > 0 and w.circle_y + ady < g:
-            write_row(c, w, gauss, out, w.circle_y + ady, half_width)
-        ady += 1
-    if w.circle_y - ady >= 0:
-        out[: w.circle_y - ady + 1] = 0
-    if w.circle_y + ady < g:
-        out[w.circle_y + ady :] = 0
+            for i in range(g):
+                row[i] = 0
+            continue
+        k = w.scale * gauss[1, g + y - w.datum_y]
+        # The whole row, then zeros at its ends: three short loops of any length are slower.
+        for i in range(g):
+            row[i] = k * weights[i]
+        for i in range(x - half_width):
+            row[i] = 0
+        for i in range(x + half_width + 1, g):
+            row[i] = 0
 
 
 @njit(cache=True, nogil=True)
@@ -531,26 +545,36 @@ def collide(c, drones, occupied, rewards, terminated):
     `occupied` (G * G,) is scratch, zero before and after.
     """
     g = c.grid_size
-    for n in range(len(drones)):
-        d = drones[n]
-        if is_flying(c, d, terminated[n]) and is_inside(g, d):
-            occupied[d.y * g + d.x] += 1
+    shared = False
     for n in range(len(drones)):
         d = drones[n]
         if not is_flying(c, d, terminated[n]):
             continue
         if is_inside(g, d):
-            crash = occupied[d.y * g + d.x] > 1
+            occupied[d.y * g + d.x] += 1
+            shared = shared or occupied[d.y * g + d.x] > 1
         else:
-            crash = False
-            for m in range(len(drones)):
-                crash = crash or (m != n and drones[m].x == d.x and drones[m].y == d.y)
-        if crash:
-            rewards[n] = c.collision
-            terminated[n] = True
+            shared = True
+    if shared:
+        for n in range(len(drones)):
+            if is_flying(c, drones[n], terminated[n]) and is_crashed(g, drones, n, occupied):
+                rewards[n] = c.collision
+                terminated[n] = True
     for n in range(len(drones)):
         if is_inside(g, drones[n]):
             occupied[drones[n].y * g + drones[n].x] = 0
+
+
+@njit(cache=True, nogil=True)
+def is_crashed(g, drones, n, occupied):
+    """Return whether drone n shares its cell; only those on the grid are in `occupied`."""
+    d = drones[n]
+    if is_inside(g, d):
+        return occupied[d.y * g + d.x] > 1
+    crashed = False
+    for m in range(len(drones)):
+        crashed = crashed or (m != n and drones[m].x == d.x and drones[m].y == d.y)
+    return crashed
 
 
 @njit(cache=True, nogil=True)
@@ -600,19 +624,20 @@ def settle_flags(c, w, drones, persons, terminated, truncated):
         w.adrift += not persons[p].found
     all_found = w.adrift == 0 and not c.ends_together
     any_flag = False
-    w.flying = 0
+    flying = 0
     for n in range(len(drones)):
         d = drones[n]
         if not d.alive:
             continue
         terminated[n] = terminated[n] or all_found
-        if c.both_flags:
-            terminated[n] = truncated[n] = terminated[n] or truncated[n]
-        flag = terminated[n] or truncated[n]
-        any_flag = any_flag or flag
-        d.alive = c.ends_together or not flag
-        w.flying += d.alive
-    w.over = any_flag if c.ends_together else w.flying == 0
+        if terminated[n] or truncated[n]:
+            any_flag = True
+            terminated[n] = terminated[n] or c.both_flags
+            truncated[n] = truncated[n] or c.both_flags
+            d.alive = c.ends_together
+        flying += d.alive
+    w.flying = flying
+    w.over = any_flag if c.ends_together else flying == 0
 
 
 @njit(cache=True, nogil=True)
