@@ -16,6 +16,11 @@ from numba import njit
 
 MAX_ACTIONS = 16
 
+kernel = njit(cache=True, nogil=True)
+"""Compiles what Python calls."""
+part = njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)  # type: ignore[call-overload]
+"""Compiles what only kernels call, without the wrappers that the compiler would take long over."""
+
 CONSTANTS = np.dtype(
     [
         ("grid_size", "i8"),
@@ -118,7 +123,7 @@ PERSONS = np.dtype(
 )
 
 
-@njit(cache=True, nogil=True)
+@part
 def draw_bits(w):
     """Return the next 64 random bits of a world (SplitMix64, Steele et al. 2014)."""
     w.rng += np.uint64(0x9E3779B97F4A7C15)
@@ -128,19 +133,19 @@ def draw_bits(w):
     return z ^ (z >> np.uint64(31))
 
 
-@njit(cache=True, nogil=True)
+@part
 def draw_below(w, n):
     """Return a random integer from 0 to n - 1, n < 2^32."""
     return np.int64(((draw_bits(w) >> np.uint64(32)) * np.uint64(n)) >> np.uint64(32))
 
 
-@njit(cache=True, nogil=True)
+@part
 def draw_unit(w):
     """Return a random float in [0, 1)."""
     return np.float64(draw_bits(w) >> np.uint64(11)) * 2.0**-53
 
 
-@njit(cache=True, nogil=True)
+@part
 def fill_axis(gauss, tails, grid_size, sigma):
     """Write exp(-d^2 / (2 sigma^2)) at gauss[G + d] and its sums over d' >= d at tails[d]."""
     for d in range(grid_size + 1):
@@ -152,7 +157,7 @@ def fill_axis(gauss, tails, grid_size, sigma):
         tails[d] = tails[d + 1] + gauss[grid_size + d]
 
 
-@njit(cache=True, nogil=True)
+@part
 def span_sum(tails, lo, hi):
     """Return the sum of the Gaussian over the offsets lo..hi of its centre.
 
@@ -165,19 +170,19 @@ def span_sum(tails, lo, hi):
     return (tails[0] - tails[hi + 1]) + (tails[1] - tails[1 - lo])
 
 
-@njit(cache=True, nogil=True)
+@part
 def diameter(w):
     """Return the diameter of the circle in cells: 2, 2, 3, 4, ... from the first map step on."""
     return 2 + max(w.map_steps - 2, 0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def radius(w):
     """Return the radius of the circle in cells."""
     return diameter(w) / 2.0
 
 
-@njit(cache=True, nogil=True)
+@part
 def inside_circle(adx, ady, d2):
     """Return whether the cell at this distance lies in the circle of this squared diameter.
 
@@ -187,7 +192,7 @@ def inside_circle(adx, ady, d2):
     return (x + 1) * (x + 1) + y * y <= d2 and x * x + (y + 1) * (y + 1) <= d2
 
 
-@njit(cache=True, nogil=True)
+@part
 def cell_probability(c, w, gauss, x, y):
     """Return the probability of the cell (x, y), 0 outside the grid."""
     g = c.grid_size
@@ -201,7 +206,7 @@ def cell_probability(c, w, gauss, x, y):
     return (w.scale * gauss[1, g + y - w.datum_y]) * gauss[0, g + x - w.datum_x]
 
 
-@njit(cache=True, nogil=True)
+@part
 def rows_covered(w, g, d2):
     """Return how many rows on each side of the circle's centre it covers whole, -1 for none."""
     far = max(w.circle_x, g - 1 - w.circle_x)
@@ -214,7 +219,7 @@ def rows_covered(w, g, d2):
     return rows
 
 
-@njit(cache=True, nogil=True)
+@part
 def circle_sum(w, gauss, tails, g):
     """Return the sum of the Gaussian over the cells of the circle."""
     x, y, d2 = w.circle_x, w.circle_y, diameter(w) ** 2
@@ -240,7 +245,7 @@ def circle_sum(w, gauss, tails, g):
     return total
 
 
-@njit(cache=True, nogil=True)
+@part
 def normalise(c, w, gauss, tails):
     """Set the scale that makes the probabilities sum to 1."""
     g = c.grid_size
@@ -254,7 +259,7 @@ def normalise(c, w, gauss, tails):
     w.scale = 1.0 / total if total > 1e-300 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@part
 def write_map(c, w, gauss, out):
     """Write the map (G, G) float32, out[y, x], row after row as memory likes it."""
     g = c.grid_size
@@ -289,13 +294,13 @@ def write_map(c, w, gauss, out):
             row[i] = 0
 
 
-@njit(cache=True, nogil=True)
+@part
 def less_one(remainder):
     """Return the remainder with one cell taken off once it has reached one."""
     return remainder - np.sign(remainder) if abs(remainder) >= 1 else remainder
 
 
-@njit(cache=True, nogil=True)
+@part
 def drift(c, w):
     """Move the datum by the drift of one step."""
     g = c.grid_size
@@ -322,7 +327,7 @@ def drift(c, w):
         w.datum_y = y
 
 
-@njit(cache=True, nogil=True)
+@part
 def disperse(c, w, gauss, tails):
     """Write the tables for the spread that the map has now: the first map has the first one."""
     grown = max(w.map_steps - 1, 0) * c.dispersion_inc
@@ -337,7 +342,7 @@ def disperse(c, w, gauss, tails):
         fill_axis(gauss[1], tails[1], c.grid_size, c.sigma_y + grown)
 
 
-@njit(cache=True, nogil=True)
+@part
 def map_step(c, w, gauss, tails):
     """Advance the map by one step: drift, dispersion, circle, normaliser."""
     previous_x, previous_y = w.datum_x, w.datum_y
@@ -351,7 +356,7 @@ def map_step(c, w, gauss, tails):
     normalise(c, w, gauss, tails)
 
 
-@njit(cache=True, nogil=True)
+@part
 def person_to_best_cell(c, w, gauss, person):
     """Move a person to the best of the 3 x 3 window, each cell weighted by U{1..100} / 100."""
     best, best_dx, best_dy = 0.0, 0, 0
@@ -371,7 +376,7 @@ DRIFT_WEIGHT = 0.05
 """Added to the probability of the cell that a person drifts to (DSSE 1.1.9)."""
 
 
-@njit(cache=True, nogil=True)
+@part
 def person_with_drift(c, w, gauss, person):
     """Draw a person's step from the 3 x 3 window when its own drift has gathered a cell."""
     moves = abs(person.remainder_x) >= 1 or abs(person.remainder_y) >= 1
@@ -404,7 +409,7 @@ def person_with_drift(c, w, gauss, person):
     person.remainder_y = less_one(person.remainder_y)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def persons_step(c, w, gauss, persons):
     """Move every person that is still adrift."""
     for p in range(len(persons)):
@@ -416,7 +421,7 @@ def persons_step(c, w, gauss, persons):
             person_to_best_cell(c, w, gauss, persons[p])
 
 
-@njit(cache=True, nogil=True)
+@part
 def drift_per_step(c, x, y):
     """Return the drift (x, y) in cells per step of a vector."""
     if not c.drift_by_speed:
@@ -425,7 +430,7 @@ def drift_per_step(c, x, y):
     return x * share, y * share
 
 
-@njit(cache=True, nogil=True)
+@part
 def draw_own_drift(c, w, person):
     """Draw a person's drift: the mean of the vector and of a turned and scaled copy of it.
 
@@ -444,7 +449,7 @@ def draw_own_drift(c, w, person):
     )
 
 
-@njit(cache=True, nogil=True)
+@part
 def scatter_persons(c, w, persons):
     """Put all but the first person in different cells within `person_scatter` of the start."""
     g, s = c.grid_size, c.person_scatter
@@ -460,7 +465,7 @@ def scatter_persons(c, w, persons):
         persons[p].x, persons[p].y = x0 + cells[p] % width, y0 + cells[p] // width
 
 
-@njit(cache=True, nogil=True)
+@part
 def sea_step(c, w, persons, gauss, tails):
     """Advance the map and the persons by one step."""
     if c.person_first:
@@ -470,7 +475,7 @@ def sea_step(c, w, persons, gauss, tails):
         persons_step(c, w, gauss, persons)
 
 
-@njit(cache=True, nogil=True)
+@part
 def reset_world(c, w, drones, persons, gauss, tails):
     """Set a world to its start: persons at the start cell, which has all the probability."""
     w.t = w.map_steps = 0
@@ -500,7 +505,7 @@ def reset_world(c, w, drones, persons, gauss, tails):
         sea_step(c, w, persons, gauss, tails)
 
 
-@njit(cache=True, nogil=True)
+@part
 def search_cell(c, w, gauss, d, persons):
     """Return (reward, found) of a search by a drone where it is."""
     finds = 0
@@ -528,7 +533,7 @@ def search_cell(c, w, gauss, d, persons):
     return (probability * c.search_scale if enough else c.search_below), False
 
 
-@njit(cache=True, nogil=True)
+@part
 def move(c, d, action):
     """Move a drone; returns (reward, whether it left the grid)."""
     x, y = d.x + c.dx[action], d.y + c.dy[action]
@@ -538,7 +543,7 @@ def move(c, d, action):
     return (c.move if inside else c.leave_grid), not inside
 
 
-@njit(cache=True, nogil=True)
+@part
 def collide(c, drones, occupied, rewards, terminated):
     """Reward and terminate the drones still flying that share a cell.
 
@@ -565,7 +570,7 @@ def collide(c, drones, occupied, rewards, terminated):
             occupied[drones[n].y * g + drones[n].x] = 0
 
 
-@njit(cache=True, nogil=True)
+@part
 def is_crashed(g, drones, n, occupied):
     """Return whether drone n shares its cell; only those on the grid are in `occupied`."""
     d = drones[n]
@@ -577,19 +582,19 @@ def is_crashed(g, drones, n, occupied):
     return crashed
 
 
-@njit(cache=True, nogil=True)
+@part
 def is_inside(g, d):
     """Return whether a drone is on the grid."""
     return 0 <= d.x < g and 0 <= d.y < g
 
 
-@njit(cache=True, nogil=True)
+@part
 def is_flying(c, d, terminated):
     """Return whether a drone can collide; where drones end together, flags ground nobody."""
     return d.alive and (c.ends_together or not terminated)
 
 
-@njit(cache=True, nogil=True)
+@part
 def step_drones(c, w, drones, persons, gauss, actions, rewards, terminated, truncated, found):
     """Do the actions in index order against the map of the last observation."""
     out_of_time = w.t >= c.timestep_limit + c.time_out_grace
@@ -616,7 +621,7 @@ def step_drones(c, w, drones, persons, gauss, actions, rewards, terminated, trun
         d.earned += reward
 
 
-@njit(cache=True, nogil=True)
+@part
 def settle_flags(c, w, drones, persons, terminated, truncated):
     """Flag the drones whose search is over, and the world when all are."""
     w.adrift = 0
@@ -640,7 +645,7 @@ def settle_flags(c, w, drones, persons, terminated, truncated):
     w.over = any_flag if c.ends_together else flying == 0
 
 
-@njit(cache=True, nogil=True)
+@part
 def step_world(
     c, w, drones, persons, gauss, tails, actions, rewards, terminated, truncated, found, occupied
 ):  # fmt: skip
@@ -659,7 +664,7 @@ def step_world(
     settle_flags(c, w, drones, persons, terminated, truncated)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def step_worlds(
     constants, worlds, drones, persons, gauss, tails, actions, maps, rewards, terminated, truncated,
     found, occupied, auto_reset,
@@ -700,7 +705,7 @@ def step_worlds(
             write_map(c, worlds[b], gauss[table], maps[b])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def reset_worlds(constants, worlds, drones, persons, gauss, tails, maps, which):
     """Reset the worlds with which[b] and write their maps; arguments as in `step_worlds`."""
     c = constants[0]
@@ -712,7 +717,7 @@ def reset_worlds(constants, worlds, drones, persons, gauss, tails, maps, which):
                 write_map(c, worlds[b], gauss[table], maps[b])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def refresh_worlds(constants, worlds, gauss, tails, maps):
     """Write the tables and the maps that the state asks for; arguments as in `step_worlds`."""
     c = constants[0]
@@ -723,7 +728,7 @@ def refresh_worlds(constants, worlds, gauss, tails, maps):
             write_map(c, worlds[b], gauss[min(b, len(gauss) - 1)], maps[b])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def read_cells(constants, worlds, gauss, x, y, out):
     """Write the probabilities of cells of B worlds, 0 outside the grid.
 
