@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Carries out orders, without a link and without a clock: told the time and what was heard."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+from dsse_ros.flight import messages
+from dsse_ros.flight.helm import Helm, NotOursError, OrderFailedError, PilotSettings
+from dsse_ros.flight.maneuvers import Maneuver, maneuver
+from dsse_ros.flight.messages import Address
+from dsse_ros.flight.orders import Order
+from dsse_ros.flight.streams import Streams
+from dsse_ros.flight.telegrams import CommandAck, Heard, Heartbeat, Said, StatusText
+from dsse_ros.flight.vehicle_state import VehicleState, observe, without_link
+
+__all__ = ["Outcome", "Pilot", "PilotSettings", "Status"]
+
+Status = Literal["idle", "under_way", "done", "failed", "taken_over", "lost"]
+
+_MISSION_MESSAGES = get_args(messages.Message)
+_TICK_S = 0.2
+_OFFBOARD_LOST_S = 3.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What has become of the latest order.
+
+    Attributes:
+        order: The order, None if there was none.
+        number: Its number, from 1; 0 if there was none.
+        status: `idle` without an order; `done` only by what the vehicle did; `failed`;
+            `taken_over` by a pilot or a failsafe, and nothing is sent until an order is given
+            while the vehicle is in GUIDED again (PX4: HOLD or OFFBOARD); `lost` while no
+            heartbeats come, after which an order goes on.
+        reason: One line for people: what it waits for, or what went wrong.
+    """
+
+    order: Order | None = None
+    number: int = 0
+    status: Status = "idle"
+    reason: str = ""
+
+
+class Pilot:
+    """Flies one vehicle, one order at a time, of which the latest counts.
+
+    It takes only what its vehicle says: whoever drives it keeps other senders away. Heartbeats of
+    ours are not its business.
+
+    Args:
+        target: The vehicle's autopilot.
+        source: Ourselves.
+        settings: How to fly.
+
+    Attributes:
+        counts: Events by a short key.
+
+    Raises:
+        ValueError: If the target is everybody.
+    """
+
+    def __init__(self, target: Address, source: Address, settings: PilotSettings) -> None:
+        if not 1 <= target.system <= 255:
+            raise ValueError(f"target: system {target.system!r} is not allowed; 1 to 255")
+        self.counts: Counter[str] = Counter()
+        self._settings = settings
+        self._target, self._source = target, source
+        self._helm = Helm(target, settings)
+        self._streams = Streams(target, settings.dialect, settings.position_hz)
+        self._maneuver: Maneuver | None = None
+        self._outcome = Outcome()
+        self._suspect = False
+        self._taken_over = False
+        self._due_s = -math.inf
+
+    @property
+    def state(self) -> VehicleState:
+        """What the vehicle says of itself."""
+        return self._helm.state
+
+    @property
+    def outcome(self) -> Outcome:
+        """What has become of the latest order."""
+        if self._lost:
+            silence = f"no heartbeat for {self._settings.link_lost_s:g} s"
+            return replace(self._outcome, status="lost", reason=silence)
+        return self._outcome
+
+    @property
+    def deadline(self) -> float:
+        """Time at which `tick` is due."""
+        helm = self._helm
+        if not self._may_act:
+            return self._due_s
+        transfer_s = helm.exchange.deadline if helm.exchange is not None else None
+        return min(self._due_s, helm.due_s, math.inf if transfer_s is None else transfer_s)
+
+    def give(self, order: Order, now: float) -> list[Said]:
+        """Take an order in place of any other; returns what to send."""
+        helm = self._helm
+        helm.now = now
+        number = self._outcome.number + 1
+        if self._taken_over:
+            if not (helm.state.connected and helm.state.mode in helm.handed_over):
+                self._outcome = Outcome(order, number, "taken_over", self._elsewhere())
+                return []
+            self._taken_over = self._suspect = False
+        helm.begin()
+        self._maneuver = maneuver(helm, order, self._source)
+        self._outcome = Outcome(order, number, "under_way", "given")
+        return self._go_on()
+
+    def receive(self, message: Heard, now: float) -> list[Said]:
+        """Take a message of the vehicle; returns what to send."""
+        helm = self._helm
+        helm.now = now
+        was_lost, before = self._lost, helm.state
+        helm.state = observe(before, message, now, self._settings.dialect)
+        self._streams.heard(message, now)
+        match message:
+            case Heartbeat():
+                if was_lost:
+                    self.counts["link_found"] += 1
+                    helm.be_patient()
+                self._watch_mode(before.mode)
+            case StatusText(_, text):
+                helm.words(text)
+            case CommandAck(_, _, system, component):
+                if system in (0, self._source.system) and component in (0, self._source.component):
+                    helm.acknowledged(message)
+            case message if isinstance(message, _MISSION_MESSAGES) and helm.exchange is not None:
+                helm.out += helm.exchange.receive(message, self._target, now)
+        return self._go_on()
+
+    def tick(self, now: float) -> list[Said]:
+        """Let time pass; returns what to send."""
+        helm = self._helm
+        helm.now = now
+        self._due_s = now + _TICK_S
+        if helm.state.connected and now - helm.state.heard_s > self._settings.link_lost_s:
+            helm.state = without_link(helm.state)
+            self.counts["link_lost"] += 1
+        if self._may_act:
+            if helm.exchange is not None:
+                helm.out += helm.exchange.tick(now)
+            helm.out += self._streams.requests(now, flies_somewhere=helm.set_point is not None)
+        return self._go_on()
+
+    @property
+    def _may_act(self) -> bool:
+        """Whether the vehicle hears us, and is not in somebody else's hands."""
+        return self._helm.state.connected and not self._taken_over and not self._suspect
+
+    @property
+    def _lost(self) -> bool:
+        state = self._helm.state
+        return bool(state.mode) and not state.connected
+
+    def _go_on(self) -> list[Said]:
+        """Go on with the order, and return what is to be sent."""
+        helm = self._helm
+        if self._may_act:
+            try:
+                self._advance()
+            except OrderFailedError as error:
+                self._end("failed", str(error))
+            except NotOursError:
+                self._take_over()
+        said, helm.out = helm.out, []
+        return [] if self._taken_over or self._suspect else said
+
+    def _advance(self) -> None:
+        helm = self._helm
+        if self._maneuver is not None:
+            try:
+                self._wait(next(self._maneuver))
+            except StopIteration:
+                self._end("done", "")
+        helm.keep_set_point(under_way=self._maneuver is not None)
+
+    def _wait(self, reason: str) -> None:
+        if reason != self._outcome.reason or self._outcome.status != "under_way":
+            self._outcome = replace(self._outcome, status="under_way", reason=reason)
+
+    def _end(self, status: Status, reason: str) -> None:
+        self._maneuver = None
+        self._outcome = replace(self._outcome, status=status, reason=reason)
+        self.counts[status] += 1
+
+    def _watch_mode(self, before: str) -> None:
+        """See whether the mode is another than what we and the autopilot have made it."""
+        helm, mode = self._helm, self._helm.state.mode
+        if self._taken_over or helm.own_modes is None or mode in helm.own_modes:
+            self._suspect = False
+            return
+        if helm.px4 and mode == "HOLD" and helm.now - helm.offboard_lost_s < _OFFBOARD_LOST_S:
+            # It missed set-points: nobody else wants it.
+            helm.own_modes |= {"HOLD"}
+            self.counts["offboard_lost"] += 1
+            return
+        if helm.px4 and mode == "HOLD" and not helm.state.armed:
+            helm.own_modes |= {"HOLD"}
+            return
+        # One heartbeat may have been overtaken by another.
+        if self._suspect:
+            self._take_over()
+        self._suspect = True
+
+    def _take_over(self) -> None:
+        self._taken_over = True
+        self._helm.let_go()
+        self._end("taken_over", self._elsewhere())
+
+    def _elsewhere(self) -> str:
+        state = self._helm.state
+        failsafe = f", {state.failsafe} failsafe" if state.failsafe else ""
+        return f"in {state.mode or 'no known mode'}{failsafe}"

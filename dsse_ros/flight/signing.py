@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The key and the clock of signed messages: https://mavlink.io/en/guide/message_signing.html."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+import time
+from pathlib import Path
+
+KEY_BYTES = 32
+TICKS_PER_S = 100_000
+"""Signatures count in units of 10 microseconds."""
+
+_EPOCH_S = 1420070400
+"""2015-01-01, where signatures begin to count."""
+_RESERVE_S = 10.0
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+
+def read_key(path: str | Path) -> bytes:
+    """Return the key in a file of 32 bytes or 64 hexadecimal digits.
+
+    Raises:
+        ValueError: If there is none in it, or if others than its owner may use it.
+    """
+    try:
+        mode = os.stat(path).st_mode
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}") from error
+    if mode & _OTHERS:
+        raise ValueError(f"{path}: mode {mode & 0o777:o} is not allowed; 600 keeps it secret")
+    text = data.strip()
+    if len(text) == 2 * KEY_BYTES:
+        with contextlib.suppress(ValueError):
+            return bytes.fromhex(text.decode("ascii"))
+    if len(data) != KEY_BYTES:
+        raise ValueError(f"{path}: {len(data)} bytes are no key; {KEY_BYTES}, or 64 digits")
+    return data
+
+
+class SigningClock:
+    """A clock that never goes back, not even over a restart on a machine whose own clock did.
+
+    What it writes is ahead of what it shows, so that nothing shown is ever shown again.
+
+    Args:
+        path: Where it is kept; None to start from the machine's clock each time.
+
+    Attributes:
+        trouble: Why it could not be kept, empty if it could.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self.trouble = ""
+        self._path = path
+        self._last = self._read()
+        self._reserved = 0
+
+    def now(self) -> int:
+        """Return the time in ticks: the machine's, or just above the last if that is behind."""
+        ticks = int((time.time() - _EPOCH_S) * TICKS_PER_S)
+        self._last = max(self._last + 1, ticks)
+        if self._last >= self._reserved:
+            self._reserved = self._last + int(_RESERVE_S * TICKS_PER_S)
+            self._write(self._reserved)
+        return self._last
+
+    def used(self, ticks: int) -> None:
+        """Take note of a time that has been used, or heard of."""
+        self._last = max(self._last, ticks)
+
+    def close(self) -> None:
+        """Keep the exact time."""
+        self._write(self._last)
+
+    def _read(self) -> int:
+        if self._path is None:
+            return 0
+        try:
+            return max(0, int(self._path.read_text()))
+        except FileNotFoundError:
+            return 0
+        except (OSError, ValueError) as error:
+            self.trouble = f"{self._path}: {error}"
+            return 0
+
+    def _write(self, ticks: int) -> None:
+        if self._path is None:
+            return
+        new = self._path.with_name(self._path.name + ".new")
+        try:
+            new.write_text(f"{ticks}\n")
+            os.replace(new, self._path)
+        except OSError as error:
+            self.trouble = f"{self._path}: {error.strerror}"

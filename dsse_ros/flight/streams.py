@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Has a vehicle send what is needed of it, and looks whether it does.
+
+An autopilot may acknowledge a request and forget it, and may lose all of them when it restarts.
+"""
+
+from __future__ import annotations
+
+import math
+
+from dsse_ros.flight.messages import Address
+from dsse_ros.flight.readback import Dialect
+from dsse_ros.flight.telegrams import (
+    CommandLong,
+    EkfStatus,
+    ExtendedSysState,
+    GlobalPosition,
+    Heard,
+    HomePosition,
+    MissionCurrent,
+    PositionTarget,
+    SysStatus,
+)
+
+SET_MESSAGE_INTERVAL = 511
+REQUEST_MESSAGE = 512
+
+_HOME_POSITION = 242
+_NUMBERS: dict[Dialect, dict[type, int]] = {
+    "ardupilot": {
+        GlobalPosition: 33,
+        SysStatus: 1,
+        EkfStatus: 193,
+        ExtendedSysState: 245,
+        PositionTarget: 87,
+        MissionCurrent: 42,
+    },
+    "px4": {
+        GlobalPosition: 33,
+        SysStatus: 1,
+        EkfStatus: 230,
+        ExtendedSysState: 245,
+        MissionCurrent: 42,
+    },
+}
+_RATE_HZ = 1.0
+_MISSED = 3
+_GRACE_S = 1.0
+_ASK_AGAIN_S = 2.0
+
+
+class Streams:
+    """Requests, each repeated until what was asked for comes, and again when it stops to come.
+
+    Args:
+        target: The vehicle's autopilot.
+        dialect: Whose autopilot it is.
+        position_hz: How often to ask for positions and for the place it flies to.
+    """
+
+    def __init__(self, target: Address, dialect: Dialect, position_hz: float) -> None:
+        self._target = target
+        self._numbers = _NUMBERS[dialect]
+        self._rates_hz = dict.fromkeys(self._numbers, _RATE_HZ)
+        self._rates_hz[GlobalPosition] = position_hz
+        self._heard_s = dict.fromkeys(self._numbers, -math.inf)
+        self._asked_s = dict.fromkeys([*self._numbers, HomePosition], -math.inf)
+        self._has_home = False
+        # It says where it flies only while it flies somewhere.
+        self._optional = {PositionTarget}
+
+    def heard(self, message: Heard, now: float) -> None:
+        """Take note of a message."""
+        kind = type(message)
+        if kind in self._heard_s:
+            self._heard_s[kind] = now
+        elif kind is HomePosition:
+            self._has_home = True
+
+    def requests(self, now: float, *, flies_somewhere: bool) -> list[CommandLong]:
+        """Return what to ask for now.
+
+        Args:
+            now: Our time in seconds.
+            flies_somewhere: Whether it should say where.
+        """
+        said = []
+        for kind, number in self._numbers.items():
+            rate_hz = self._rates_hz[kind]
+            late = now - self._heard_s[kind] > _MISSED / rate_hz + _GRACE_S
+            wanted = flies_somewhere or kind not in self._optional or not self._asked(kind)
+            if late and wanted and now - self._asked_s[kind] > _ASK_AGAIN_S:
+                self._asked_s[kind] = now
+                said.append(
+                    CommandLong(
+                        self._target, SET_MESSAGE_INTERVAL, float(number), round(1e6 / rate_hz)
+                    )
+                )
+        if not self._has_home and now - self._asked_s[HomePosition] > _ASK_AGAIN_S:
+            self._asked_s[HomePosition] = now
+            said.append(CommandLong(self._target, REQUEST_MESSAGE, float(_HOME_POSITION)))
+        return said
+
+    def _asked(self, kind: type) -> bool:
+        return self._asked_s[kind] > -math.inf

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pilot on a link, with a thread that keeps both going."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import select
+import socket
+import threading
+import time
+from collections import Counter, deque
+from dataclasses import dataclass
+from pathlib import Path
+
+from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.link import parse_connection
+from dsse_ros.flight.messages import Address
+from dsse_ros.flight.orders import Order
+from dsse_ros.flight.pilot import Outcome, Pilot, PilotSettings
+from dsse_ros.flight.signing import SigningClock, read_key
+from dsse_ros.flight.telegrams import Heartbeat, Said, StatusText
+from dsse_ros.flight.vehicle_state import VehicleState
+
+_HEARTBEAT_S = 1.0
+_REOPEN_S = 1.0
+_MAX_WAIT_S = 0.2
+_AFTER_ERROR_S = 0.1
+_CLOSE_S = 5.0
+_MAX_TEXTS = 100
+_ONBOARD_CONTROLLER, _NO_AUTOPILOT, _ACTIVE = 18, 8, 4
+_OURS = Heartbeat(_ONBOARD_CONTROLLER, _NO_AUTOPILOT, 0, 0, _ACTIVE)
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleSettings(PilotSettings):
+    """A vehicle, how it is reached and how it is flown.
+
+    Attributes:
+        connection: As pymavlink has it: see `link.parse_connection`.
+        system_id: The vehicle's.
+        component_id: Its autopilot's.
+        own_system_id: Ours.
+        own_component_id: Ours; 191 is an on-board computer.
+        signing_key_file: 32 bytes or 64 hexadecimal digits that nobody else can read; empty to
+            leave messages unsigned. The time of the last signature is kept beside it.
+
+    Raises:
+        ValueError: If a value is not allowed.
+    """
+
+    connection: str
+    system_id: int = 1
+    component_id: int = 1
+    own_system_id: int = 245
+    own_component_id: int = 191
+    signing_key_file: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        parse_connection(self.connection)
+        for name in ("system_id", "component_id", "own_system_id", "own_component_id"):
+            value = getattr(self, name)
+            if not 1 <= value <= 255:
+                raise ValueError(f"{name}: {value!r} is not allowed; 1 to 255")
+        if self.system_id == self.own_system_id:
+            raise ValueError(f"own_system_id: {self.own_system_id} is the vehicle's")
+
+
+class Vehicle:
+    """One vehicle; everything is safe from any thread and returns at once but for `close`.
+
+    Args:
+        settings: See there.
+
+    Raises:
+        ValueError: If there is no key in the key file.
+    """
+
+    def __init__(self, settings: VehicleSettings) -> None:
+        self.settings = settings
+        target = Address(settings.system_id, settings.component_id)
+        source = Address(settings.own_system_id, settings.own_component_id)
+        key, clock = None, None
+        if settings.signing_key_file:
+            file = Path(settings.signing_key_file)
+            key = read_key(file)
+            clock = SigningClock(file.with_name(f"{file.name}.{source.system}-{target.system}"))
+        self._codec = Codec(source, target, key=key, clock=clock)
+        self._clock = clock
+        self._link = parse_connection(settings.connection)
+        self._pilot = Pilot(target, source, settings)
+        self._counts: Counter[str] = Counter()
+        self._texts: deque[StatusText] = deque(maxlen=_MAX_TEXTS)
+        self._outbox: list[Said] = []
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._closing = False
+        self._up = False
+        self._trouble = "not started"
+        self._reopen_s = 0.0
+        self._heartbeat_s = 0.0
+        self._woken, self._waker = socket.socketpair()
+        self._woken.setblocking(False)
+        self._waker.setblocking(False)
+
+    def start(self) -> None:
+        """Start the thread: a link that does not open is tried again, see `trouble`.
+
+        Raises:
+            RuntimeError: If it was started before.
+        """
+        if self._thread is not None:
+            raise RuntimeError("a vehicle starts once")
+        name = f"vehicle {self.settings.system_id}"
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def give(self, order: Order) -> int:
+        """Give an order in place of any other; returns its number, from 1."""
+        with self._lock:
+            self._outbox += self._pilot.give(order, time.monotonic())
+            number = self._pilot.outcome.number
+        self._wake()
+        return number
+
+    @property
+    def state(self) -> VehicleState:
+        """What the vehicle says of itself."""
+        return self._pilot.state
+
+    @property
+    def outcome(self) -> Outcome:
+        """What has become of the latest order."""
+        return self._pilot.outcome
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the link, or with keeping the time of signatures; empty if nothing."""
+        return self._trouble or (self._clock.trouble if self._clock else "")
+
+    @property
+    def counts(self) -> Counter[str]:
+        """How often what happened, by a short key.
+
+        Of what came: `accepted`, `bad_data`, `wrong_sender`, `wrong_address`, `not_needed`,
+        `unsigned` and `forged`. Of us: `heartbeats` sent, `heartbeats_missed`, `unsent`, `opened`,
+        `closed` and `errors`. Of orders and the vehicle: `done`, `failed`, `taken_over`,
+        `link_lost`, `link_found` and `offboard_lost`.
+        """
+        with self._lock:
+            return self._counts + self._codec.counts + self._link.counts + self._pilot.counts
+
+    def take_texts(self) -> list[StatusText]:
+        """Return what the vehicle has said in words since the last call, at most 100 of them."""
+        with self._lock:
+            texts = list(self._texts)
+            self._texts.clear()
+        return texts
+
+    def close(self) -> None:
+        """Stop the thread and close the link; the vehicle goes on as its autopilot sees fit."""
+        self._closing = True
+        self._wake()
+        if self._thread is not None:
+            self._thread.join(_CLOSE_S)
+            if self._thread.is_alive():
+                return
+        self._waker.close()
+        self._woken.close()
+
+    def __enter__(self) -> Vehicle:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # The thread
+
+    def _wake(self) -> None:
+        with contextlib.suppress(OSError):
+            self._waker.send(b"\0")
+
+    def _run(self) -> None:
+        while not self._closing:
+            try:
+                self._turn()
+            except OSError as error:
+                self._drop(error)
+            except Exception:
+                # A vehicle whose messages are not understood still needs its heartbeats.
+                self._counts["errors"] += 1
+                if self._counts["errors"] == 1:
+                    _logger.exception("vehicle %d", self.settings.system_id)
+                time.sleep(_AFTER_ERROR_S)
+        with self._lock:
+            self._link.close()
+            self._codec.close()
+
+    def _turn(self) -> None:
+        """Wait for what comes next, and deal with it."""
+        now = time.monotonic()
+        if not self._up and now >= self._reopen_s:
+            self._reopen_s = now + _REOPEN_S
+            self._link.open()
+            self._codec.forget_rest()
+            self._up = True
+            self._counts["opened"] += 1
+        due_s = min(self._pilot.deadline, self._heartbeat_s, now + _MAX_WAIT_S)
+        ready = self._wait(max(0.0, due_s - now))
+        now = time.monotonic()
+        with self._lock:
+            if now >= self._heartbeat_s:
+                # At an even pace, but not one for each that was missed.
+                if self._counts["heartbeats"]:
+                    late_s = now - self._heartbeat_s
+                    self._counts["heartbeats_missed"] += int(late_s / _HEARTBEAT_S)
+                next_s = self._heartbeat_s + _HEARTBEAT_S
+                self._heartbeat_s = next_s if next_s > now else now + _HEARTBEAT_S
+                self._outbox.insert(0, _OURS)
+                self._counts["heartbeats"] += self._up
+            if ready:
+                self._receive(now)
+            if now >= self._pilot.deadline:
+                self._outbox += self._pilot.tick(now)
+            outbox, self._outbox = self._outbox, []
+            if self._up:
+                for said in outbox:
+                    self._link.send(self._codec.encode(said))
+                if ready and not outbox:
+                    self._link.send(b"")
+
+    def _wait(self, seconds: float) -> bool:
+        """Wait until there is something to do, and return whether it is on the link."""
+        poll = select.poll()
+        poll.register(self._woken, select.POLLIN)
+        if self._up:
+            unsent = select.POLLOUT if self._link.waits_to_send else 0
+            poll.register(self._link, select.POLLIN | unsent)
+        ready = dict(poll.poll(1000 * seconds))
+        if ready.pop(self._woken.fileno(), 0):
+            with contextlib.suppress(BlockingIOError):
+                self._woken.recv(4096)
+        return bool(ready)
+
+    def _receive(self, now: float) -> None:
+        for data, peer in self._link.receive(now):
+            heard = self._codec.decode(data, now, datagram=self._link.datagram)
+            if heard:
+                self._trouble = ""
+                self._link.believe(peer, now)
+            for message in heard:
+                if isinstance(message, StatusText):
+                    self._texts.append(message)
+                self._outbox += self._pilot.receive(message, now)
+
+    def _drop(self, error: OSError) -> None:
+        if self._up:
+            self._counts["closed"] += 1
+        self._up = False
+        self._trouble = f"{self.settings.connection}: {error.strerror or error}"
+        self._reopen_s = time.monotonic() + _REOPEN_S
+        with self._lock:
+            self._link.close()
+            self._outbox.clear()

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bytes are taken apart without fail, whatever they are, and only the vehicle's own count."""
+
+from __future__ import annotations
+
+import random
+import time
+from typing import Any
+
+import pytest
+from autopilot.wire import Codec as Speaker
+from autopilot.wire import mavlink
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.messages import Address, MissionItemInt, MissionRequest
+from dsse_ros.flight.telegrams import (
+    CommandLong,
+    GlobalPosition,
+    Heartbeat,
+    MissionSetCurrent,
+    SetPositionTarget,
+    StatusText,
+)
+
+VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
+both = pytest.mark.parametrize("datagram", [True, False], ids=["datagrams", "stream"])
+
+
+def codec() -> Codec:
+    return Codec(OURSELVES, VEHICLE)
+
+
+def heartbeats(number: int, system: int = 7, component: int = 1, old: bool = False) -> list[bytes]:
+    speaker = Speaker(system)
+    speaker.srcComponent = component
+    message = mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 4, 3)
+    frames = []
+    for _ in range(number):
+        frames.append(bytes(message.pack(speaker, force_mavlink1=old)))
+        speaker.seq = (speaker.seq + 1) % 256
+    return frames
+
+
+def malformed(draw: random.Random) -> bytes:
+    """Return what is nearly a frame, or none at all."""
+    frame = bytearray(draw.choice(SAMPLES))
+    kind = draw.randrange(6)
+    if kind == 0:
+        return draw.randbytes(draw.randrange(1, 60))
+    if kind == 1:
+        return bytes(frame[: draw.randrange(1, len(frame))])
+    if kind == 2:
+        # A start that promises the longest frame there is.
+        return bytes((draw.choice((0xFD, 0xFE)), 255, draw.choice((0, 1, 255)))) + frame[3:]
+    if kind == 3:
+        return bytes((0xFD,)) * draw.randrange(1, 40)
+    for _ in range(draw.randrange(1, 5)):
+        frame[draw.randrange(len(frame))] ^= draw.randrange(1, 256)
+    return bytes(frame)
+
+
+SAMPLES = [
+    *heartbeats(1),
+    *heartbeats(1, old=True),
+    bytes(Speaker(7).encode(mavlink.MAVLink_statustext_message(4, b"x" * 50))),
+    bytes(Speaker(7).encode(mavlink.MAVLink_mission_count_message(245, 191, 9, 0))),
+    bytes(Speaker(7, bytes(32)).encode(mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 4, 3))),
+]
+
+
+@both
+def test_what_the_vehicle_says_is_understood(datagram: bool) -> None:
+    data = b"".join(heartbeats(3) + heartbeats(2, old=True))
+    data += Speaker(7).encode(mavlink.MAVLink_statustext_message(4, b"hello"))
+    heard = codec().decode(data, 0.0, datagram=datagram)
+    assert heard == [Heartbeat(2, 3, 81, 4, 4)] * 5 + [StatusText(4, "hello")]
+
+
+@given(cuts=st.lists(st.integers(1, 60), max_size=30))
+def test_a_stream_may_come_in_any_pieces(cuts: list[int]) -> None:
+    data, ours, heard = b"".join(heartbeats(20)), codec(), []
+    for cut in [*cuts, len(data)]:
+        heard += ours.decode(data[:cut], 0.0, datagram=False)
+        data = data[cut:]
+    assert len(heard) == 20
+    assert ours.counts == {"accepted": 20}
+
+
+@given(st.lists(st.binary(max_size=300), max_size=20), st.booleans())
+def test_no_bytes_make_it_raise(pieces: list[bytes], datagram: bool) -> None:
+    ours = codec()
+    for now, piece in enumerate(pieces):
+        ours.decode(piece, float(now), datagram=datagram)
+
+
+@both
+def test_a_million_malformed_frames_do_no_harm(datagram: bool) -> None:
+    draw, ours, longest_s = random.Random(1), codec(), 0.0
+    samples = [malformed(draw) for _ in range(2000)]
+    good = heartbeats(1)[0]
+    for turn in range(500_000 // 100):
+        start = time.monotonic()
+        for _ in range(100):
+            ours.decode(draw.choice(samples), turn, datagram=datagram)
+        longest_s = max(longest_s, time.monotonic() - start)
+        if turn % 10 == 0:
+            before = ours.counts["accepted"]
+            frames = 0
+            while ours.counts["accepted"] == before:
+                ours.decode(good, turn, datagram=datagram)
+                frames += 1
+                assert frames <= 30
+    assert longest_s < 1.0
+    assert ours.counts["bad_data"] > 100_000
+
+
+@given(st.binary(max_size=400), st.booleans())
+def test_after_garbage_it_is_in_step_within_thirty_frames(garbage: bytes, datagram: bool) -> None:
+    ours = codec()
+    ours.decode(garbage, 0.0, datagram=datagram)
+    before = ours.counts["accepted"]
+    for number, frame in enumerate(heartbeats(30)):
+        ours.decode(frame, 0.1 * number, datagram=datagram)
+    # In a stream some may still be held back, in what looks like a longer one.
+    assert ours.counts["accepted"] - before >= (30 if datagram else 15)
+    before = ours.counts["accepted"]
+    for number, frame in enumerate(heartbeats(30)):
+        ours.decode(frame, 3.0 + 0.1 * number, datagram=datagram)
+    assert ours.counts["accepted"] - before >= 30
+
+
+def test_a_false_start_does_not_swallow_the_frames_behind_it() -> None:
+    ours, frames = codec(), heartbeats(40)
+    false_start = bytes((0xFD, 255, 0))
+    heard = ours.decode(false_start + b"".join(frames), 0.0, datagram=False)
+    assert len(heard) == 40
+
+
+def test_a_false_start_that_does_not_go_on_is_given_up() -> None:
+    ours = codec()
+    ours.decode(bytes((0xFD, 255, 0)), 0.0, datagram=False)
+    heard = [ours.decode(frame, 1.0 + k, datagram=False) for k, frame in enumerate(heartbeats(3))]
+    assert [len(one) for one in heard] == [1, 1, 1]
+
+
+def test_a_broken_datagram_does_not_spoil_the_next() -> None:
+    ours, frames = codec(), heartbeats(2)
+    assert ours.decode(frames[0][:-1], 0.0, datagram=True) == []
+    assert len(ours.decode(frames[1], 0.0, datagram=True)) == 1
+
+
+@both
+def test_wrong_senders_have_no_effect_and_are_counted(datagram: bool) -> None:
+    ours, draw = codec(), random.Random(3)
+    for _ in range(10_000):
+        system, component = draw.randrange(1, 256), draw.randrange(1, 256)
+        if (system, component) != VEHICLE:
+            frame = heartbeats(1, system, component)[0]
+            assert ours.decode(frame, 0.0, datagram=datagram) == []
+    assert ours.counts["wrong_sender"] >= 9_990
+    assert len(ours.decode(heartbeats(1)[0], 0.0, datagram=datagram)) == 1
+
+
+def test_what_is_not_needed_is_counted_and_not_decoded() -> None:
+    ours = codec()
+    frame = Speaker(7).encode(mavlink.MAVLink_attitude_message(0, *[0.0] * 6))
+    assert ours.decode(frame, 0.0, datagram=True) == []
+    assert ours.counts == {"not_needed": 1}
+
+
+def test_a_message_of_another_dialect_is_passed_over() -> None:
+    ours, frame = codec(), bytearray(heartbeats(1)[0])
+    frame[7:10] = (60_000).to_bytes(3, "little")
+    heard = ours.decode(bytes(frame) + heartbeats(1)[0], 0.0, datagram=False)
+    assert len(heard) == 1
+
+
+@pytest.mark.parametrize(
+    ("said", "kind", "fields"),
+    [
+        (Heartbeat(18, 8, 0, 0, 4), "HEARTBEAT", {"type": 18, "autopilot": 8, "system_status": 4}),
+        (
+            CommandLong(VEHICLE, 176, 1.0, 4.0),
+            "COMMAND_LONG",
+            {"target_system": 7, "command": 176, "param1": 1.0, "param2": 4.0, "param7": 0.0},
+        ),
+        (
+            SetPositionTarget(VEHICLE, -240000000, -463000000, 120.0),
+            "SET_POSITION_TARGET_GLOBAL_INT",
+            {
+                "target_system": 7,
+                "target_component": 1,
+                "coordinate_frame": 6,
+                "type_mask": 3576,
+                "lat_int": -240000000,
+                "lon_int": -463000000,
+                "alt": 120.0,
+            },
+        ),
+        (MissionSetCurrent(VEHICLE, 3), "MISSION_SET_CURRENT", {"seq": 3, "target_system": 7}),
+        (
+            MissionItemInt(VEHICLE, WireItem(2, 6, 16, x=123, y=-456, z=7.0)),
+            "MISSION_ITEM_INT",
+            {"seq": 2, "frame": 6, "command": 16, "x": 123, "y": -456, "z": 7.0},
+        ),
+    ],
+)
+def test_what_is_said_comes_out_as_it_should(said: Any, kind: str, fields: dict[str, Any]) -> None:
+    frames = [codec().encode(said)]
+    assert all(frame[0] == 0xFD for frame in frames)
+    message = Speaker(1).decode_all(frames[0], datagram=True)[0]
+    assert message.get_type() == kind
+    assert {name: getattr(message, name) for name in fields} == fields
+    assert (message.get_srcSystem(), message.get_srcComponent()) == OURSELVES
+
+
+def test_frames_are_numbered() -> None:
+    ours = codec()
+    numbers = [ours.encode(Heartbeat(18, 8, 0, 0, 4))[4] for _ in range(300)]
+    assert numbers == [number % 256 for number in range(300)]
+
+
+@given(st.integers(0, 2**16 - 1), st.sampled_from([MissionRequest]))
+def test_requests_of_missions_are_understood(seq: int, kind: Any) -> None:
+    frame = Speaker(7).encode(mavlink.MAVLink_mission_request_message(245, 191, seq, 0))
+    assert codec().decode(frame, 0.0, datagram=True) == [kind(OURSELVES, seq)]
+
+
+@given(
+    st.integers(-(2**31), 2**31 - 1), st.integers(-(2**15), 2**15 - 1), st.integers(0, 2**16 - 1)
+)
+def test_positions_come_as_they_are(number: int, speed: int, heading: int) -> None:
+    fields = (5, number, -1, number, number, speed, speed, speed, heading)
+    frame = Speaker(7).encode(mavlink.MAVLink_global_position_int_message(*fields))
+    assert codec().decode(frame, 0.0, datagram=True) == [GlobalPosition(*fields)]

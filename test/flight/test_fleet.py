@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Twenty vehicles in one process are all flown, and each hears our heartbeats."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+
+import pytest
+from autopilot.running import Running, running_autopilot
+
+from dsse_ros.flight.fleet import Fleet, default_connections
+from dsse_ros.flight.orders import GoTo, Return, TakeOff
+from dsse_ros.flight.vehicle import VehicleSettings
+
+NUMBER = 20
+TIMEOUT_S = 120.0
+
+
+@contextlib.contextmanager
+def flying_fleet(number: int, *options: str) -> Iterator[tuple[Fleet, list[Running]]]:
+    with contextlib.ExitStack() as stack:
+        autopilots = [
+            stack.enter_context(
+                running_autopilot(
+                    link="udpin",
+                    system=index + 1,
+                    home=(-24.0 + 0.001 * index, -46.3, 0.0),
+                    ready_s=5.0,
+                    options=options,
+                )
+            )
+            for index in range(number)
+        ]
+        settings = [
+            VehicleSettings(connection=autopilot.connection, system_id=index + 1, arm=True)
+            for index, autopilot in enumerate(autopilots)
+        ]
+        yield stack.enter_context(Fleet(settings)), autopilots
+
+
+def until_all(fleet: Fleet, status: str, leave_out: tuple[int, ...] = ()) -> None:
+    end_s = time.monotonic() + TIMEOUT_S
+    for index, vehicle in enumerate(fleet):
+        while index not in leave_out and vehicle.outcome.status != status:
+            assert time.monotonic() < end_s, f"{index}: {vehicle.outcome}, {vehicle.trouble}"
+            time.sleep(0.05)
+
+
+def test_twenty_vehicles_fly_and_no_heartbeat_is_missed() -> None:
+    with flying_fleet(NUMBER) as (fleet, _):
+        start_s = time.monotonic()
+        for vehicle in fleet:
+            vehicle.give(TakeOff(8.0))
+        until_all(fleet, "done")
+        for index, vehicle in enumerate(fleet):
+            vehicle.give(GoTo(-24.0 + 0.001 * index, -46.2998, 8.0, 3.0))
+        until_all(fleet, "done")
+        took_s = time.monotonic() - start_s
+        for vehicle in fleet:
+            assert vehicle.state.flying
+            assert vehicle.state.lon_deg == pytest.approx(-46.2998, abs=5e-5)
+            counts = vehicle.counts
+            # Ours went out, and not one of theirs was so late that it counted as lost.
+            assert counts["heartbeats"] >= int(took_s) - 1
+            assert counts["heartbeats_missed"] == counts["link_lost"] == counts["errors"] == 0
+
+
+def test_a_vehicle_that_drops_out_does_not_stop_the_others() -> None:
+    with flying_fleet(3) as (fleet, autopilots):
+        for vehicle in fleet:
+            vehicle.give(TakeOff(5.0))
+        until_all(fleet, "done")
+        autopilots[1].kill()
+        for index in (0, 2):
+            fleet[index].give(Return())
+        until_all(fleet, "done", leave_out=(1,))
+        assert fleet[1].outcome.status == "lost" or not fleet[1].state.connected
+
+
+def test_connections_are_numbered_as_the_field_does() -> None:
+    assert default_connections(3) == [
+        "udpin:127.0.0.1:14550",
+        "udpin:127.0.0.1:14560",
+        "udpin:127.0.0.1:14570",
+    ]
+    assert default_connections(2, "px4") == ["udpin:127.0.0.1:14540", "udpin:127.0.0.1:14541"]
+
+
+def test_vehicles_do_not_share_a_link() -> None:
+    settings = [VehicleSettings(connection="udpin:127.0.0.1:14550", system_id=k) for k in (1, 2)]
+    with pytest.raises(ValueError, match="14550"):
+        Fleet(settings)
+
+
+def test_a_fleet_has_its_vehicles_in_order() -> None:
+    connections = default_connections(3)
+    fleet = Fleet([VehicleSettings(connection=name) for name in connections])
+    assert len(fleet) == 3
+    assert [vehicle.settings.connection for vehicle in fleet] == connections
+    assert fleet[2].settings.connection == connections[2]
+    fleet.close()

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Links over real sockets and a real pseudo-terminal never wait, and tell when they are down."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+import tty
+from collections.abc import Iterator
+
+import pytest
+
+from dsse_ros.flight.link import Link, parse_connection
+
+TIMEOUT_S = 10.0
+
+
+def free_port(kind: int = socket.SOCK_DGRAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def receive(link: Link, number: int, now: float = 0.0) -> bytes:
+    """Return that many bytes, or what has come in time."""
+    data, end_s = b"", time.monotonic() + TIMEOUT_S
+    while len(data) < number and time.monotonic() < end_s:
+        select.select([link], [], [], 0.1)
+        for piece, peer in link.receive(now):
+            data += piece
+            link.believe(peer, now)
+    return data
+
+
+@pytest.fixture
+def peer() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as made:
+        made.bind(("127.0.0.1", 0))
+        made.settimeout(TIMEOUT_S)
+        yield made
+
+
+def test_udpin_answers_whoever_the_vehicle_was_heard_from(peer: socket.socket) -> None:
+    port = free_port()
+    link = parse_connection(f"udpin:127.0.0.1:{port}")
+    link.open()
+    link.send(b"too early")
+    assert link.counts["unsent"] == 1
+    peer.sendto(b"hello", ("127.0.0.1", port))
+    assert receive(link, 5) == b"hello"
+    link.send(b"answer")
+    assert peer.recv(100) == b"answer"
+    link.close()
+
+
+def test_udpin_hears_nobody_else_while_the_vehicle_is_heard(peer: socket.socket) -> None:
+    port = free_port()
+    link = parse_connection(f"udpin::{port}")
+    link.open()
+    peer.sendto(b"hello", ("127.0.0.1", port))
+    assert receive(link, 5, now=0.0) == b"hello"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.settimeout(TIMEOUT_S)
+        for _ in range(20):
+            other.sendto(b"me too", ("127.0.0.1", port))
+        peer.sendto(b"still here", ("127.0.0.1", port))
+        assert receive(link, 10, now=1.0) == b"still here"
+        assert link.counts["wrong_address"] == 20
+        link.send(b"answer")
+        assert peer.recv(100) == b"answer"
+        # Once it has been silent for long, it may come from elsewhere.
+        other.sendto(b"moved", ("127.0.0.1", port))
+        assert receive(link, 5, now=9.0) == b"moved"
+        link.send(b"answer")
+        assert other.recv(100) == b"answer"
+    link.close()
+
+
+def test_udpin_listens_on_this_machine_alone_unless_told_otherwise() -> None:
+    port = free_port()
+    link = parse_connection(f"udpin::{port}")
+    link.open()
+    with socket.socket(fileno=os.dup(link.fileno())) as bound:
+        assert bound.getsockname() == ("127.0.0.1", port)
+    link.close()
+
+
+def test_udpout_hears_only_whom_it_speaks_to(peer: socket.socket) -> None:
+    link = parse_connection(f"udpout:127.0.0.1:{peer.getsockname()[1]}")
+    link.open()
+    link.send(b"hello")
+    data, ours = peer.recvfrom(100)
+    assert data == b"hello"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.sendto(b"me too", ours)
+    peer.sendto(b"answer", ours)
+    assert receive(link, 6) == b"answer"
+    link.close()
+
+
+def test_udpout_to_nobody_is_no_trouble() -> None:
+    link = parse_connection(f"udpout:127.0.0.1:{free_port()}")
+    link.open()
+    for _ in range(20):
+        link.send(b"hello")
+        assert link.receive(0.0) == []
+    link.close()
+
+
+def test_tcp_connects_and_notices_the_end() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(TIMEOUT_S)
+        link = parse_connection(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+        for _ in range(2):
+            link.open()
+            link.send(b"hello ")
+            client, _ = server.accept()
+            client.settimeout(TIMEOUT_S)
+            select.select([], [link], [], TIMEOUT_S)
+            link.send(b"you")
+            data = b""
+            while len(data) < 9:
+                data += client.recv(100)
+            assert data == b"hello you"
+            client.sendall(b"answer")
+            assert receive(link, 6) == b"answer"
+            client.close()
+            with pytest.raises(OSError, match="gone"):
+                receive(link, 1)
+            link.close()
+
+
+def test_tcp_to_nobody_fails_without_waiting() -> None:
+    link = parse_connection(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
+    start = time.monotonic()
+    with pytest.raises(OSError):
+        link.open()
+        select.select([link], [], [], TIMEOUT_S)
+        link.receive(0.0)
+    assert time.monotonic() - start < TIMEOUT_S / 2
+    link.close()
+
+
+def test_a_stream_that_nobody_reads_takes_no_more_and_keeps_frames_whole() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        link = parse_connection(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+        link.open()
+        client, _ = server.accept()
+        client.settimeout(TIMEOUT_S)
+        select.select([], [link], [], TIMEOUT_S)
+        frame = bytes(range(256)) * 4
+        while link.counts["unsent"] < 3:
+            link.send(frame)
+        assert link.waits_to_send
+        data = b""
+        while link.waits_to_send:
+            data += client.recv(1 << 20)
+            link.send(b"")
+        link.close()
+        while piece := client.recv(1 << 20):
+            data += piece
+        client.close()
+        assert data == frame * (len(data) // len(frame))
+
+
+def test_tcpin_serves_a_client() -> None:
+    port = free_port(socket.SOCK_STREAM)
+    link = parse_connection(f"tcpin:127.0.0.1:{port}")
+    link.open()
+    link.send(b"nobody there")
+    with socket.create_connection(("127.0.0.1", port), TIMEOUT_S) as client:
+        client.sendall(b"hello")
+        assert receive(link, 5) == b"hello"
+        link.send(b"answer")
+        assert client.recv(100) == b"answer"
+    with pytest.raises(OSError, match="gone"):
+        receive(link, 1)
+    link.close()
+
+
+@pytest.mark.parametrize("form", ["{}", "{},115200", "serial:{},57600"])
+def test_a_serial_line_carries_bytes_as_they_are(form: str) -> None:
+    ours, theirs = os.openpty()
+    tty.setraw(ours)
+    try:
+        link = parse_connection(form.format(os.ttyname(theirs)))
+        link.open()
+        every = bytes(range(256))
+        os.write(ours, every)
+        assert receive(link, 256) == every
+        link.send(every)
+        data = b""
+        while len(data) < 256:
+            data += os.read(ours, 256)
+        assert data == every
+        link.close()
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_a_serial_line_that_is_none_is_told() -> None:
+    for path in ("/dev/null", "/dev/no_such_line"):
+        with pytest.raises(OSError):
+            parse_connection(path).open()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "14550",
+        "udpin:127.0.0.1",
+        "udpin:127.0.0.1:0",
+        "udpin:127.0.0.1:70000",
+        "udp:127.0.0.1:port",
+        "mcast:",
+        "/dev/ttyS0,12345",
+        "ttyS0",
+    ],
+)
+def test_a_connection_that_names_nothing_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="connection"):
+        parse_connection(name)

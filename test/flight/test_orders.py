@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An order that makes no sense cannot be made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.orders import FlyMission, GoTo, Order, Search, TakeOff
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: TakeOff(0.0), "alt_m"),
+        (lambda: TakeOff(-5.0), "alt_m"),
+        (lambda: TakeOff(math.nan), "alt_m"),
+        (lambda: GoTo(100.0, 0.0, 10.0, 5.0), "lat_deg"),
+        (lambda: GoTo(math.nan, 0.0, 10.0, 5.0), "lat_deg"),
+        (lambda: GoTo(0.0, 181.0, 10.0, 5.0), "lon_deg"),
+        (lambda: GoTo(0.0, 0.0, math.inf, 5.0), "alt_m"),
+        (lambda: GoTo(0.0, 0.0, 10.0, 0.0), "radius_m"),
+        (lambda: GoTo(0.0, 0.0, 10.0, math.nan), "radius_m"),
+        (lambda: Search(0.0, 0.0, 10.0, math.nan, 5.0, 5.0), "search_alt_m"),
+        (lambda: Search(0.0, 0.0, 10.0, 5.0, -1.0, 5.0), "hold_s"),
+        (lambda: Search(91.0, 0.0, 10.0, 5.0, 1.0, 5.0), "lat_deg"),
+        (lambda: FlyMission(()), "items"),
+        (lambda: FlyMission((WireItem(1, 6, 16),)), "items"),
+    ],
+)
+def test_an_order_that_makes_no_sense_is_refused(make: Callable[[], Order], name: str) -> None:
+    with pytest.raises(ValueError, match=name):
+        make()

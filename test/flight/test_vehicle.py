@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Vehicles on real links to simulated autopilots that are processes of their own."""
+
+from __future__ import annotations
+
+import random
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from autopilot.running import Running, free_udp_port, running_autopilot, running_relay
+from autopilot.wire import Codec as Speaker
+from autopilot.wire import mavlink
+
+from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
+from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
+
+TIMEOUT_S = 90.0
+HOME = (-24.0, -46.3)
+NEAR = (-24.0, -46.2997)
+
+
+def until(condition: Callable[[], Any], timeout_s: float = TIMEOUT_S) -> None:
+    end_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end_s, "not in time"
+        time.sleep(0.01)
+
+
+def fly(vehicle: Vehicle, order: Order) -> str:
+    number = vehicle.give(order)
+    until(lambda: vehicle.outcome.status not in ("under_way", "lost"))
+    assert vehicle.outcome.number == number
+    return vehicle.outcome.status
+
+
+@contextmanager
+def vehicle_of(autopilot: Running, dialect: Any = "ardupilot", **options: Any) -> Iterator[Vehicle]:
+    fields = {"connection": autopilot.connection, "arm": True, "set_point_hz": 40.0, **options}
+    with Vehicle(VehicleSettings(dialect=dialect, **fields)) as vehicle:
+        yield vehicle
+    assert vehicle.counts["errors"] == 0
+
+
+def a_mission(dialect: str) -> tuple[WireItem, ...]:
+    x, y = round(NEAR[0] * 1e7), round(NEAR[1] * 1e7)
+    home = WireItem(0, 0, 16, 1, x=round(HOME[0] * 1e7), y=round(HOME[1] * 1e7))
+    rest = [
+        (6, 22, x, y, 10.0),
+        (6, 16, x, y, 10.0),
+        (6, 16, x + 1000, y, 15.0),
+        (2, 20, 0, 0, 0.0),
+    ]
+    first = [home] if dialect == "ardupilot" else []
+    items = enumerate(rest, len(first))
+    return (*first, *(WireItem(k, f, c, x=x, y=y, z=z) for k, (f, c, x, y, z) in items))
+
+
+@pytest.mark.parametrize(
+    ("dialect", "link"),
+    [("ardupilot", "udp"), ("ardupilot", "udpin"), ("ardupilot", "tcp"), ("px4", "udp"),
+     ("px4", "tcp")],
+)  # fmt: skip
+def test_it_flies_all_orders_over_a_real_link(dialect: Any, link: Any) -> None:
+    orders: list[Order] = [
+        TakeOff(10.0),
+        GoTo(*NEAR, 15.0, 4.0),
+        Search(*HOME, 15.0, 5.0, 3.0, 4.0),
+        Hold(),
+        Return() if link == "udp" else Land(),
+        FlyMission(a_mission(dialect)),
+    ]
+    with (
+        running_autopilot(dialect, link=link, speedup=10, ready_s=5.0) as autopilot,
+        vehicle_of(autopilot, dialect) as vehicle,
+    ):
+        assert [fly(vehicle, order) for order in orders] == ["done"] * len(orders)
+        state = vehicle.state
+        assert not state.armed and not state.flying
+        assert state.home == pytest.approx((*HOME, 0.0), abs=1e-6)
+        assert vehicle.trouble == ""
+        assert any("rm" in text.text for text in vehicle.take_texts())
+        assert vehicle.take_texts() == []
+
+
+def test_it_flies_over_a_bad_link() -> None:
+    with (
+        running_autopilot(link="udpin", speedup=10, ready_s=5.0, seed=1) as autopilot,
+        running_relay(
+            autopilot.port, loss=0.2, duplicate=0.1, reorder=0.2, jitter_s=0.02, seed=1
+        ) as relay,
+        vehicle_of(relay) as vehicle,
+    ):
+        orders = [TakeOff(15.0), GoTo(*NEAR, 20.0, 4.0), FlyMission(a_mission("ardupilot"))]
+        assert [fly(vehicle, order) for order in orders] == ["done"] * 3
+
+
+def test_on_a_signed_link_it_flies_and_others_get_nowhere(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o600)
+    with (
+        running_autopilot(link="tcp", speedup=10, ready_s=5.0, key_file=key) as autopilot,
+        vehicle_of(autopilot, signing_key_file=str(key)) as vehicle,
+    ):
+        assert fly(vehicle, TakeOff(10.0)) == "done"
+        assert fly(vehicle, Return()) == "done"
+    assert (tmp_path / "key.245-1").exists()
+    with (
+        running_autopilot(link="udpin", speedup=10, ready_s=5.0) as unsigned,
+        vehicle_of(unsigned, signing_key_file=str(key)) as vehicle,
+    ):
+        until(lambda: vehicle.counts["unsigned"] > 2)
+        assert not vehicle.state.connected
+        assert vehicle.counts["accepted"] == 0
+
+
+def test_ten_thousand_messages_of_wrong_senders_have_no_effect() -> None:
+    port, draw = free_udp_port(), random.Random(2)
+    with running_autopilot(link="udp", port=port, speedup=10, ready_s=5.0) as autopilot:
+        # They come first, so that nobody else is being heard.
+        settings = VehicleSettings(connection=f"udpin:127.0.0.1:{port}", arm=True)
+        vehicle = Vehicle(settings)
+        sent = 0
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as liar:
+            vehicle.start()
+            while sent < 10_000:
+                speaker = Speaker(draw.randrange(2, 256))
+                lies = [
+                    mavlink.MAVLink_heartbeat_message(2, 3, 209, 6, 5, 3),
+                    mavlink.MAVLink_global_position_int_message(1, 1, 1, 1, 1, 1, 1, 1, 1),
+                    mavlink.MAVLink_mission_ack_message(245, 191, 0, 0),
+                    mavlink.MAVLink_command_ack_message(176, 0),
+                    mavlink.MAVLink_mission_request_message(245, 191, 0, 0),
+                ]
+                for lie in lies:
+                    liar.sendto(speaker.encode(lie), ("127.0.0.1", port))
+                sent += len(lies)
+                # What the kernel drops has no effect either, but that is too easy.
+                until(lambda sent=sent: refused(vehicle) >= sent - 100, 20.0)
+            until(lambda: vehicle.state.connected)
+            assert vehicle.state.mode != "RTL" and vehicle.state.failsafe == ""
+        assert refused(vehicle) > 9_900
+        assert fly(vehicle, TakeOff(10.0)) == "done"
+        vehicle.close()
+        assert autopilot.running
+
+
+def refused(vehicle: Vehicle) -> int:
+    return vehicle.counts["wrong_sender"] + vehicle.counts["wrong_address"]
+
+
+def test_a_flood_of_garbage_holds_up_neither_orders_nor_heartbeats() -> None:
+    port, draw, over = free_udp_port(), random.Random(4), threading.Event()
+    with (
+        running_autopilot(link="udp", port=port, speedup=5, ready_s=5.0) as autopilot,
+        vehicle_of(autopilot) as vehicle,
+    ):
+        until(lambda: vehicle.state.connected)
+
+        def flood() -> None:
+            pieces = [draw.randbytes(draw.randrange(1, 300)) for _ in range(500)]
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as liar:
+                while not over.wait(0.002):
+                    for _ in range(10):
+                        liar.sendto(draw.choice(pieces), ("127.0.0.1", port))
+
+        thread = threading.Thread(target=flood)
+        thread.start()
+        try:
+            before, start_s = vehicle.counts["heartbeats"], time.monotonic()
+            assert fly(vehicle, TakeOff(15.0)) == "done"
+            assert fly(vehicle, Land()) == "done"
+            took_s = time.monotonic() - start_s
+            assert vehicle.counts["heartbeats"] - before >= int(took_s) - 1
+        finally:
+            over.set()
+            thread.join()
+        assert vehicle.counts["wrong_address"] > 100
+        assert vehicle.counts["link_lost"] == 0
+
+
+@pytest.mark.parametrize("link", ["udp", "tcp"])
+def test_a_vehicle_that_dies_is_lost_and_found_when_it_is_back(link: Any) -> None:
+    with running_autopilot(link=link, speedup=10, ready_s=5.0) as autopilot:
+        port = autopilot.port
+        with vehicle_of(autopilot, link_lost_s=2.0) as vehicle:
+            assert fly(vehicle, TakeOff(10.0)) == "done"
+            vehicle.give(GoTo(-24.1, -46.3, 20.0, 5.0))
+            autopilot.kill()
+            until(lambda: vehicle.outcome.status == "lost")
+            assert not vehicle.state.connected
+            if link == "tcp":
+                until(lambda: "tcp:" in vehicle.trouble)
+            with running_autopilot(link=link, port=port, speedup=10, ready_s=5.0):
+                until(lambda: vehicle.state.connected)
+                # On the ground, and in nobody's hands.
+                until(lambda: vehicle.outcome.status in ("failed", "taken_over"))
+                until(lambda: vehicle.state.home is not None and vehicle.trouble == "")
+                assert not vehicle.state.flying
+
+
+def test_it_waits_for_a_vehicle_that_is_not_there_yet() -> None:
+    port = free_udp_port()
+    with Vehicle(VehicleSettings(connection=f"tcp:127.0.0.1:{port}", arm=True)) as vehicle:
+        number = vehicle.give(TakeOff(10.0))
+        until(lambda: vehicle.trouble != "not started" and "tcp:" in vehicle.trouble)
+        assert (vehicle.outcome.number, vehicle.outcome.status) == (number, "under_way")
+        with running_autopilot(link="tcp", port=port, speedup=10, ready_s=5.0):
+            until(lambda: vehicle.outcome.status == "done")
+
+
+def test_a_port_that_is_taken_is_told_and_tried_again() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        vehicle = Vehicle(VehicleSettings(connection=f"udpin:127.0.0.1:{port}"))
+        vehicle.start()
+        until(lambda: "in use" in vehicle.trouble)
+        taken.close()
+        until(lambda: vehicle.counts["opened"] == 1)
+        vehicle.close()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", port))
+
+
+def test_heartbeats_say_who_we_are_once_a_second() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", 0))
+        ear.settimeout(10.0)
+        connection = f"udpout:127.0.0.1:{ear.getsockname()[1]}"
+        settings = VehicleSettings(connection=connection, own_system_id=200, system_id=9)
+        with Vehicle(settings):
+            times, messages = [], []
+            for _ in range(4):
+                messages += Speaker(1).decode_all(ear.recv(300), datagram=True)
+                times.append(time.monotonic())
+        assert {message.get_type() for message in messages} == {"HEARTBEAT"}
+        one = messages[0]
+        assert (one.get_srcSystem(), one.get_srcComponent(), one.type, one.autopilot) == (
+            *(200, 191),
+            mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+            mavlink.MAV_AUTOPILOT_INVALID,
+        )
+        assert times[-1] - times[0] > 2.5
+
+
+def test_orders_from_many_threads_are_numbered_and_the_latest_wins() -> None:
+    with running_autopilot(speedup=10, ready_s=5.0) as autopilot, vehicle_of(autopilot) as vehicle:
+        numbers: list[int] = []
+
+        def give() -> None:
+            for _ in range(50):
+                numbers.append(vehicle.give(Hold()))
+
+        threads = [threading.Thread(target=give) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert sorted(numbers) == list(range(1, 201))
+        assert vehicle.outcome.number == 200
+
+
+def test_closing_is_quick_and_may_be_done_twice() -> None:
+    vehicle = Vehicle(VehicleSettings(connection=f"udpin:127.0.0.1:{free_udp_port()}"))
+    vehicle.start()
+    start_s = time.monotonic()
+    vehicle.close()
+    vehicle.close()
+    assert time.monotonic() - start_s < 5.0
+    never_started = Vehicle(VehicleSettings(connection=f"udpin:127.0.0.1:{free_udp_port()}"))
+    never_started.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("connection", "nowhere"),
+        ("system_id", 0),
+        ("system_id", 256),
+        ("own_system_id", 1),
+        ("component_id", 0),
+        ("signing_key_file", "/no/such/key"),
+    ],
+)
+def test_a_setting_that_makes_no_sense_is_refused(name: str, value: Any) -> None:
+    options = {"connection": "udpin:127.0.0.1:14550", name: value}
+    with pytest.raises(ValueError, match="/no/such/key" if "key" in name else name):
+        Vehicle(VehicleSettings(**options))

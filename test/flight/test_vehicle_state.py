@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The state is what the vehicle has said of itself, and nothing that it has not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any, get_args
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsse_ros.flight.modes import mode_name, mode_parameters
+from dsse_ros.flight.telegrams import (
+    EkfStatus,
+    ExtendedSysState,
+    GlobalPosition,
+    Heard,
+    Heartbeat,
+    HomePosition,
+    MissionCurrent,
+    MissionItemReached,
+    PositionTarget,
+    StatusText,
+    SysStatus,
+)
+from dsse_ros.flight.vehicle_state import VehicleState, observe, without_link
+
+GUIDED = Heartbeat(2, 3, 1, 4, 3)
+ARMED = Heartbeat(2, 3, 129, 4, 4)
+READY = 1 << 28
+HERE = GlobalPosition(5000, -240000000, -463000000, 130_000, 120_000, 300, 400, -50, 9000)
+PLAIN = [kind for kind in get_args(Heard) if not hasattr(kind, "target")]
+NUMBERS = st.integers(-(2**31), 2**32 - 1)
+
+
+def after(*messages: Heard, dialect: Any = "ardupilot") -> VehicleState:
+    state = VehicleState()
+    for message in messages:
+        state = observe(state, message, 7.0, dialect)
+    return state
+
+
+def test_at_first_nothing_is_known() -> None:
+    state = VehicleState()
+    assert not (state.connected or state.ready or state.armed or state.flying or state.has_position)
+    assert math.isnan(state.lat_deg) and math.isnan(state.battery)
+    assert state.home is None and state.mode == "" and state.item_reached == -1
+
+
+def test_a_heartbeat_tells_mode_and_arming() -> None:
+    state = after(GUIDED)
+    assert (state.connected, state.mode, state.armed, state.heard_s) == (True, "GUIDED", False, 7.0)
+    assert after(ARMED).armed
+
+
+def test_a_position_comes_in_degrees_and_metres() -> None:
+    state = after(HERE)
+    assert (state.lat_deg, state.lon_deg) == pytest.approx((-24.0, -46.3))
+    assert (state.alt_amsl_m, state.alt_m) == pytest.approx((130.0, 120.0))
+    assert (state.speed_mps, state.climb_mps, state.heading_deg) == pytest.approx((5.0, 0.5, 90.0))
+    assert state.boot_s == pytest.approx(5.0)
+
+
+def test_an_unknown_position_is_none() -> None:
+    unknown = GlobalPosition(5000, 0, 0, 0, 0, 0, 0, 0, 65535)
+    assert not after(unknown).has_position
+    assert after(HERE, unknown).lat_deg == pytest.approx(-24.0)
+
+
+@pytest.mark.parametrize(
+    ("flags", "health", "ready"),
+    [(831, READY, True), (831, 0, False), (831 & ~16, READY, False), (831 | 128, READY, False)],
+)
+def test_ready_takes_a_position_and_the_checks(flags: int, health: int, ready: bool) -> None:
+    for messages in (
+        (EkfStatus(flags), SysStatus(health, 90)),
+        (SysStatus(health, 90), EkfStatus(flags)),
+    ):
+        assert after(GUIDED, *messages).ready is ready
+
+
+@pytest.mark.parametrize(
+    ("landed", "flying"), [(1, False), (2, True), (3, True), (4, True), (0, True)]
+)
+def test_flying_is_what_it_says_of_the_ground(landed: int, flying: bool) -> None:
+    assert after(ARMED, ExtendedSysState(landed)).flying is flying
+    assert not after(GUIDED, ExtendedSysState(landed)).flying
+
+
+@pytest.mark.parametrize(("remaining", "battery"), [(0, 0.0), (55, 0.55), (100, 1.0)])
+def test_the_battery_is_a_share(remaining: int, battery: float) -> None:
+    assert after(SysStatus(0, remaining)).battery == pytest.approx(battery)
+
+
+def test_a_battery_that_is_not_measured_is_not_known() -> None:
+    assert math.isnan(after(SysStatus(0, -1)).battery)
+
+
+@pytest.mark.parametrize(
+    ("text", "failsafe"),
+    [
+        ("Battery 1 is low 9.96V used 2900 mAh", "battery"),
+        ("Battery Failsafe", "battery"),
+        ("Low battery level, return advised", "battery"),
+        ("GCS Failsafe", "gcs"),
+        ("Radio Failsafe - RTL", "radio"),
+        ("EKF Failsafe: changed to LAND Mode", "ekf"),
+        ("Offboard signal lost", "offboard"),
+        ("PreArm: Battery 1 low voltage failsafe", ""),
+        ("Reached command #3", ""),
+    ],
+)
+def test_a_failsafe_is_named_by_what_the_vehicle_says(text: str, failsafe: str) -> None:
+    assert after(ARMED, StatusText(4, text)).failsafe == failsafe
+    critical = Heartbeat(2, 3, 129, 6, 5)
+    assert after(StatusText(4, text), critical).failsafe == (failsafe or "critical")
+    assert after(StatusText(4, text), critical, ARMED).failsafe == ""
+
+
+def test_a_failsafe_that_is_cleared_is_none() -> None:
+    assert (
+        after(StatusText(4, "GCS Failsafe"), StatusText(4, "GCS Failsafe Cleared")).failsafe == ""
+    )
+
+
+def test_progress_home_and_target_are_told() -> None:
+    state = after(
+        HERE,
+        MissionCurrent(4, 5),
+        MissionItemReached(3),
+        HomePosition(-240000000, -463000000, 10_000),
+        PositionTarget(0, 3576, -240010000, -463000000, 140.0),
+    )
+    assert (state.item_current, state.item_reached, state.mission_over) == (4, 3, True)
+    assert state.home == pytest.approx((-24.0, -46.3, 10.0))
+    assert state.target == pytest.approx((-24.001, -46.3, 140.0))
+    relative = after(HERE, PositionTarget(6, 3576, -240010000, -463000000, 130.0))
+    assert relative.target == pytest.approx((-24.001, -46.3, 140.0))
+    assert after(HERE, PositionTarget(0, 7, 0, 0, 0.0)).target is None
+
+
+def test_without_a_link_it_is_neither_connected_nor_ready_but_last_seen_somewhere() -> None:
+    state = without_link(after(GUIDED, HERE, EkfStatus(831), SysStatus(READY, 50)))
+    assert not state.connected and not state.ready
+    assert state.has_position and state.mode == "GUIDED"
+
+
+@given(st.data(), st.sampled_from(["ardupilot", "px4"]))
+def test_nothing_a_vehicle_says_makes_it_raise(data: st.DataObject, dialect: Any) -> None:
+    state = VehicleState()
+    for kind in data.draw(st.lists(st.sampled_from(PLAIN), max_size=20)):
+        values = {
+            field.name: data.draw(st.text(max_size=50) if field.type == "str" else NUMBERS)
+            for field in fields(kind)
+        }
+        state = observe(state, kind(**values), 1.0, dialect)
+    assert isinstance(state.mode, str)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["ardupilot", "px4"]))
+def test_every_mode_has_a_name(custom_mode: int, dialect: Any) -> None:
+    assert mode_name(custom_mode, dialect)
+
+
+@pytest.mark.parametrize(
+    ("name", "dialect", "custom_mode"),
+    [
+        ("GUIDED", "ardupilot", 4),
+        ("RTL", "ardupilot", 6),
+        ("OFFBOARD", "px4", 6 << 16),
+        ("HOLD", "px4", 4 << 16 | 3 << 24),
+    ],
+)
+def test_a_mode_is_asked_for_by_its_name(name: str, dialect: Any, custom_mode: int) -> None:
+    enabled, main, sub = mode_parameters(name, dialect)
+    assert enabled == 1
+    assert mode_name(custom_mode, dialect) == name
+    assert (main if dialect == "ardupilot" else main << 16 | sub << 24) == custom_mode

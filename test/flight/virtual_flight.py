@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pilot and a simulated vehicle on a bad link, without sockets, in a time of their own."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+import random
+from collections.abc import Callable
+from typing import Any
+
+from autopilot.main import make_vehicle
+from autopilot.settings import Settings
+
+from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.messages import Address
+from dsse_ros.flight.orders import Order
+from dsse_ros.flight.pilot import Outcome, Pilot, PilotSettings
+from dsse_ros.flight.telegrams import CommandLong, Heard, Heartbeat, Said, SetPositionTarget
+from dsse_ros.flight.vehicle_state import VehicleState
+
+VEHICLE, OURSELVES = Address(1, 1), Address(245, 191)
+HEARTBEAT = Heartbeat(18, 8, 0, 0, 4)
+STEP_S = 0.05
+
+
+class VirtualFlight:
+    """One vehicle, one pilot.
+
+    Args:
+        dialect: Whose autopilot.
+        loss: Share of messages that are lost, in each direction.
+        duplicate: Share of the others that come twice.
+        delay_s: Greatest delay of a message, which may so be overtaken.
+        seed: Of the link and of the vehicle.
+        vehicle: Fields of the vehicle's `Settings`.
+        settings: Fields of `PilotSettings`.
+
+    Attributes:
+        said: What the pilot has sent, with the time.
+        heard: What has reached it.
+        seen: What became of its orders, in turn.
+    """
+
+    def __init__(
+        self,
+        dialect: Any = "ardupilot",
+        *,
+        loss: float = 0.0,
+        duplicate: float = 0.0,
+        delay_s: float = 0.0,
+        seed: int = 0,
+        vehicle: dict[str, Any] | None = None,
+        **settings: Any,
+    ) -> None:
+        options = {"ready_s": 5.0, **(vehicle or {})}
+        self.vehicle = make_vehicle(Settings(dialect=dialect, seed=seed, **options))
+        self.pilot = Pilot(VEHICLE, OURSELVES, PilotSettings(dialect=dialect, **settings))
+        self.now = 0.0
+        self.loss, self.duplicate, self.delay_s = loss, duplicate, delay_s
+        self.said: list[tuple[float, Said]] = []
+        self.heard: list[Heard] = []
+        self.seen: list[Outcome] = []
+        self._random = random.Random(seed)
+        self._codec = Codec(OURSELVES, VEHICLE)
+        self._order = itertools.count()
+        self._under_way: list[tuple[float, int, bool, bytes]] = []
+        self._channel = self.vehicle.connect(
+            lambda data: self._put(bytes(data), to_vehicle=False), datagram=True
+        )
+        self._heartbeat_s = 0.0
+
+    # Time
+
+    def step(self) -> None:
+        """Let a moment pass."""
+        self.now += STEP_S
+        self.vehicle.advance(self.now)
+        if self.now >= self._heartbeat_s:
+            self._heartbeat_s = self.now + 1.0
+            self._put(self._codec.encode(HEARTBEAT), to_vehicle=True)
+        while self._under_way and self._under_way[0][0] <= self.now:
+            _, _, to_vehicle, data = heapq.heappop(self._under_way)
+            if to_vehicle:
+                self.vehicle.hear(self._channel, data)
+                continue
+            for message in self._codec.decode(data, self.now, datagram=True):
+                self.heard.append(message)
+                self._send(self.pilot.receive(message, self.now))
+        if self.now >= self.pilot.deadline:
+            self._send(self.pilot.tick(self.now))
+            # Whoever drives it would not get any rest.
+            assert self.pilot.deadline > self.now
+        if not self.seen or self.pilot.outcome != self.seen[-1]:
+            self.seen.append(self.pilot.outcome)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass."""
+        end_s = self.now + seconds
+        while self.now < end_s:
+            self.step()
+
+    def until(self, condition: Callable[[], Any], limit_s: float = 600.0) -> None:
+        """Let time pass until something is true."""
+        end_s = self.now + limit_s
+        while not condition():
+            assert self.now < end_s, f"not within {limit_s:g} s: {self.outcome}, {self.state}"
+            self.step()
+
+    # Orders
+
+    def give(self, order: Order) -> None:
+        """Give an order and go on."""
+        self._send(self.pilot.give(order, self.now))
+
+    def fly(self, order: Order, limit_s: float = 600.0) -> Outcome:
+        """Give an order, and return what has become of it in the end."""
+        self.give(order)
+        self.until(lambda: self.outcome.status not in ("under_way", "lost"), limit_s)
+        return self.outcome
+
+    @property
+    def outcome(self) -> Outcome:
+        """Of the latest order."""
+        return self.pilot.outcome
+
+    @property
+    def state(self) -> VehicleState:
+        """As the pilot knows it."""
+        return self.pilot.state
+
+    def statuses(self) -> list[str]:
+        """Return what the status has been, in turn."""
+        return [status for status, _ in itertools.groupby(one.status for one in self.seen)]
+
+    # The truth
+
+    def place(self, north_m: float, east_m: float) -> tuple[float, float]:
+        """Return the place that far from home."""
+        lat_deg, lon_deg = self.vehicle.frame.geodetic(north_m, east_m)
+        return lat_deg, lon_deg
+
+    def off_m(self, north_m: float, east_m: float) -> float:
+        """Return how far the vehicle really is from there."""
+        craft = self.vehicle.craft
+        return math.hypot(craft.north_m - north_m, craft.east_m - east_m)
+
+    # What was said
+
+    def commands(self, number: int) -> list[CommandLong]:
+        """Return the commands of a kind."""
+        return [m for _, m in self.said if isinstance(m, CommandLong) and m.command == number]
+
+    def set_points(self) -> list[SetPositionTarget]:
+        """Return all set-points."""
+        return [message for _, message in self.said if isinstance(message, SetPositionTarget)]
+
+    def _send(self, said: list[Said]) -> None:
+        for message in said:
+            self.said.append((self.now, message))
+            self._put(self._codec.encode(message), to_vehicle=True)
+
+    def _put(self, data: bytes, *, to_vehicle: bool) -> None:
+        draw = self._random.random
+        copies = 0 if draw() < self.loss else 2 if draw() < self.duplicate else 1
+        for _ in range(copies):
+            entry = (self.now + draw() * self.delay_s, next(self._order), to_vehicle, data)
+            heapq.heappush(self._under_way, entry)
+
+
+def mission(
+    flight: VirtualFlight, *places: tuple[float, float, float], hold_s: float = 0.0
+) -> tuple[WireItem, ...]:
+    """Return a mission of places, north, east and up of home: take-off, waypoints, return."""
+
+    def item(command: int, north_m: float, east_m: float, up_m: float, **fields: Any) -> WireItem:
+        lat_deg, lon_deg = flight.place(north_m, east_m)
+        place = {"x": round(lat_deg * 1e7), "y": round(lon_deg * 1e7), "z": up_m}
+        return WireItem(len(items), 6, command, **place, **fields)
+
+    items: list[WireItem] = []
+    if flight.vehicle.settings.dialect == "ardupilot":
+        items.append(item(16, 0.0, 0.0, 0.0))
+    items.append(item(22, 0.0, 0.0, places[0][2]))
+    for place in places:
+        items.append(item(16, *place, param1=hold_s))
+    items.append(WireItem(len(items), 2, 20))
+    return tuple(items)
