@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-Kind = Literal["bool", "int", "float", "str", "vector", "cell", "cells", "floats", "names"]
+Kind = Literal["bool", "int", "float", "str", "vector", "cell", "cells", "floats", "ints", "names"]
 
 
 class FieldError(ValueError):
@@ -29,7 +29,7 @@ class Spec:
 
     Attributes:
         kind: bool, int, float, str; `vector` is a pair of floats, `cell` a pair of integers
-            (col, row), `cells` a list of those, `floats` and `names` are lists.
+            (col, row), `cells` a list of those, `floats`, `ints` and `names` are lists.
         doc: One sentence for people, without the unit.
         unit: Unit of the value or of each element, "" if it has none.
         low: Smallest allowed value, inclusive.
@@ -59,6 +59,7 @@ class Spec:
             "cell": "a cell [col, row] of two integers",
             "cells": "a list of cells [col, row]",
             "floats": "a list of finite numbers",
+            "ints": "a list of integers",
             "names": "a list of names",
         }[self.kind]
         if self.choices:
@@ -109,6 +110,8 @@ class Spec:
                 return tuple(self._cell(item) for item in _elements(value))
             case "floats":
                 return tuple(self._number(item) for item in _elements(value))
+            case "ints":
+                return tuple(self._integer(item) for item in _elements(value))
             case "names":
                 items = tuple(_elements(value))
                 if not all(isinstance(item, str) for item in items):

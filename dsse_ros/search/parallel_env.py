@@ -78,6 +78,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         most = max(self.world.num_drones, self.scenario.person_amount, 3)
         self.state_space = spaces.Box(0.0, float(most), (4, g, g))
         self._live: list[int] = []
+        self._num_actions = len(rules.actions)
         self._masks = _action_masks(rules.actions)
         # The last entry is for a drone just outside, at -1 or G.
         self._edge = [(i == 0) + 2 * (i == g - 1) for i in range(g)] + [0]
@@ -91,6 +92,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self._rewards = world.rewards[0]
         self._track: list[NDArray[np.int64]] = []
         self._viewer: rendering.Viewer | None = None
+        self._camera: rendering.Camera | None = None
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the agent's observation space, always the same object."""
@@ -119,8 +121,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             self.world.seed(check_seed(seed))
         self.world.place(**start)
         self.world.reset()
-        self.agents = self.possible_agents[:]
-        self._live = list(range(self.world.num_drones))
+        self._note_live()
         self._track = [self.positions]
         result = self._observe(self.agents, self._live)
         self._show()
@@ -174,11 +175,26 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             self._track.append(self.positions)
         else:
             self._track = []
-        if self._over[0]:
-            self._live, self.agents = [], []
-        elif self._flying[0] < len(self.agents):
-            self._live = np.flatnonzero(self._alive).tolist()
-            self.agents = [self.possible_agents[i] for i in self._live]
+        if self._over[0] or self._flying[0] < len(self.agents):
+            self._note_live()
+
+    def withdraw(self, drone: int) -> bool:
+        """Take a drone out of the mission; it stays where it is and the others go on.
+
+        Args:
+            drone: Its number.
+
+        Returns:
+            Whether it was still in the search. The last one to leave ends the mission.
+        """
+        if self._over[0] or not self._alive[drone]:
+            return False
+        self._alive[drone] = False
+        self._terminated[drone] = True
+        self._flying[0] -= 1
+        self._over[0] = self._flying[0] == 0
+        self._note_live()
+        return True
 
     def snapshot(self) -> Snapshot:
         """Return the whole state of the mission, random state included."""
@@ -192,8 +208,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
                 stays as it is.
         """
         self.world.restore(snapshot)
-        self._live = [] if self._over[0] else np.flatnonzero(self._alive).tolist()
-        self.agents = [self.possible_agents[i] for i in self._live]
+        self._note_live()
         self._track = [self.positions]
 
     @property
@@ -264,7 +279,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         if self.render_mode == "ansi":
             return rendering.to_ansi(view)
         if self.render_mode == "rgb_array":
-            return rendering.to_rgb_array(view)
+            if self._camera is None:
+                self._camera = rendering.Camera()
+            return self._camera.rgb_array(view)
         if self._viewer is None:
             self._viewer = rendering.Viewer()
         self._viewer.show(view)
@@ -275,10 +292,16 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
+        self._camera = None
 
     def _show(self) -> None:
         if self.render_mode == "human":
             self.render()
+
+    def _note_live(self) -> None:
+        """Take from the world which drones are in the search."""
+        self._live = [] if self._over[0] else np.flatnonzero(self._alive).tolist()
+        self.agents = [self.possible_agents[i] for i in self._live]
 
     def _observe(
         self, agents: list[str], live: list[int]
@@ -297,12 +320,13 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         """Return the joint action (N,) of the live agents' actions, checked."""
         try:
             # bytearray() takes nothing but integers from 0 to 255.
-            numbers = bytearray([actions[agent] for agent in self.agents])
-            if max(numbers) >= len(self.rules.actions):
+            numbers = bytearray(map(actions.__getitem__, self.agents))
+            if max(numbers) >= self._num_actions:
                 raise ValueError
             values = np.frombuffer(numbers, np.int8)
-        except (KeyError, TypeError, ValueError):
-            if not self.rules.noop_actions or any(agent not in actions for agent in self.agents):
+        except (AttributeError, KeyError, TypeError, ValueError):
+            given = isinstance(actions, Mapping) and all(a in actions for a in self.agents)
+            if not given or not self.rules.noop_actions:
                 raise self._action_error(actions) from None
             known = range(len(self.rules.actions))
             wanted = (actions[agent] for agent in self.agents)

@@ -8,13 +8,11 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-
-import yaml
 
 from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.search.rules import Rules, profile
+from dsse_ros.search.yaml_file import read_yaml
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
 """A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real
@@ -143,15 +141,7 @@ class Scenario:
             FieldError: If the file cannot be read, is not YAML, or does not fit.
         """
         try:
-            values = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "not UTF-8 text"
-            raise FieldError(f"scenario {os.fspath(path)!r}: {reason}") from None
-        except (yaml.YAMLError, ValueError, RecursionError) as error:
-            raise FieldError(
-                f"scenario {os.fspath(path)!r}: not YAML: {' '.join(str(error).split())}"
-            ) from None
-        try:
+            values = read_yaml(path)
             return cls.from_dict({} if values is None else values)
         except FieldError as error:
             raise FieldError(f"scenario {os.fspath(path)!r}: {error}") from None
@@ -246,23 +236,26 @@ class Scenario:
     def _resolve_grid(self, rules: Rules, cell: float) -> int:
         if self.zone_size is None:
             return self.grid_size or rules.grid_size
-        if self.grid_size is not None:
-            raise FieldError("grid_size and zone_size state the same thing; give one")
         # The tolerance keeps a zone of exactly n cells at n.
-        grid = math.ceil(self.zone_size / cell - 1e-9)
-        return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", max(grid, 1))
+        grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
+        if self.grid_size not in (None, grid):
+            raise FieldError("grid_size and zone_size state the same thing, not alike; give one")
+        return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", grid)
 
     def _resolve_vector(self, rules: Rules) -> tuple[float, float]:
         if self.current_speed is None and self.current_toward is None:
             return self.vector or rules.vector
-        if self.vector is not None:
-            raise FieldError("vector and current_speed state the same thing; give one")
         if self.current_speed is None or self.current_toward is None:
             raise FieldError("current_speed and current_toward belong together; give both")
         # A step lasts cell / drone_speed, so the cell cancels.
         cells_per_step = self.current_speed / self.drone_speed
         toward = math.radians(self.current_toward)
-        return (cells_per_step * math.sin(toward), -cells_per_step * math.cos(toward))
+        vector = (cells_per_step * math.sin(toward), -cells_per_step * math.cos(toward))
+        if self.vector is None:
+            return vector
+        if math.dist(vector, self.vector) > 1e-9 * cells_per_step:
+            raise FieldError("vector and current_speed state the same thing, not alike; give one")
+        return self.vector
 
     def _resolve_positions(self, grid: int) -> tuple[tuple[int, int], ...]:
         count = self.num_drones
@@ -299,6 +292,16 @@ class ResolvedScenario(Scenario):
     def step_duration_s(self) -> float:
         """Time of one step, cell_size / drone_speed (13 s for the paper's cell), in seconds."""
         return self.cell_size / self.drone_speed
+
+    @property
+    def other_ways(self) -> dict[str, float]:
+        """The fields that state grid_size and vector in other ways, as they would be."""
+        east, south = self.vector
+        return {
+            "zone_size": self.grid_size * self.cell_size,
+            "current_speed": math.hypot(east, south) * self.drone_speed,
+            "current_toward": math.degrees(math.atan2(east, -south)) % 360.0,
+        }
 
     @property
     def pre_search_steps(self) -> int:

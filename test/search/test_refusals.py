@@ -19,6 +19,7 @@ from play import started
 
 from dsse_ros.search import FieldError, Rules, Scenario, parallel_env, profile
 from dsse_ros.search.fields import specs
+from dsse_ros.search.rules import PROFILES
 
 PAPER = profile("paper")
 SCENARIO_FIELDS = list(specs(Scenario))
@@ -260,13 +261,14 @@ def test_any_action_is_obeyed_or_refused_with_nothing_changed(value: Any) -> Non
         assert env.agents == ["drone0", "drone1"]
 
 
+@pytest.mark.parametrize("rules", PROFILES)
 @pytest.mark.parametrize(
     "actions", [{}, {"drone0": 1}, {"drone1": 1}, {"drone_0": 1}, None, 5, [1, 1], "left"]
 )
 def test_actions_that_are_not_one_per_live_agent_are_refused_with_nothing_changed(
-    actions: Any,
+    rules: str, actions: Any
 ) -> None:
-    env = started(drones_positions=[(3, 3), (5, 5)])
+    env = started(rules=rules, drones_positions=[(3, 3), (5, 5)])
     before = env.world.state_bytes()
     text = refusal(lambda: env.step(actions))
     assert text is not None and "actions" in text
@@ -317,7 +319,17 @@ HOSTILE = {
     "a key that is no text": "5: 5",
     "a key that is a list": "? [1]\n: 2",
     "a day that does not exist": "origin_lat: 2001-99-99",
-    "a day": "name: 2001-01-01",
+    "a day": "origin_lat: 2001-01-01",
+    "a key that stands twice": "sigma: 1.0\nsigma: 2.0",
+    "a key that stands twice, once in quotes": "sigma: 1.0\n'sigma': 1.0",
+    "a key twice further down": "vector: {x: 1, x: 2}",
+    "an alias": "sigma_x: &a 2.0\nsigma_y: *a",
+    "a merge": "<<: {sigma: 2.0}",
+    "a tag that does not fit": "sigma: !!int wide",
+    "a time": "grid_size: !!timestamp noon",
+    "a number with a gap": "grid_size: 1_0",
+    "minutes and seconds": "grid_size: 0:20",
+    "yes for true": "grid_size: yes",
     "a number of 5000 digits": "grid_size: " + "9" * 5000,
     "a key of 5000 digits": "9" * 5000 + ": 5",
     "deep nesting": "[" * 1000,
@@ -339,6 +351,42 @@ def test_a_file_that_makes_no_sense_is_refused_with_its_path(content: str, tmp_p
     path.write_bytes(content.encode())
     text = refusal(lambda: Scenario.from_yaml(path))
     assert text is not None and str(path) in text
+
+
+@pytest.mark.parametrize("brackets", ["[", "{a: ", "- ", "? "])
+def test_deep_nesting_is_refused_without_being_read_to_its_end(
+    brackets: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "place.yaml"
+    path.write_text(brackets * 100_000)
+    text = refusal(lambda: Scenario.from_yaml(path))
+    assert text is not None and "line 1: 8 levels are the most allowed" in text
+
+
+def test_aliases_are_refused_and_not_expanded(tmp_path: Path) -> None:
+    path = tmp_path / "place.yaml"
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 20)]
+    path.write_text("\n".join(lines))
+    text = refusal(lambda: Scenario.from_yaml(path))
+    assert text is not None and "line 2: an alias is not allowed" in text
+
+
+def test_a_key_that_stands_twice_is_refused_with_both_lines(tmp_path: Path) -> None:
+    path = tmp_path / "place.yaml"
+    path.write_text("name: Here\nsigma: 1.0\n\nsigma: 2.0\n")
+    text = refusal(lambda: Scenario.from_yaml(path))
+    assert text is not None and "'sigma' stands twice: line 2 and line 4" in text
+
+
+def test_an_endless_file_is_refused() -> None:
+    text = refusal(lambda: Scenario.from_yaml("/dev/zero"))
+    assert text is not None and "bytes" in text
+
+
+def test_a_path_that_cannot_be_is_refused() -> None:
+    text = refusal(lambda: Scenario.from_yaml("no\0where"))
+    assert text is not None and "\n" not in text
 
 
 def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:

@@ -171,6 +171,41 @@ def test_the_image_follows_the_map() -> None:
     assert blue(east)[0] > blue(north)[0] + 20
 
 
+def test_an_image_shows_nothing_of_those_before_it() -> None:
+    """One camera takes all images of an environment; another one sees the same, at any time."""
+    env = started(
+        drones_positions=[(0, 0), (1, 6), (6, 1)], person_amount=2, render_mode="rgb_array",
+        collision=0.0, **FAR,
+    )  # fmt: skip
+    put_person(env, (2, 1), 0)
+    put_person(env, (5, 5), 1)
+
+    def marks(picture: NDArray[np.uint8]) -> list[Any]:
+        colours = [RED, GREEN, *map(drone_colour, (1, 2))]
+        found = [pixels(picture, colour) for colour in colours]
+        return [(len(places) > 0, places.mean(axis=0) if len(places) else 0) for places in found]
+
+    picture_of(env)
+    for actions in ((1, 1, 3), (1, 1, 3), (3, 1, 3), (4, 0, 1), (4, 0, 1)):
+        step(env, *actions)
+        kept, new = marks(picture_of(env)), marks(rendering.Camera().rgb_array(env.view()))
+        for (one, where), (other, there) in zip(kept, new, strict=True):
+            assert one == other
+            # The margins may differ by the width of a digit.
+            assert np.abs(np.subtract(where, there)).max() < 10
+    env.reset(options={"drones_positions": [(7, 7), (0, 7), (7, 0)]})
+    assert len(pixels(picture_of(env), GREEN)) == 0
+
+
+def test_an_image_that_was_returned_stays_as_it_is() -> None:
+    env = started(render_mode="rgb_array", **FAR)
+    picture = picture_of(env)
+    before = picture.copy()
+    step(env, 1)
+    assert (picture_of(env) != picture).any()
+    assert (picture == before).all()
+
+
 def test_hundreds_of_drones_fit_into_a_picture() -> None:
     picture_of(started(grid_size=20, num_drones=100, render_mode="rgb_array"))
 

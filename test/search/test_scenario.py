@@ -14,7 +14,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from dsse_ros.search import FieldError, Scenario, parallel_env, profile
-from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.search.scenario import SPECS, ResolvedScenario
 
 PAPER = profile("paper")
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -63,6 +63,40 @@ def test_an_empty_file_states_the_defaults(tmp_path: Path) -> None:
     path = tmp_path / "empty.yaml"
     path.write_text("# nothing\n")
     assert Scenario.from_yaml(path) == Scenario()
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e3", 1000.0), ("1E+3", 1000.0), ("1.5e-1", 0.15), (".5", 0.5), ("5.", 5.0), ("7", 7.0),
+        ("+2", 2.0), ("010", 10.0), ("0x10", 16.0), ("~", None), ("", None), ("!!float 2", 2.0),
+    ],
+)  # fmt: skip
+def test_numbers_are_those_of_yaml_1_2(text: str, value: float | None, tmp_path: Path) -> None:
+    path = tmp_path / "place.yaml"
+    path.write_text(f"sigma: {text}")
+    assert Scenario.from_yaml(path).sigma == value
+
+
+@pytest.mark.parametrize("text", ["no", "on", "1:30", "2001-01-01", "1_0", "santos", "'7'"])
+def test_what_yaml_1_1_made_of_a_name_stays_a_name(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "place.yaml"
+    path.write_text(f"name: {text}")
+    assert Scenario.from_yaml(path).name == text.strip("'")
+
+
+@given(
+    grid=st.integers(1, 10000),
+    cell=st.floats(1e-3, 1e3),
+    vector=st.tuples(st.floats(-9, 9), st.floats(-9, 9)),
+)
+def test_the_other_ways_of_stating_a_thing_may_stand_beside_it_if_they_agree(
+    grid: int, cell: float, vector: tuple[float, float]
+) -> None:
+    scenario = resolved(grid_size=grid, cell_size=cell, vector=vector)
+    assume(all(SPECS[k].high >= v for k, v in scenario.other_ways.items()))
+    both = {"grid_size": grid, "cell_size": cell, "vector": vector, **scenario.other_ways}
+    assert resolved(**both) == scenario
 
 
 def test_keywords_override_the_scenario_and_none_leaves_it() -> None:
