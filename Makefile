@@ -31,7 +31,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim test lint format bench reproduce clean
+.PHONY: help sim sitl-demo test lint format bench reproduce clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
@@ -39,6 +39,9 @@ help: ## List the targets
 
 sim: $(VENV)/.sim ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder
 	@$(BIN)/run_mission $(MISSION)
+
+sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
+	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
 
 test: lint ## Lint, check the types and run all tests
 	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest

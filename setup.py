@@ -66,7 +66,8 @@ setup(
     ],
     entry_points={
         "console_scripts": [
-            f"{node} = dsse_ros.nodes.{node}:main" for node in (Path(file).name for file in scripts)
+            f"{program} = dsse_ros.nodes.start:{program}"
+            for program in (Path(file).name for file in scripts)
         ],
     },
     zip_safe=True,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of parameters, from the code, into the README and into docs/parameters.md.
+"""Writes the tables of parameters, from the code, into the README and into docs.
 
 Run `python docs/tables.py` after a change of a scenario's, a rule's or a node's fields.
 """
@@ -15,6 +15,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
+from dsse_ros.nodes.flight_settings import BridgeSettings
 from dsse_ros.nodes.parameters import descriptor
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings, SimSettings
 from dsse_ros.search import PROFILES, Rules, Scenario
@@ -97,7 +98,8 @@ def settings_table(cls: type, run_time: Collection[str] = ()) -> str:
             f"`{name}`", type_of(spec), spec.unit, shown(values[name]), allowed(spec),
             "yes" if name in run_time else "", spec.doc,
         ]
-        for name, spec in specs(cls).items()
+        # What it shares with others comes last.
+        for name, spec in sorted(specs(cls).items(), key=lambda s: s[0] not in cls.__annotations__)
     ]  # fmt: skip
     return table(
         ["Parameter", "Type", "Unit", "Default", "Allowed", "At run time", "Meaning"], rows
@@ -133,10 +135,11 @@ def rules_table() -> str:
 TABLES = {
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
+    "mavlink_bridge": lambda: settings_table(BridgeSettings),
     "scenario": scenario_table,
     "rules": rules_table,
 }
-PAGES = ("README.md", "docs/parameters.md")
+PAGES = ("README.md", "docs/flight.md", "docs/parameters.md")
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
 

@@ -87,6 +87,14 @@ class CommandBuffer:
         self._actions.clear()
         return joint
 
+    def route(self, drone: int, start: Cell) -> list[Cell]:
+        """Return the cells from here, this one included, to the last goal of the drone."""
+        cells = [start]
+        for goal in self._goals.get(drone, ()):
+            while cells[-1] != goal:
+                cells.append(self._legend.towards(cells[-1], goal))
+        return cells
+
     def _ahead(self, drone: int, cells: NDArray[np.int64]) -> Cell | None:
         """Return the cell the drone goes to; goals it has reached are dropped."""
         goals = self._goals.get(drone)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class StepResult:
 
 
 _OF_RESULT = ("actions", "held", "probabilities")
-_OF_MISSION = ("seed", "number", "not_found", "aborted", "tracks", "_stamp_ns")
+_OF_MISSION = ("seed", "number", "not_found", "aborted", "tracks", "searches", "lost", "_stamp_ns")
 
 
 class Mission:
@@ -61,6 +61,9 @@ class Mission:
             of the cumulative probability of success: the product of (1 - POS) over the steps
             (IAMSAR Manual, volume II).
         aborted: Whether the mission was given up because commands were missing.
+        tracks: Of each drone, the cells it was in, without repeats.
+        searches: Of each drone, how often it has searched in each cell of its track.
+        lost: The drones that were lost, in the order in which they were.
     """
 
     def __init__(self, env: SearchEnv, seed: int) -> None:
@@ -71,6 +74,8 @@ class Mission:
         self.not_found = 1.0
         self.aborted = False
         self.tracks: list[list[Cell]] = []
+        self.searches: list[list[int]] = []
+        self.lost: list[int] = []
         self._step_ns = max(round(env.scenario.step_duration_s * 1e9), 1)
         self._stamp_ns = -self._step_ns
         self._search = env.rules.actions.index("search")
@@ -88,6 +93,8 @@ class Mission:
         self.commands.clear()
         count = self.env.world.num_drones
         self.tracks = [[] for _ in range(count)]
+        self.searches = [[] for _ in range(count)]
+        self.lost = []
         nobody = np.zeros(count, bool)
         self.result = self._result(np.full(count, HOLD, np.int8), nobody, np.zeros(count))
         return self.result
@@ -129,6 +136,17 @@ class Mission:
         """Give the mission up."""
         self.aborted = True
 
+    def lose(self, drone: int) -> bool:
+        """Take a drone out whose vehicle has dropped out; returns whether it was in flight.
+
+        It counts as terminated from now on, in the last result too.
+        """
+        if self.over or not self.env.withdraw(drone):
+            return False
+        self.lost.append(drone)
+        self.result = replace(self.result, terminated=self._terminated())
+        return True
+
     def advance(self, missing_action: str) -> StepResult:
         """Do one step with the commands given; drones without one follow `missing_action`."""
         world = self.env.world
@@ -141,6 +159,8 @@ class Mission:
         pod = self.env.scenario.probability_of_detection
         self.not_found *= 1.0 - min(pod * float(sum(searched.values())), 1.0)
         self.result = self._result(joint, live & (joint == HOLD), probabilities)
+        for drone in np.flatnonzero(searching).tolist():
+            self.searches[drone][-1] += 1
         return self.result
 
     def snapshot(self) -> Snapshot:
@@ -174,6 +194,12 @@ class Mission:
         self.result = self._result(*(arrays[f"result_{name}"] for name in _OF_RESULT))
         return self.result
 
+    def _terminated(self) -> NDArray[np.bool_]:
+        """Return who is terminated (N,); where drones end together, each step clears the flags."""
+        terminated = self.env.flags[0].copy()
+        terminated[self.lost] = True
+        return terminated
+
     def _probabilities(self) -> NDArray[np.float64]:
         """Return the probability of each drone's cell, 0 outside the grid."""
         cells, grid = self.result.cells, self.env.world.grid_size
@@ -190,17 +216,18 @@ class Mission:
         world = self.env.world
         self._stamp_ns += self._step_ns
         cells = self.env.positions
-        terminated, truncated = self.env.flags
-        for track, (col, row) in zip(self.tracks, cells.tolist(), strict=True):
-            if not track or track[-1] != (col, row):
-                track.append((col, row))
+        _, truncated = self.env.flags
+        for i, (col, row) in enumerate(cells.tolist()):
+            if not self.tracks[i] or self.tracks[i][-1] != (col, row):
+                self.tracks[i].append((col, row))
+                self.searches[i].append(0)
         return StepResult(
             step=int(world.worlds["t"][0]),
             stamp_ns=self._stamp_ns,
             cells=cells,
             actions=actions,
             rewards=world.rewards[0].copy(),
-            terminated=terminated.copy(),
+            terminated=self._terminated(),
             truncated=truncated.copy(),
             found=world.found[0].copy(),
             held=held,

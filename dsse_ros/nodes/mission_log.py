@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import os
 from dataclasses import dataclass
@@ -28,16 +29,27 @@ probability of success. Persons have no action and no reward."""
 class MissionLog:
     """Writes the steps of missions to a file as they happen.
 
+    Args:
+        path: The file; what is in it is written over.
+        frame: Where the grid lies.
+        resume_at: (mission, step) that is written first: the file keeps what comes before it.
+
     Raises:
-        FieldError: If the file cannot be written.
+        FieldError: If the file cannot be written, or is to be kept and no record of a mission.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], frame: GridFrame, *, append: bool = False
+        self,
+        path: str | os.PathLike[str],
+        frame: GridFrame,
+        *,
+        resume_at: tuple[int, int] | None = None,
     ) -> None:
         self._frame = frame
         try:
-            mode = "a" if append else "w"
+            if resume_at is not None:
+                _cut(path, resume_at)
+            mode = "w" if resume_at is None else "a"
             self._file = Path(path).open(mode, newline="", encoding="utf-8")  # noqa: SIM115
         except OSError as error:
             raise FieldError(f"record_file: {os.fspath(path)!r}: {error.strerror}") from None
@@ -81,9 +93,43 @@ class MissionLog:
                 )
         self._file.flush()
 
+    def sync(self) -> None:
+        """Have what was written survive even a loss of power, if the file is on a disk."""
+        with contextlib.suppress(OSError):
+            os.fsync(self._file.fileno())
+
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def _cut(path: str | os.PathLike[str], end: tuple[int, int]) -> None:
+    """Cut a record before the first row of this (mission, step) or a later one.
+
+    Rows that a crash has left in part are cut too: they stand at the end, after that step.
+
+    Raises:
+        FieldError: If the file is no record of a mission.
+        OSError: If it cannot be read or written.
+    """
+    if not Path(path).exists():
+        return
+    with Path(path).open("rb+") as file:
+        head = file.readline()
+        whole = ",".join(COLUMNS).encode() + b"\n"
+        if head not in (whole, whole[: len(head)]):
+            raise FieldError(f"record_file: {os.fspath(path)!r} is no record of a mission")
+        keep = len(head) if head == whole else 0
+        for line in file:
+            try:
+                mission, step, _ = line.split(b",", 2)
+                before = (int(mission), int(step)) < end and line.endswith(b"\n")
+            except ValueError:
+                before = False
+            if not before:
+                break
+            keep += len(line)
+        file.truncate(keep)
 
 
 @dataclass(frozen=True)

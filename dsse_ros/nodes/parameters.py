@@ -11,6 +11,7 @@ from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
+    ParameterType,
     SetParametersResult,
 )
 from rclpy.node import Node
@@ -25,6 +26,7 @@ _TYPES = {
     "str": Parameter.Type.STRING,
     "vector": Parameter.Type.DOUBLE_ARRAY,
     "floats": Parameter.Type.DOUBLE_ARRAY,
+    "ints": Parameter.Type.INTEGER_ARRAY,
     "cell": Parameter.Type.INTEGER_ARRAY,
     "cells": Parameter.Type.INTEGER_ARRAY,
     "names": Parameter.Type.STRING_ARRAY,
@@ -38,6 +40,22 @@ _OF_ROS = ("use_sim_time", "start_type_description_service")
 _CLOCK_PREFIX = f"{QOS_PREFIX}/clock.subscription."
 
 
+def declarable(
+    name: str, value: Any = None, descriptor: ParameterDescriptor | None = None
+) -> tuple[str, Any, ParameterDescriptor]:
+    """Return the parameter as rclpy can declare it; None has a type only where it is dynamic.
+
+    Raises:
+        FieldError: If a parameter that every node has is not true or false.
+    """
+    if name in _OF_ROS:
+        value = Spec("bool", "").check(name, [] if value is None else value)
+    made = descriptor or ParameterDescriptor()
+    if value is None:
+        made.dynamic_typing = True
+    return name, value, made
+
+
 def take_overrides(node: Node, known: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the fields and the QoS overrides a node was started with; they are undeclared.
 
@@ -48,7 +66,8 @@ def take_overrides(node: Node, known: Collection[str]) -> tuple[dict[str, Any], 
         FieldError: If a name is not known.
     """
     given = {
-        name: node.get_parameter(name).value
+        # What has no type was given as an empty list.
+        name: [] if (value := node.get_parameter(name).value) is None else value
         for name in node.get_parameters_by_prefix("")
         if name not in _OF_ROS and not name.startswith(_CLOCK_PREFIX)
     }
@@ -107,15 +126,14 @@ def descriptor(name: str, spec: Spec, *, read_only: bool) -> ParameterDescriptor
 def declare(
     node: Node, specs: Mapping[str, Spec], values: Mapping[str, Any], mutable: Collection[str] = ()
 ) -> None:
-    """Declare one parameter per field with the value in force; None leaves it unset."""
+    """Declare one parameter per field with the value in force; one of None can be asked for too."""
     for name, spec in specs.items():
+        made = descriptor(name, spec, read_only=name not in mutable)
         value = to_ros(spec, values[name])
-        node.declare_parameter(
-            name,
-            _TYPES[spec.kind] if value is None or value == [] else value,
-            descriptor(name, spec, read_only=name not in mutable),
-            ignore_override=True,
-        )
+        if value is None or value == []:
+            # A parameter with a type but no value would spoil the answer about all others.
+            value, made.dynamic_typing, made.type = None, True, ParameterType.PARAMETER_NOT_SET
+        node.declare_parameter(name, value, made, ignore_override=True)
 
 
 def check_changes(

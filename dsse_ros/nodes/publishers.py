@@ -129,6 +129,11 @@ class MissionPublishers:
         self._publish_fixes(result, stamp)
         self._before = self._cells if result.step else result.cells
         self._cells = result.cells
+        self.publish_report(result, stamp)
+
+    def publish_report(self, result: StepResult, stamp: Time) -> None:
+        """Publish the report of a step."""
+        frame, env = self._frame, self._mission.env
         report = make_step_report(
             frame,
             step=result.step,

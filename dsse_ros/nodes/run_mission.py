@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
+import matplotlib.figure  # noqa: F401  Where it is missing, no mission is flown.
 import numpy as np
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
@@ -144,8 +145,8 @@ def process(
 ) -> Iterator[subprocess.Popen[bytes]]:
     """Run a node with these parameters as a process of its own; it is stopped at the end."""
     # Not by -m, which would prefer a source tree in the working directory to the installation.
-    program = f"import sys; del sys.path[0]; from dsse_ros.nodes.{module} import main; "
-    command = [sys.executable, "-c", program + "sys.exit(main())", "--ros-args"]
+    program = f"import sys; del sys.path[0]; from dsse_ros.nodes.start import {module}; "
+    command = [sys.executable, "-c", program + f"sys.exit({module}())", "--ros-args"]
     for name, value in parameters.items():
         # A text is quoted, as what follows := is read as YAML.
         text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value

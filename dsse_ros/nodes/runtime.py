@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from types import FrameType
+from typing import Any
 
 import rclpy
 from rclpy.clock import Clock, ClockType
@@ -24,10 +27,14 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from dsse_ros.nodes.alarms import Alarms
+from dsse_ros.nodes.parameters import declarable
 from dsse_ros.search import FieldError
 
 BAD_INPUT = 2
 """Exit code after an input that is not allowed."""
+
+MAX_DOMAIN = 232
+"""The last domain whose ports there are (DDSI-RTPS 2.3, 9.6.1.1)."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _LOOK_S = 0.1
@@ -35,6 +42,9 @@ _LOOK_S = 0.1
 _WARN_S = 1.0
 _ELSEWHERE_S = 0.05
 """Wall time between looks at the alarms in another executor's loop."""
+
+_nodes: weakref.WeakSet[Node] = weakref.WeakSet()
+"""All nodes, also those that are still being made."""
 
 
 def new_executor() -> Executor:
@@ -61,11 +71,23 @@ class AlarmNode(Node):
 
     def __init__(self, name: str) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        _nodes.add(self)
         self.alarms = Alarms(time.monotonic)
         self._warned: dict[str, float] = {}
         self.create_timer(
             _ELSEWHERE_S, self.alarms.ring, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+
+    def declare_parameters(
+        self, namespace: str, parameters: Any, ignore_override: bool = False
+    ) -> list[Any]:
+        """Declare parameters, those too whose value has no type: an empty list.
+
+        Raises:
+            FieldError: If a value is not allowed.
+        """
+        declared: list[Any] = [declarable(*parameter) for parameter in parameters]
+        return super().declare_parameters(namespace, declared, ignore_override)
 
     def warn(self, kind: str, text: str) -> None:
         """Log a warning, of each kind one a second at most."""
@@ -88,7 +110,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     node: AlarmNode | None = None
     stop = Stop()
     try:
-        on_signals(signal.default_int_handler)
+        on_signals(_leave)
         with _as_field_error():
             _init([name, *(sys.argv[1:] if argv is None else argv)])
             node = make_node()
@@ -102,7 +124,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
             node.alarms.ring()
     except FieldError as error:
         return fail(name, error)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     finally:
         # Not a handler: Python lets a signal kill it in its last moments, unless it is ignored.
@@ -134,6 +156,19 @@ class Stop:
         self.wanted = True
 
 
+def _leave(number: int, frame: FrameType | None) -> None:
+    """End the process while its node is being made, with the code a shell has for the signal.
+
+    No exception would do: numba, which may be compiling, loses or mistakes some.
+    """
+    on_signals(signal.SIG_IGN)
+    for node in list(_nodes):
+        with contextlib.suppress(Exception):
+            # Otherwise its files in shared memory would stay.
+            Node.destroy_node(node)
+    os._exit(128 + number)
+
+
 def on_signals(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
     """Have SIGINT and SIGTERM handled by this."""
     for number in _SIGNALS:
@@ -144,7 +179,7 @@ def _init(arguments: list[str]) -> None:
     """Start rclpy without its signal handlers, which end the context in the midst of a callback.
 
     Raises:
-        FieldError: If an argument is none of ROS's.
+        FieldError: If an argument is none of ROS's, or there is no such domain.
     """
     with _silent_rcl():
         rest = remove_ros_args(arguments)[1:]
@@ -153,6 +188,9 @@ def _init(arguments: list[str]) -> None:
                 f"{rest[0]!r} is no argument; parameters are given as --ros-args -p name:=value"
             )
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    domain = rclpy.get_default_context().get_domain_id()
+    if domain > MAX_DOMAIN:
+        raise FieldError(f"ROS_DOMAIN_ID: {domain} is not allowed; 0 to {MAX_DOMAIN}")
 
 
 @contextlib.contextmanager

@@ -6,13 +6,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dsse_ros.nodes.commands import MISSING_ACTIONS
+from dsse_ros.nodes.flight_settings import FlightSettings
 from dsse_ros.planners import PLANNERS
 from dsse_ros.search.fields import check_all, field
 from dsse_ros.search.rules import PROFILES
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimSettings:
+class SimSettings(FlightSettings):
     """Settings of `sim_node`.
 
     Raises:
@@ -71,7 +72,9 @@ class SimSettings:
     )
     reveal_person: bool = field("bool", "Whether markers show where the persons are.", False)
     wait_for_vehicles: bool = field(
-        "bool", "Whether a step waits until every vehicle has reached its drone's cell.", False
+        "bool",
+        "Whether a step waits until every vehicle is in its drone's cell and has searched it.",
+        False,
     )
     odom_rate: float = field(
         "float",
@@ -89,9 +92,15 @@ class SimSettings:
         "int", "Steps from one snapshot to the next.", 100, low=1, high=10**9, unit="steps"
     )
     resume: bool = field(
-        "bool", "Whether to start from snapshot_file; record_file is then appended to.", False
+        "bool", "Whether to start from snapshot_file; record_file goes on from its step.", False
     )
     export_directory: str = field("str", "Where ~/export_mission writes its files.", ".")
+    export_tracks: str = field(
+        "str",
+        "What ~/export_mission writes: the tracks so far, or the ways to the goals that are left.",
+        "flown",
+        choices=("flown", "planned"),
+    )
 
     def __post_init__(self) -> None:
         check_all(self)
@@ -101,7 +110,8 @@ RUN_TIME_SETTINGS = frozenset(
     {
         "step_mode", "step_rate", "command_timeout", "missing_action", "auto_reset",
         "real_time_factor", "seed", "grid_scaling", "reveal_person", "odom_rate",
-        "export_directory",
+        "export_directory", "export_tracks", "dialect", "acceptance_radius", "search_altitude",
+        "search_hold", "merge_legs",
     }
 )  # fmt: skip
 """Settings of `sim_node` that can change at run time; the others are read-only."""

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import math
 import sys
 import time
 from collections import Counter
@@ -14,10 +16,11 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetMap
+from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from std_msgs.msg import Int8, Int32MultiArray, String
@@ -32,9 +35,11 @@ from dsse_ros.nodes.publishers import MissionPublishers
 from dsse_ros.nodes.qos import RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
+from dsse_ros.nodes.track_files import acceptance_radius_m, search_mission, write_missions
 from dsse_ros.search import FieldError, Scenario, SearchEnv, Snapshot, SnapshotError, profile
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import ResolvedScenario
 from msg_adapters.commands import (
     parse_action,
     parse_action_name,
@@ -42,11 +47,12 @@ from msg_adapters.commands import (
     parse_joint_action,
     parse_path,
 )
-from msg_adapters.frames import GridFrame
-from msg_adapters.mission_files import qgc_wpl, track_items
+from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.result import Rejected
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import to_nanoseconds, to_stamp
+from msg_adapters.tracks import steps
+from msg_adapters.vehicles import Progress, place_from_pose, progress_from_message
 
 SCENARIO_SPECS = specs(Scenario)
 RULES_SPECS = {
@@ -71,6 +77,9 @@ class SimNode(AlarmNode):
         FieldError: If a parameter or the scenario is not allowed.
     """
 
+    # Here, as a node that could not be made is destroyed too.
+    log: MissionLog | None = None
+
     def __init__(self) -> None:
         super().__init__("dsse_sim")
         self.settings, env, endpoints = self._read_parameters()
@@ -88,17 +97,20 @@ class SimNode(AlarmNode):
         self.mission = Mission(env, self._seed())
         if self.settings.resume:
             self._resume()
-        # The step that a mission resumes from stands in its record already.
-        self.log = None if self.settings.resume else self._open_log()
         self.publishers_ = MissionPublishers(endpoints, self.mission, self.frame)
         self.paused = False
         self.rejected: Counter[str] = Counter()
         self.timeouts = 0
+        self._crowd_seen: Counter[str] = Counter()
         self._pace = Pace()
         self._pace.set_period(time.monotonic(), self._period_s())
-        self._vehicles: dict[int, tuple[int, int] | None] = {}
+        self._places: dict[int, tuple[float, float]] = {}
+        self._progress: dict[int, Progress] = {}
+        self._lost: dict[int, str] = {}
+        self._first_stamp = self._report_stamp = Time()
         self._subscribe(endpoints)
         endpoints.check_all_used()
+        self.log = self._open_log()
         self._serve()
         self._step_alarm = self.alarms.make(self._on_step_alarm)
         self._timeout_alarm = self.alarms.make(self._on_timeout)
@@ -108,7 +120,7 @@ class SimNode(AlarmNode):
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._on_changed)
         self._publish_start()
-        self.log = self.log or self._open_log()
+        self._follow_on()
 
     # Parameters
 
@@ -125,7 +137,7 @@ class SimNode(AlarmNode):
         scenario = Scenario.of(settings.scenario or None).override(**of(SCENARIO_SPECS))
         env = SearchEnv(scenario, rules)
         declare(self, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
-        declare(self, SCENARIO_SPECS, vars(env.scenario))
+        declare(self, SCENARIO_SPECS, _in_force(env.scenario))
         declare(self, RULES_SPECS, vars(rules))
         return settings, env, Endpoints(self, qos)
 
@@ -140,6 +152,8 @@ class SimNode(AlarmNode):
             self._arm()
         if "grid_scaling" in changes:
             self.publishers_.publish_grid(self.stamp(), self.settings.grid_scaling)
+        if "auto_reset" in changes:
+            self._follow_on()
 
     # Wiring
 
@@ -155,6 +169,7 @@ class SimNode(AlarmNode):
             subscribe(Path, f"{name}/command_path", partial(self._on_path, i))
             if self.settings.wait_for_vehicles:
                 subscribe(PoseStamped, f"{name}/vehicle_pose", partial(self._on_vehicle, i))
+                subscribe(DiagnosticArray, f"{name}/vehicle_state", partial(self._on_state, i))
 
     def _serve(self) -> None:
         for name, kind, callback in (
@@ -191,9 +206,11 @@ class SimNode(AlarmNode):
             f"mission {mission.number}: {len(mission.tracks)} drones on {self.frame.grid_size} x "
             f"{self.frame.grid_size} cells, rules {mission.env.rules.profile}, seed {mission.seed}"
         )
-        self._vehicles.clear()
+        self._places.clear()
+        self._lost.clear()
         self.publishers_.publish_agents()
         self._publish()
+        self._first_stamp = self._report_stamp
 
     def step(self) -> None:
         """Do one step now; drones without a command follow `missing_action`."""
@@ -204,8 +221,13 @@ class SimNode(AlarmNode):
             self.get_logger().info(
                 f"mission {self.mission.number} over after {self.mission.result.step} steps"
             )
-            if self.settings.auto_reset:
-                self.reset(self.mission.seed + 1)
+            self._follow_on()
+
+    def _follow_on(self) -> None:
+        """With `auto_reset`, start the next mission if this one is over."""
+        mission = self.mission
+        if self.settings.auto_reset and mission.over and not mission.aborted:
+            self.reset(mission.seed + 1)
 
     def try_step(self) -> str:
         """Do one step if nothing speaks against it; returns what does, or nothing."""
@@ -219,6 +241,7 @@ class SimNode(AlarmNode):
 
     def _publish(self) -> None:
         result, stamp, settings = self.mission.result, self.stamp(), self.settings
+        self._report_stamp = stamp
         self._record()
         if settings.publish_clock:
             self.publishers_.publish_clock(result.stamp_ns)
@@ -229,8 +252,10 @@ class SimNode(AlarmNode):
         self._arm()
 
     def _open_log(self) -> MissionLog | None:
-        path = self.settings.record_file
-        return MissionLog(path, self.frame, append=self.settings.resume) if path else None
+        path, mission = self.settings.record_file, self.mission
+        # The step that a mission resumes from is published, and recorded, once more.
+        resume_at = (mission.number, mission.result.step) if self.settings.resume else None
+        return MissionLog(path, self.frame, resume_at=resume_at) if path else None
 
     def _record(self) -> None:
         if self.log is None:
@@ -253,6 +278,8 @@ class SimNode(AlarmNode):
     def _save_snapshot(self) -> None:
         settings = self.settings
         if settings.snapshot_file and self.mission.result.step % settings.snapshot_every == 0:
+            if self.log is not None:
+                self.log.sync()
             try:
                 self.mission.snapshot().save(settings.snapshot_file)
             except OSError as error:
@@ -306,8 +333,18 @@ class SimNode(AlarmNode):
     def _arrived(self) -> bool:
         if not self.settings.wait_for_vehicles:
             return True
-        cells = self.mission.result.cells
-        return all(self._vehicles.get(i) == tuple(cells[i].tolist()) for i in self.mission.live)
+        return all(self._has_arrived(drone) for drone in self.mission.live)
+
+    def _has_arrived(self, drone: int) -> bool:
+        """Return whether a vehicle is in its drone's cell and, if it tells, done there."""
+        progress = self._progress.get(drone)
+        if progress and progress.arrived_stamp_ns != to_nanoseconds(self._report_stamp):
+            return False
+        col, row = self.mission.result.cells[drone].tolist()
+        away_m = math.dist(
+            self._places.get(drone, (math.inf, math.inf)), cell_to_map(self.frame, col, row)
+        )
+        return away_m <= acceptance_radius_m(self.frame, self.settings)
 
     def _step_when_ready(self) -> None:
         if not self._ready():
@@ -400,10 +437,49 @@ class SimNode(AlarmNode):
             mission.command_all(actions)
             self._step_when_ready()
 
+    # Vehicles
+
+    def _of_vehicle(self, topic: str, parsed: Any) -> Any:
+        """Return what a vehicle says; count and log what it says wrongly."""
+        if not isinstance(parsed, Rejected):
+            return parsed.value
+        self.rejected[parsed.code] += 1
+        self.warn(parsed.code, f"{topic}: {parsed.reason}")
+        return None
+
     def _on_vehicle(self, drone: int, message: PoseStamped) -> None:
-        parsed = parse_goal(message, self.frame)
-        self._vehicles[drone] = None if isinstance(parsed, Rejected) else parsed.value
+        parsed = place_from_pose(message, self.frame)
+        place = self._of_vehicle(f"drone{drone}/vehicle_pose", parsed)
+        self._places.pop(drone, None)
+        if place is not None:
+            self._places[drone] = place
+            self._step_when_ready()
+
+    def _on_state(self, drone: int, message: DiagnosticArray) -> None:
+        parsed = progress_from_message(message, f"drone{drone}")
+        progress = self._of_vehicle(f"drone{drone}/vehicle_state", parsed)
+        if progress is None:
+            return
+        self._progress[drone] = progress
+        # What it has said of an earlier mission does not count.
+        first_ns, last_ns = map(to_nanoseconds, (self._first_stamp, self._report_stamp))
+        if progress.lost and first_ns <= progress.report_stamp_ns <= last_ns:
+            self._lose(drone, progress.lost)
         self._step_when_ready()
+
+    def _lose(self, drone: int, reason: str) -> None:
+        """Go on without a drone, whose vehicle has dropped out."""
+        if not self.mission.lose(drone):
+            return
+        self._lost[drone] = reason
+        self.get_logger().warning(f"drone{drone} is lost: {' '.join(reason.split())[:200]}")
+        if self.mission.over:
+            self._record()
+        self.publishers_.publish_report(self.mission.result, self._report_stamp)
+        if self.mission.over:
+            self.get_logger().info(f"mission {self.mission.number} over: all drones are lost")
+            self._arm()
+            self._follow_on()
 
     # Services
 
@@ -436,21 +512,34 @@ class SimNode(AlarmNode):
         return response
 
     def _on_export(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        directory = FilePath(self.settings.export_directory)
+        settings, mission = self.settings, self.mission
+        directory = FilePath(settings.export_directory)
+        tracks = {
+            name: self._track(i, settings.export_tracks)
+            for i, name in enumerate(mission.env.possible_agents)
+        }
+        missions = {
+            name: search_mission(self.frame, cells, searched, settings)
+            for name, (cells, searched) in tracks.items()
+        }
         try:
-            directory.mkdir(parents=True, exist_ok=True)
-            for name, track in zip(
-                self.mission.env.possible_agents, self.mission.tracks, strict=True
-            ):
-                text = qgc_wpl(track_items(self.frame, track))
-                (directory / f"{name}.waypoints").write_text(text, encoding="utf-8")
+            write_missions(directory, missions, settings.dialect)
         except OSError as error:
             response.success = False
             response.message = f"export_directory: {str(directory)!r}: {error.strerror}"
             return response
         response.success = True
-        response.message = f"{len(self.mission.tracks)} tracks in {directory.resolve()}"
+        response.message = f"{len(missions)} tracks in {directory.resolve()}"
         return response
+
+    def _track(self, drone: int, which: str) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        """Return cells (K, 2) and flags of those searched, flown or planned."""
+        mission = self.mission
+        if which == "flown":
+            return steps(mission.tracks[drone], mission.searches[drone])
+        col, row = mission.result.cells[drone].tolist()
+        cells = np.array(mission.commands.route(drone, (col, row)))
+        return cells, np.zeros(len(cells), bool)
 
     # Now and then
 
@@ -478,7 +567,10 @@ class SimNode(AlarmNode):
             message = "mission over"
         elif self.paused:
             message = "paused"
-        if self.rejected and level == DiagnosticStatus.OK:
+        crowd = self._crowd()
+        if (
+            self.rejected or self._lost or max(crowd.values()) > 1
+        ) and level == DiagnosticStatus.OK:
             level = DiagnosticStatus.WARN
         missing = [] if mission.over else mission.missing
         values: dict[str, object] = {
@@ -488,19 +580,49 @@ class SimNode(AlarmNode):
             "step_mode": self.settings.step_mode,
             "drones_in_flight": len(mission.live),
             "missing_drones": self._names(missing),
+            "lost_drones": self._names(mission.lost),
             "timeouts": self.timeouts,
             "pos_cumulative": f"{mission.probability_of_success:.6f}",
+            **crowd,
             "rejected": sum(self.rejected.values()),
         }
+        if self.settings.wait_for_vehicles:
+            late = [] if mission.over else [i for i in mission.live if not self._has_arrived(i)]
+            values["awaited_vehicles"] = self._names(late)
+        values |= {f"lost.drone{i}": reason for i, reason in sorted(self._lost.items())}
         values |= {f"rejected.{code}": n for code, n in sorted(self.rejected.items())}
         name = self.get_fully_qualified_name().lstrip("/")
         self.publishers_.publish_diagnostics(self.stamp(), name, level, message, values)
+
+    def _crowd(self) -> dict[str, int]:
+        """Return how many simulations and planners share the topics; warn when there are more."""
+        topics = ("step_report", "joint_action")
+        crowd = Counter({t: self.count_publishers(self.resolve_topic_name(t)) for t in topics})
+        says = {
+            "step_report": "listeners hear all missions mixed; give each its own namespace",
+            "joint_action": "the last command of a drone before a step wins",
+        }
+        for topic, count in crowd.items():
+            if count > max(self._crowd_seen[topic], 1):
+                self.get_logger().warning(f"{count} nodes publish {topic}: {says[topic]}")
+        self._crowd_seen = crowd
+        return {f"publishers.{topic}": count for topic, count in crowd.items()}
 
     def destroy_node(self) -> None:
         """Close the log and the node."""
         if self.log is not None:
             self.log.close()
         super().destroy_node()
+
+
+def _in_force(scenario: ResolvedScenario) -> dict[str, Any]:
+    """Return the values of all fields, also of those that state another's in another way."""
+    values = dict(vars(scenario))
+    for name, value in scenario.other_ways.items():
+        # Where drones are faster than any current, there is no such current.
+        with contextlib.suppress(FieldError):
+            values[name] = SCENARIO_SPECS[name].check(name, value)
+    return values
 
 
 def main(argv: list[str] | None = None) -> int:

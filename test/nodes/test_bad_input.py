@@ -58,6 +58,30 @@ CASES = {
     "unknown parameter": Case("-p num_dornes:=3", "num_drones"),
     "wrong type": Case("-p num_drones:=three", "num_drones: 'three' is not allowed"),
     "float for an integer": Case("-p num_drones:=3.0", "num_drones: 3.0 is not allowed"),
+    **{
+        f"empty list for {name}": Case(f"-p {name}:=[]", f"{name}: [] is not allowed; ")
+        for name in ("num_drones", "sigma", "vector", "scenario", "auto_reset", "use_sim_time")
+    },
+    "no start cells": Case("-p drones_positions:=[]", "drones_positions: 0 cells are not allowed"),
+    "no multipliers": Case("-p person_pod_multipliers:=[]", "person_pod_multipliers: 0 values"),
+    "empty list for no field": Case("-p num_dornes:=[]", "did you mean num_drones?"),
+    "empty list for a QoS": Case(
+        "-p qos_overrides./clock.publisher.depth:=[]", "depth: [] is not allowed; an integer"
+    ),
+    "list for a number": Case("-p sigma:=[1.0]", "sigma: [1.0] is not allowed; a finite number"),
+    "number for a list": Case("-p vector:=0.5", "vector: 0.5 is not allowed; two finite numbers"),
+    "number for a truth": Case("-p use_sim_time:=3", "use_sim_time: 3 is not allowed; true or"),
+    "number for a name": Case("-p rules:=3", "rules: 3 is not allowed; one of paper"),
+    "empty list in a file": Case(
+        "--params-file {x}",
+        "vector: [] is not allowed",
+        files={"x": "dsse_sim: {ros__parameters: {vector: []}}"},
+    ),
+    "empty list for the planner": Case(
+        "-p planner:=[]", "planner: [] is not allowed; one of sweep", "planner_node"
+    ),
+    "key twice in YAML": scenario("sigma: 1.0\nsigma: 2.0", "'sigma' stands twice"),
+    "aliases in YAML": scenario("a: &a [1]\nb: [*a, *a]", "an alias is not allowed"),
     "unknown step mode": Case("-p step_mode:=fast", "lockstep, realtime, manual"),
     "unknown rules": Case("-p rules:=v9", "rules: 'v9' is not allowed"),
     "record file in no folder": Case("-p record_file:=/no/such/x.csv", "record_file"),
@@ -87,6 +111,16 @@ IN_PROCESSES_OF_THEIR_OWN = (
     "unknown planner",
 )  # fmt: skip
 """Some of each kind, as they were typed; for the others the imports would take a minute."""
+
+
+def test_a_domain_that_does_not_exist_is_refused(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "dsse_ros.nodes.sim_node"]
+    done = subprocess.run(
+        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+        env=os.environ | ENVIRONMENT | {"ROS_DOMAIN_ID": "233"},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "sim_node: ROS_DOMAIN_ID: 233 is not allowed; 0 to 232\n"
 
 
 def arguments_of(case: Case, folder: Path) -> list[str]:

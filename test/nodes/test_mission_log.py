@@ -89,6 +89,67 @@ def test_each_step_is_on_disk_when_it_is_written(tmp_path: Path) -> None:
     log.close()
 
 
+@given(
+    st.integers(0, 2**32), joints, st.integers(0, 30), st.integers(0, 30), st.binary(max_size=40)
+)
+def test_a_record_that_goes_on_from_a_snapshot_is_that_of_an_unbroken_mission(
+    tmp_path_factory: pytest.TempPathFactory,
+    seed: int,
+    actions: list[list[int]],
+    at: int,
+    lost: int,
+    garbage: bytes,
+) -> None:
+    """`lost` bytes of the last rows are lost, or there is `garbage` behind them."""
+    folder = tmp_path_factory.mktemp("log")
+    mission = Mission(parallel_env(**SCENARIO), seed)
+    log = MissionLog(folder / "whole.csv", FRAME)
+    log.write(mission, mission.result)
+    states = [(mission.snapshot(), (folder / "whole.csv").stat().st_size)]
+    for joint in [*actions, None, *actions]:
+        if joint is None:
+            mission.reset(seed + 1)
+        elif mission.over:
+            continue
+        else:
+            mission.command_all(joint)
+            mission.advance("hold")
+        log.write(mission, mission.result)
+        states.append((mission.snapshot(), (folder / "whole.csv").stat().st_size))
+    log.close()
+    whole = (folder / "whole.csv").read_bytes()
+    snapshot, size = states[at % len(states)]
+    later = whole[: max(len(whole) - lost, size)]
+    (folder / "broken.csv").write_bytes(later + (b"" if lost else garbage))
+
+    twin = Mission(parallel_env(**SCENARIO), 0)
+    twin.restore(snapshot)
+    log = MissionLog(folder / "broken.csv", FRAME, resume_at=(twin.number, twin.result.step))
+    log.write(twin, twin.result)
+    log.sync()
+    log.close()
+    assert (folder / "broken.csv").read_bytes() == whole[:size]
+
+
+@pytest.mark.parametrize("text", ["", "mission,st", ",".join(COLUMNS) + "\n"])
+def test_a_record_without_steps_is_gone_on_with(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    path.write_text(text)
+    mission = Mission(parallel_env(**SCENARIO), 0)
+    log = MissionLog(path, FRAME, resume_at=(1, 0))
+    log.write(mission, mission.result)
+    log.close()
+    assert read_log(path).tracks.shape == (3, 1, 2)
+
+
+def test_a_file_that_is_no_record_is_refused_and_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "accounts.csv"
+    path.write_text("date,amount\n1,2,3\n")
+    with pytest.raises(FieldError, match="is no record of a mission"):
+        MissionLog(path, FRAME, resume_at=(1, 0))
+    assert path.read_text() == "date,amount\n1,2,3\n"
+
+
 def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FieldError, match="record_file: .*: Is a directory"):
         MissionLog(tmp_path, FRAME)

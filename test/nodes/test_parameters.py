@@ -105,6 +105,34 @@ def test_the_values_are_those_in_force(sim: Sim) -> None:
     assert (cell_size, sigma_x) == (130.0, 2.0)
 
 
+def test_all_values_can_be_asked_for_at_once(sim: Sim) -> None:
+    names = sorted(ALL_SPECS)
+    values = dict(zip(names, sim.get(*names), strict=True))
+    assert None not in values.values()
+    assert values["zone_size"] == 9 * 130.0
+    assert values["current_speed"] == 0.0
+    for name, spec in ALL_SPECS.items():
+        spec.check(name, from_ros(spec, values[name]))
+
+
+def test_a_node_started_with_all_values_of_another_is_its_twin(rig: Rig, sim: Sim) -> None:
+    names = sorted(ALL_SPECS)
+    values = dict(zip(names, sim.get(*names), strict=True))
+    plain = {
+        k: v if isinstance(v, str | bool | int | float) else list(v) for k, v in values.items()
+    }
+    twin = rig.sim({k: v for k, v in plain.items() if v != []}, namespace="/twin")
+    assert dict(zip(names, twin.get(*names), strict=True)) == values
+    assert twin.cells == sim.cells
+
+
+def test_what_no_current_can_be_is_unset_and_spoils_no_answer(rig: Rig) -> None:
+    # 9000 m/s: cells per step may be more than any current makes.
+    sim = rig.sim({"vector": [9.0, 0.0], "drone_speed": 1000.0}, namespace="/fast")
+    assert sim.get("num_drones", "current_speed", "current_toward") == [1, None, 90.0]
+    assert set(sim.parameters()) >= set(ALL_SPECS)
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [

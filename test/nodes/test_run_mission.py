@@ -40,7 +40,7 @@ def children(process: Process) -> dict[str, int]:
     found = {}
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
         line = Path(f"/proc/{child}/cmdline").read_bytes().decode()
-        match = re.search(r"dsse_ros\.nodes\.(\w+)", line)
+        match = re.search(r"import (\w+_node);", line)
         if match:
             found[match[1]] = int(child)
     return found

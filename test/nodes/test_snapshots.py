@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rig import Rig, Sim
+from std_msgs.msg import String
 
 from dsse_ros.nodes.mission import Mission
 from dsse_ros.search import Snapshot, SnapshotError, parallel_env
@@ -54,3 +57,49 @@ def test_the_snapshot_of_a_world_alone_is_refused() -> None:
     with pytest.raises(SnapshotError, match="not of a mission"):
         mission.restore(mission.env.snapshot())
     assert mission.snapshot().to_bytes() == before
+
+
+def fly_to_the_end(sim: Sim) -> None:
+    """Actions are those of the step, so that they are the same after a break."""
+    while sim.flying:
+        step = sim.step_number
+        sim.fly(1 + 2 * (step // 2 % 2), 4 if step % 3 else 3)
+
+
+def test_a_mission_that_was_killed_leaves_the_record_of_one_that_was_not(
+    rig: Rig, tmp_path: Path
+) -> None:
+    fields = {
+        "grid_size": 9, "num_drones": 2, "vector": [0.0, 0.0], "timestep_limit": 14,
+        "probability_of_detection": 0.0, "seed": 5, "snapshot_every": 5,
+    }  # fmt: skip
+
+    def sim(name: str, namespace: str, **more: Any) -> Sim:
+        files = {"record_file": f"{tmp_path}/{name}.csv", "snapshot_file": f"{tmp_path}/{name}"}
+        return rig.sim(fields | files | more, namespace=namespace)
+
+    fly_to_the_end(sim("whole", "/whole"))
+    broken = sim("broken", "/broken")
+    while broken.step_number < 8:
+        broken.fly(1 + 2 * (broken.step_number // 2 % 2), 4 if broken.step_number % 3 else 3)
+    broken.process.kill()
+    resumed = sim("broken", "/resumed", resume=True)
+    assert resumed.step_number == 5
+    fly_to_the_end(resumed)
+    assert (tmp_path / "broken.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+
+
+def test_with_auto_reset_a_mission_resumed_at_its_end_is_followed_by_the_next(
+    rig: Rig, tmp_path: Path
+) -> None:
+    fields = {
+        "grid_size": 5, "num_drones": 2, "timestep_limit": 3, "probability_of_detection": 0.0,
+        "seed": 5, "snapshot_every": 1, "snapshot_file": f"{tmp_path}/last",
+    }  # fmt: skip
+    fly_to_the_end(rig.sim(fields, namespace="/ended"))
+    parameters = fields | {"resume": True, "auto_reset": True}
+    qos = {"qos_overrides./next/step_report.publisher.history": "keep_all"}
+    sim = rig.sim(parameters | qos, namespace="/next")
+    rig.until(lambda: sim.step_number == 0, "the next mission")
+    agents = rig.first(String, "/next/agents")
+    assert (json.loads(agents.data)["mission"], json.loads(agents.data)["seed"]) == (2, 6)

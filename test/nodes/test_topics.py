@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, NavSatFix, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters.mission_files import parse_qgc_wpl
+from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
 
 LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
 ORIGIN = {"origin_lat": -24.04, "origin_lon": -46.17, "origin_alt": 3.5}
@@ -262,16 +262,19 @@ def test_the_map_can_be_asked_for(sim: Sim) -> None:
     assert asked == sim.rig.first(OccupancyGrid, "/sea/probability_grid")
 
 
-def test_an_exported_mission_is_the_track_of_each_drone(sim: Sim) -> None:
+@pytest.mark.parametrize(("merge_legs", "lengths"), [(True, [2, 2, 3, 2]), (False, [4, 4, 3, 4])])
+def test_an_exported_mission_is_the_track_of_each_drone(
+    sim: Sim, merge_legs: bool, lengths: list[int]
+) -> None:
     for _ in range(3):
         sim.fly(RIGHT, DOWN, SEARCH, UP)
     folder = sim.rig.folder / "tracks"
+    sim.set(merge_legs=merge_legs)
     assert sim.trigger("export_mission") == (True, f"4 tracks in {folder}")
-    lengths = []
     for i in range(4):
         items = parse_qgc_wpl((folder / f"drone{i}.waypoints").read_text())
         flown = [item for item in items[1:] if item.command == WAYPOINT]
-        lengths.append(len(flown))
+        assert len(flown) == lengths[i]
         x, y, z = pymap3d.geodetic2enu(
             flown[-1].lat_deg, flown[-1].lon_deg, ORIGIN["origin_alt"] + flown[-1].alt_m,
             *ORIGIN.values(),
@@ -279,7 +282,30 @@ def test_an_exported_mission_is_the_track_of_each_drone(sim: Sim) -> None:
         report = sim.report[i]
         assert (x, y) == pytest.approx((report["x"], report["y"]), abs=0.1)
         assert flown[-1].alt_m == ALTITUDE_M
-    assert lengths == [4, 4, 1, 4]
+        plan = parse_plan((folder / f"drone{i}.plan").read_text()).mission
+        assert len(plan.items) == len(items) - 1
+        # Three searches of one cell are one descent.
+        low = [item.param1 for item in flown if item.alt_m == 30.0]
+        assert low == ([15.0] if i == 2 else [])
+
+
+def test_an_export_of_what_is_planned_goes_to_the_goals_that_are_left(sim: Sim) -> None:
+    path = Path()
+    path.header.frame_id = "map"
+    for col, row in ((0, 0), (2, 0), (2, 3)):
+        pose = PoseStamped()
+        pose.pose.position.x = (col + 0.5) * CELL_M
+        pose.pose.position.y = (GRID - 1 - row + 0.5) * CELL_M
+        path.poses.append(pose)
+    sim.talk(Path, "drone0/command_path").publish(path)
+    sim.settle()
+    folder = sim.rig.folder / "tracks"
+    sim.set(export_tracks="planned", merge_legs=False)
+    assert sim.trigger("export_mission")[0]
+    sim.set(export_tracks="flown")
+    for i, length in enumerate((6, 1, 1, 1)):
+        items = parse_qgc_wpl((folder / f"drone{i}.waypoints").read_text())
+        assert [item.command for item in items[1:]].count(WAYPOINT) == length
 
 
 def test_an_export_that_cannot_be_written_says_why(sim: Sim) -> None:

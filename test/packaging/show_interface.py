@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prints the interface of both nodes as JSON, with names and words as the README has them."""
+"""Prints the interface of the nodes as JSON, with names and words as the README has them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from dsse_ros.nodes.mavlink_bridge import BridgeNode
 from dsse_ros.nodes.planner_node import PlannerNode
 from dsse_ros.nodes.sim_node import SimNode
 
@@ -69,5 +70,18 @@ def started(make_node: Callable[[], Node], *arguments: str) -> dict[str, Any]:
 
 if __name__ == "__main__":
     options = ("-p", "num_drones:=1", "-p", "wait_for_vehicles:=true")
-    nodes = {"sim_node": started(SimNode, *options), "planner_node": started(PlannerNode)}
+    # In this mode it listens to no vehicle. What has no value has no type.
+    of_bridge = [
+        part
+        for text in (
+            "mode:=export", "num_vehicles:=1", "connections:=['udpin:127.0.0.1:14550']",
+            "system_ids:=[1]", "altitudes:=[120.0]",
+        )
+        for part in ("-p", text)
+    ]  # fmt: skip
+    nodes = {
+        "sim_node": started(SimNode, *options),
+        "planner_node": started(PlannerNode),
+        "mavlink_bridge": started(BridgeNode, *of_bridge),
+    }
     print(json.dumps(nodes))

@@ -29,9 +29,12 @@ from msg_adapters.agents import AgentsInfo
 from msg_adapters.step_report import step_report_dtype
 
 ROOT = Path(__file__).resolve().parents[2]
-README, PARAMETERS, ROS, RULES = (
-    ROOT / name for name in ("README.md", "docs/parameters.md", "docs/ros.md", "docs/rules.md")
-)
+README, PARAMETERS, ROS, RULES, FLIGHT = (
+    ROOT / name
+    for name in (
+        "README.md", "docs/parameters.md", "docs/ros.md", "docs/rules.md", "docs/flight.md"
+    )
+)  # fmt: skip
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md"))]
 SCENARIO = ROOT / "config" / "paper_zone.yaml"
 SCRIPTS = {path.name for path in (ROOT / "scripts").iterdir()}
@@ -65,6 +68,21 @@ def table(page: Path, heading: str, column: str) -> dict[str, Row]:
             found[row[column].strip("`")] = row
         elif not head or not cells:
             head = cells
+    return found
+
+
+def launch_arguments() -> dict[str, list[str]]:
+    """Names in the tables of launch arguments, by the heading of their column."""
+    found: dict[str, list[str]] = {}
+    column = ""
+    for line in section(ROS, "Launch file").splitlines():
+        cells = [cell.strip().strip("`") for cell in line.split("|")[1:-1]]
+        if not cells:
+            column = ""
+        elif not column:
+            column = cells[0]
+        elif not cells[0].startswith("---"):
+            found.setdefault(column, []).append(cells[0])
     return found
 
 
@@ -140,7 +158,7 @@ def finished(csv: Path) -> MissionRecord | None:
 
 @pytest.fixture(scope="module")
 def interface(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Topics, services and parameters of both nodes, as they are when they run."""
+    """Topics, services and parameters of the nodes, as they are when they run."""
     script = Path(__file__).with_name("show_interface.py")
     printed = python(script, tmp_path_factory.mktemp("interface"))
     nodes: dict[str, Any] = json.loads(printed.splitlines()[-1])
@@ -189,15 +207,21 @@ def test_the_topics_of_the_simulation_are_those_of_the_readme(
     assert documented == running
 
 
-def test_the_topics_of_the_planner_are_those_of_the_readme(interface: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    ("node", "page", "heading"),
+    [("planner_node", README, "The planner's"), ("mavlink_bridge", FLIGHT, "Topics")],
+)
+def test_the_topics_of_the_other_nodes_are_those_of_their_tables(
+    interface: dict[str, Any], node: str, page: Path, heading: str
+) -> None:
     documented = {
         (name, row["Direction"]): [row["Type"].strip("`"), row["QoS"]]
-        for name, row in table(README, "The planner's", "Topic").items()
+        for name, row in table(page, heading, "Topic").items()
     }
     running = {
         (name, direction): what
         for kind, direction in (("subscribed", "in"), ("published", "out"))
-        for name, what in interface["planner_node"][kind].items()
+        for name, what in interface[node][kind].items()
         if name not in COMMON_TOPICS
     }
     assert documented == running
@@ -207,11 +231,12 @@ def test_the_services_are_those_of_the_readme(interface: dict[str, Any]) -> None
     documented = {
         name: row["Type"].strip("`") for name, row in table(README, "Services", "Service").items()
     }
-    of_both = (
+    of_all = (
         interface["sim_node"]["services"].items() & interface["planner_node"]["services"].items()
     )
-    assert documented.items() == interface["sim_node"]["services"].items() - of_both
-    assert not interface["planner_node"]["services"].items() - of_both
+    assert documented.items() == interface["sim_node"]["services"].items() - of_all
+    for node in ("planner_node", "mavlink_bridge"):
+        assert not interface[node]["services"].items() - of_all
 
 
 def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
@@ -240,6 +265,7 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
             [(README, "Of the simulation"), (PARAMETERS, "Scenario"), (PARAMETERS, "Rules")],
         ),
         ("planner_node", [(README, "Of the planner")]),
+        ("mavlink_bridge", [(FLIGHT, "Parameters")]),
     ],
 )
 def test_the_parameters_are_those_of_the_tables(
@@ -324,9 +350,10 @@ def test_the_python_on_a_page_runs(block: str, tmp_path: Path) -> None:
 def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     text = commands()
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"^([a-z]+):.*##", makefile, re.MULTILINE))
-    made = re.findall(r"\bmake ([a-z]+)((?: [A-Z]+=\S+)*)", text)
-    assert {"sim", "test"} <= {target for target, _ in made} <= targets
+    targets = set(re.findall(r"^([a-z-]+):.*##", makefile, re.MULTILINE))
+    # PX4's targets have other names.
+    made = re.findall(r"\bmake ([a-z-]+)(?!\w)((?: [A-Z]+=\S+)*)", text)
+    assert {"sim", "test", "sitl-demo"} <= {target for target, _ in made} <= targets
     options = set(table(README, "Quick start", "Option"))
     assert options == set(re.findall(r"\$\(if \$\(([A-Z]+)\),--\w+ '", makefile))
     assert {name for _, given in made for name in re.findall(r"\b([A-Z]+)=", given)} <= options
@@ -339,19 +366,22 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
             parse(flags.split())
 
 
-def test_the_launch_arguments_are_those_of_the_launch_file() -> None:
-    (file,) = (ROOT / "launch").iterdir()
-    module = ast.parse(file.read_text(encoding="utf-8"))
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [("mission.launch.py", "Argument"), ("flight.launch.py", "Flight argument")],
+)
+def test_the_launch_arguments_are_those_of_the_launch_file(name: str, column: str) -> None:
+    assert len(list((ROOT / "launch").iterdir())) == 2
+    module = ast.parse((ROOT / "launch" / name).read_text(encoding="utf-8"))
     (arguments,) = (
         {key.value for key in node.value.keys if isinstance(key, ast.Constant)}
-        for node in ast.walk(module)
+        for node in module.body
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.Dict)
     )
-    assert set(table(ROS, "Launch file", "Argument")) == arguments
-    launches = re.findall(r"ros2 launch dsse_ros (\S+)(.*)", commands())
+    assert set(launch_arguments()[column]) == arguments
+    launches = re.findall(rf"ros2 launch dsse_ros {re.escape(name)}(.*)", commands())
     assert launches
-    for name, given in launches:
-        assert name == file.name
+    for given in launches:
         assert set(re.findall(r"(\w+):=", given)) <= arguments
 
 

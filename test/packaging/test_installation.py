@@ -19,7 +19,9 @@ SHARED = sorted(
 
 
 def test_the_executables_are_the_nodes_and_the_mission() -> None:
-    assert {"planner_node", "run_mission", "sim_node"} <= set(EXECUTABLES)
+    assert {"export_mission", "mavlink_bridge", "planner_node", "run_mission", "sim_node"} <= set(
+        EXECUTABLES
+    )
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`export_mission`: a search as mission files, from a scenario and a planner, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.nodes.flight_settings import FlightSettings
+from dsse_ros.nodes.track_files import search_mission, write_missions
+from dsse_ros.planners import PLANNERS, make_planner
+from dsse_ros.search import PROFILES, FieldError, Scenario, SearchEnv, profile
+from dsse_ros.search.fields import specs
+from msg_adapters.frames import GridFrame
+from msg_adapters.mission_files import Home
+
+BAD_INPUT = 2
+_SHIPPED = Path("share") / "dsse_ros" / "config"
+
+
+def find_scenario(name: str) -> Path:
+    """Return the path of a scenario: a file, or the name of one that the package ships.
+
+    Raises:
+        FieldError: If there is none.
+    """
+    if Path(name).is_file():
+        return Path(name)
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    folders = [Path(prefix) / _SHIPPED for prefix in prefixes if prefix]
+    folders.append(Path(__file__).resolve().parents[2] / "config")
+    for folder in folders:
+        path = folder / f"{name.removesuffix('.yaml')}.yaml"
+        if path.is_file():
+            return path
+    names = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
+    raise FieldError(f"scenario: {name!r} is no file and none of those shipped: {', '.join(names)}")
+
+
+def play(
+    env: SearchEnv, planner: str, seed: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], bool]:
+    """Search until the end.
+
+    Returns:
+        (K, N, 2) cells after each step and before the first, (K, N) flags of who has searched,
+        and whether everybody was found.
+    """
+    observations, infos = env.reset(seed=seed)
+    policy = make_planner(planner, env.rules.actions, seed=seed)
+    search = env.rules.actions.index("search")
+    numbers = {name: i for i, name in enumerate(env.possible_agents)}
+    cells = [env.positions]
+    searched = [np.zeros(len(numbers), bool)]
+    found = False
+    while env.agents:
+        actions = policy(observations, infos)
+        flags = np.zeros(len(numbers), bool)
+        flags[[numbers[name] for name in env.agents if actions[name] == search]] = True
+        observations, _, _, _, infos = env.step(actions)
+        cells.append(env.positions)
+        searched.append(flags)
+        found = any(info["Found"] for info in infos.values())
+    return np.array(cells), np.array(searched), found
+
+
+def _home(text: str) -> Home:
+    try:
+        lat_deg, lon_deg, alt_m = (float(part) for part in text.split(","))
+    except ValueError:
+        raise FieldError(f"home: {text!r} is not allowed; LAT,LON,ALT") from None
+    if not (abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and abs(alt_m) <= 1e5):
+        raise FieldError(f"home: {text!r} is not allowed; a place on Earth")
+    return Home(lat_deg, lon_deg, alt_m)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong on one line."""
+
+    def error(self, message: str) -> NoReturn:
+        print(f"{self.prog}: {message}", file=sys.stderr)
+        sys.exit(BAD_INPUT)
+
+
+def parse(argv: list[str] | None) -> argparse.Namespace:
+    """Return the command line's arguments."""
+    parser = _Parser(
+        prog="export_mission",
+        description="Search without ROS, and write each drone's track as mission files.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    of_flight = specs(FlightSettings)
+    defaults = FlightSettings()
+    add = parser.add_argument
+    add("--scenario", default="santos", help="YAML file or name")
+    add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
+    add("--planner", default="greedy", choices=tuple(PLANNERS), help="planner")
+    add("--drones", type=int, help="number of drones, by default the scenario's")
+    add("--seed", type=int, default=0, help="of sea, persons and planner")
+    add("--out", type=Path, default=Path("missions"), help="folder of the files")
+    add(
+        "--home",
+        metavar="LAT,LON,ALT",
+        help="where all take off, by default where each starts; --home=-24,-46,0 if south",
+    )
+    add("--dialect", default=defaults.dialect, choices=of_flight["dialect"].choices,
+        help="whose missions")  # fmt: skip
+    add("--every-cell", action="store_true", help="a waypoint in each cell of a straight leg")
+    for name in ("acceptance_radius", "search_altitude", "search_hold"):
+        spec = of_flight[name]
+        add(f"--{name.replace('_', '-')}", type=float, default=getattr(defaults, name),
+            help=f"{spec.doc.rstrip('.')}, {spec.unit}")  # fmt: skip
+    return parser.parse_args(argv)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write the files; returns the exit code, 2 for bad input."""
+    arguments = parse(argv)
+    try:
+        settings = FlightSettings(
+            dialect=arguments.dialect,
+            merge_legs=not arguments.every_cell,
+            acceptance_radius=arguments.acceptance_radius,
+            search_altitude=arguments.search_altitude,
+            search_hold=arguments.search_hold,
+        )
+        if not 0 <= arguments.seed <= 2**62:
+            raise FieldError(f"seed: {arguments.seed} is not allowed; 0 to 2^62")
+        home = _home(arguments.home) if arguments.home else None
+        scenario = Scenario.from_yaml(find_scenario(arguments.scenario))
+        scenario = scenario.override(num_drones=arguments.drones)
+        env = SearchEnv(scenario, profile(arguments.rules))
+    except FieldError as error:
+        print(f"export_mission: {' '.join(str(error).split())}", file=sys.stderr)
+        return BAD_INPUT
+    resolved = env.scenario
+    frame = GridFrame(
+        grid_size=resolved.grid_size,
+        cell_size_m=resolved.cell_size,
+        origin_lat_deg=resolved.origin_lat,
+        origin_lon_deg=resolved.origin_lon,
+        origin_alt_m=resolved.origin_alt,
+        alt_m=resolved.altitude,
+    )
+    cells, searched, found = play(env, arguments.planner, arguments.seed)
+    missions = {
+        name: search_mission(frame, cells[:, i], searched[:, i], settings, home)
+        for i, name in enumerate(env.possible_agents)
+    }
+    try:
+        written = write_missions(arguments.out, missions, arguments.dialect)
+    except OSError as error:
+        print(f"export_mission: out: {str(arguments.out)!r}: {error.strerror}", file=sys.stderr)
+        return BAD_INPUT
+    end = "found" if found else "not found"
+    print(f"{end} after {len(cells) - 1} steps; {len(written)} files in {arguments.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How drones become vehicles, as checked fields that several programs share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dsse_ros.search.fields import FieldError, check_all, field
+
+MODES = ("guided", "mission", "export")
+"""What `mavlink_bridge` does with the steps of a search."""
+ENDS = ("return", "land", "hold")
+"""What a vehicle does when its drone's search is over."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSettings:
+    """How a drone's moves and searches are flown.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    dialect: str = field("str", "Whose autopilots the vehicles have.", "ardupilot",
+        choices=("ardupilot", "px4"),
+    )  # fmt: skip
+    acceptance_radius: float = field(
+        "float", "Distance from the centre of a cell at which a vehicle is there; in cells that "
+        "are too small for it half their side.", 10.0, low=1, high=255, unit="m",
+    )  # fmt: skip
+    search_altitude: float = field(
+        "float", "Altitude above home to which a vehicle descends to search a cell; flight "
+        "altitude where that is lower.", 30.0, low=1, high=20000, unit="m",
+    )  # fmt: skip
+    search_hold: float = field(
+        "float", "How long a vehicle holds there.", 5.0, low=0, high=600, unit="s"
+    )
+    merge_legs: bool = field(
+        "bool", "Whether missions fly a straight leg in one, without a waypoint in each cell.", True
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BridgeSettings(FlightSettings):
+    """Settings of `mavlink_bridge`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    mode: str = field(
+        "str", "Follow the steps with position targets, fly the whole search as a mission once it "
+        "is over, or only write that to files.", "guided", choices=MODES,
+    )  # fmt: skip
+    num_vehicles: int | None = field(
+        "int", "Number of vehicles; by default one for each connection given, else 1.", None,
+        low=1, high=250,
+    )  # fmt: skip
+    connections: tuple[str, ...] = field(
+        "names", "Where the vehicles are, drone0's first, as udpin:HOST:PORT, udpout:HOST:PORT, "
+        "tcp:HOST:PORT, tcpin:HOST:PORT or a serial device with ,BAUD; by default "
+        "udpin:127.0.0.1 at 14550, 14560, ...", (),
+    )  # fmt: skip
+    system_ids: tuple[int, ...] = field(
+        "ints", "System ids of the vehicles; by default 1, 2, ...", (), low=1, high=255
+    )
+    own_system_id: int = field(
+        "int", "System id of the bridge; only 255 counts for ArduPilot's ground station failsafe.",
+        245, low=1, high=255,
+    )  # fmt: skip
+    signing_key_file: str = field(
+        "str", "File with the key of MAVLink 2 signing, 32 bytes or 64 hexadecimal digits; empty "
+        "to leave messages unsigned.", "",
+    )  # fmt: skip
+    arm: bool = field(
+        "bool", "Whether vehicles may be armed; if not, somebody else does it.", False
+    )
+    speed: float = field(
+        "float", "Ground speed to ask for, 0 for the vehicles' own.", 0.0,
+        low=0, high=100, unit="m/s",
+    )  # fmt: skip
+    altitudes: tuple[float, ...] = field(
+        "floats", "Flight altitudes above home, one for all or one for each vehicle; by default "
+        "the search's.", (), low=1, high=20000, unit="m",
+    )  # fmt: skip
+    fence_margin: float = field(
+        "float", "How far around the search area vehicles may be, home included.", 500.0,
+        low=0, high=1e6, unit="m",
+    )  # fmt: skip
+    min_altitude: float = field(
+        "float", "Lowest altitude above home to send a vehicle to.", 10.0,
+        low=0, high=20000, unit="m",
+    )  # fmt: skip
+    max_altitude: float = field(
+        "float", "Highest altitude above home to send a vehicle to.", 150.0,
+        low=1, high=20000, unit="m",
+    )  # fmt: skip
+    at_end: str = field(
+        "str", "What a vehicle does when its drone's search is over.", "return", choices=ENDS
+    )
+    planner_timeout: float = field(
+        "float", "Wall time without a step, all vehicles waiting for it, after which they are told "
+        "to hold; 0 for never.", 30.0, low=0, high=1e6, unit="s",
+    )  # fmt: skip
+    link_timeout: float = field(
+        "float", "Wall time without a heartbeat after which a vehicle is lost.", 5.0,
+        low=1, high=3600, unit="s",
+    )  # fmt: skip
+    join_timeout: float = field(
+        "float", "Wall time in which a vehicle must be heard for the first time and be ready to be "
+        "armed.", 300.0, low=1, high=1e6, unit="s",
+    )  # fmt: skip
+    set_point_rate: float = field(
+        "float", "PX4: rate of position targets in wall time, of which the vehicle needs more than "
+        "two in a second of its own.", 5.0, low=2, high=200, unit="Hz",
+    )  # fmt: skip
+    pose_rate: float = field(
+        "float", "Rate of vehicle_pose and vehicle_fix in wall time.", 5.0,
+        above=0, high=50, unit="Hz",
+    )  # fmt: skip
+    export_directory: str = field("str", "Where mode export writes its files.", ".")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_all(self)
+        count = self.vehicles
+        for name, each in (("connections", True), ("system_ids", True), ("altitudes", False)):
+            given = len(getattr(self, name))
+            if given not in ({0, count} if each else {0, 1, count}):
+                raise FieldError(f"{name}: {given} are not allowed; one for each of {count}")
+        if self.min_altitude > self.max_altitude:
+            raise FieldError(
+                f"min_altitude: {self.min_altitude:g} is not allowed; at most max_altitude, "
+                f"{self.max_altitude:g} m"
+            )
+
+    @property
+    def vehicles(self) -> int:
+        """Number of vehicles."""
+        return self.num_vehicles or len(self.connections) or 1

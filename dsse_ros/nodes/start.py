@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where every program of the package begins: quiet on Ctrl-C, clear where something is missing.
+
+Nothing is imported before the program is chosen, so that what cannot be imported is said in a line.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import sys
+
+MISSING = 1
+"""Exit code where something that the program needs is not installed."""
+
+_ROS = ("rclpy", "rpyutils", "ament_index_python")
+
+
+def start(program: str) -> int:
+    """Run the program, a module of this package with a `main`; returns its exit code.
+
+    Until the program handles signals itself, Ctrl-C ends the process at once with code 130.
+    """
+    signal.signal(signal.SIGINT, lambda number, frame: os._exit(128 + number))
+    try:
+        module = importlib.import_module(f"dsse_ros.nodes.{program}")
+    except ImportError as error:
+        text = missing(error)
+        if text is None:
+            raise
+        print(f"{program}: {text}", file=sys.stderr)
+        return MISSING
+    code: int = module.main()
+    return code
+
+
+def missing(error: ImportError) -> str | None:
+    """Return what is not installed, on one line; None where the package itself is broken."""
+    name = (error.name or "").partition(".")[0]
+    reason = " ".join(str(error).split())
+    if name in ("dsse_ros", "msg_adapters"):
+        return None
+    if not isinstance(error, ModuleNotFoundError):
+        # Such as a ROS 2 that was made for another Python.
+        return f"an import has failed in Python {sys.version.partition(' ')[0]}: {reason}"
+    if name in _ROS or name.endswith(("_msgs", "_srvs", "_interfaces")):
+        return f"ROS 2 not found ({reason}): source a ROS 2, or use `make sim`, which brings one"
+    return f"{name} not found: pip install 'dsse_ros[viz]', or use `make sim`, which brings it"
+
+
+def sim_node() -> int:
+    """`ros2 run dsse_ros sim_node`."""
+    return start("sim_node")
+
+
+def planner_node() -> int:
+    """`ros2 run dsse_ros planner_node`."""
+    return start("planner_node")
+
+
+def run_mission() -> int:
+    """`ros2 run dsse_ros run_mission`."""
+    return start("run_mission")
+
+
+def mavlink_bridge() -> int:
+    """`ros2 run dsse_ros mavlink_bridge`."""
+    return start("mavlink_bridge")
+
+
+def export_mission() -> int:
+    """`ros2 run dsse_ros export_mission`."""
+    return start("export_mission")

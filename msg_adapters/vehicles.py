@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of a vehicle, as messages, and what the simulation reads from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import NavSatFix, NavSatStatus
+
+from msg_adapters.diagnostics import diagnostic_array
+from msg_adapters.frames import GridFrame
+from msg_adapters.geodesy import geodetic_to_map
+from msg_adapters.poses import base_link
+from msg_adapters.result import Accepted, Rejected, Result, shown
+from msg_adapters.stamps import header
+
+LOST = "lost"
+REPORT = "report_stamp_ns"
+ARRIVED = "arrived_stamp_ns"
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a vehicle has come with its drone.
+
+    Attributes:
+        report_stamp_ns: Stamp of the step report that it follows; -1 if there is none.
+        arrived_stamp_ns: Stamp of the last step report of which it has done everything; -1 if
+            there is none.
+        lost: Why it does not follow its drone any more; empty if it does.
+    """
+
+    report_stamp_ns: int = -1
+    arrived_stamp_ns: int = -1
+    lost: str = ""
+
+
+def vehicle_pose(
+    frame: GridFrame, lat_deg: float, lon_deg: float, alt_m: float, heading_deg: float, stamp: Time
+) -> PoseStamped:
+    """Return where a vehicle is in the map frame.
+
+    Args:
+        frame: The grid.
+        lat_deg: WGS84 latitude.
+        lon_deg: WGS84 longitude.
+        alt_m: Altitude above home, which is taken to be as high as the grid's origin.
+        heading_deg: Where its nose points, clockwise from north; NaN is east.
+        stamp: Time of the pose.
+    """
+    x_m, y_m, z_m = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m + alt_m)
+    message = PoseStamped(header=header(frame.map_frame, stamp))
+    position, turn = message.pose.position, message.pose.orientation
+    position.x, position.y, position.z = x_m, y_m, z_m
+    yaw_rad = math.radians(90.0 - heading_deg) if math.isfinite(heading_deg) else 0.0
+    turn.z, turn.w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+    return message
+
+
+def vehicle_fix(
+    drone_name: str, lat_deg: float, lon_deg: float, alt_amsl_m: float, stamp: Time
+) -> NavSatFix:
+    """Return where a vehicle is on the Earth; how exactly is not known.
+
+    Args:
+        drone_name: Name of the drone.
+        lat_deg: WGS84 latitude.
+        lon_deg: WGS84 longitude.
+        alt_amsl_m: Altitude above mean sea level, which is what autopilots tell: it differs from
+            the height above the ellipsoid by the geoid's, up to 100 m.
+        stamp: Time of the fix.
+    """
+    message = NavSatFix(header=header(base_link(drone_name), stamp))
+    message.status.status = NavSatStatus.STATUS_FIX
+    message.status.service = NavSatStatus.SERVICE_GPS
+    message.latitude, message.longitude = float(lat_deg), float(lon_deg)
+    message.altitude = float(alt_amsl_m)
+    message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_UNKNOWN
+    return message
+
+
+def vehicle_state_message(
+    drone_name: str,
+    hardware_id: str,
+    stamp: Time,
+    progress: Progress,
+    *,
+    level: bytes,
+    message: str,
+    values: Mapping[str, object],
+) -> DiagnosticArray:
+    """Return the state of a vehicle.
+
+    Args:
+        drone_name: Name of the drone.
+        hardware_id: Which vehicle it is.
+        stamp: Time of the state.
+        progress: How far it has come.
+        level: As in DiagnosticStatus.
+        message: One line for people.
+        values: Whatever else is known.
+    """
+    own = {
+        REPORT: progress.report_stamp_ns,
+        ARRIVED: progress.arrived_stamp_ns,
+        LOST: progress.lost,
+    }
+    return diagnostic_array(
+        stamp,
+        name=drone_name,
+        hardware_id=hardware_id,
+        level=level,
+        message=message,
+        values={**own, **values},
+    )
+
+
+def progress_from_message(message: DiagnosticArray, drone_name: str) -> Result[Progress]:
+    """Return how far a vehicle has come: what `vehicle_state_message` says of it.
+
+    Returns:
+        It, or `bad_state`.
+    """
+    for status in message.status:
+        if status.name != drone_name:
+            continue
+        values = {pair.key: pair.value for pair in status.values}
+        report_ns, arrived_ns = (_integer(values.get(key, "")) for key in (REPORT, ARRIVED))
+        if report_ns is None or arrived_ns is None or LOST not in values:
+            return Rejected(
+                "bad_state", f"{REPORT}, {ARRIVED}, {LOST}: {shown(values)} is not allowed"
+            )
+        return Accepted(Progress(report_ns, arrived_ns, values[LOST]))
+    return Rejected("bad_state", f"status: none is named {drone_name!r}")
+
+
+def place_from_pose(message: PoseStamped, frame: GridFrame) -> Result[tuple[float, float]]:
+    """Return x and y in metres of a vehicle's pose in the map frame, on the grid or not.
+
+    Returns:
+        Them, or `foreign_frame` or `not_finite`.
+    """
+    if message.header.frame_id != frame.map_frame:
+        return Rejected(
+            "foreign_frame",
+            f"header.frame_id: {shown(message.header.frame_id)} is not allowed; "
+            f"{frame.map_frame!r} is",
+        )
+    x_m, y_m = message.pose.position.x, message.pose.position.y
+    if not (math.isfinite(x_m) and math.isfinite(y_m)):
+        return Rejected("not_finite", f"pose.position: ({x_m!r}, {y_m!r}) is not allowed")
+    return Accepted((x_m, y_m))
+
+
+def _integer(text: str) -> int | None:
+    """Return the number; int() would take more than digits, and longer ones than it prints."""
+    if len(text) <= 20 and text.removeprefix("-").isascii() and text.removeprefix("-").isdigit():
+        return int(text)
+    return None

@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`make sitl-demo`: a search flown by simulated autopilots, each program a process of its own.
+
+It starts the autopilots, `sim_node`, `mavlink_bridge` and `planner_node`, waits until the person is
+found and all vehicles are down again, and checks from what the vehicles said of their places that
+each was within the acceptance radius of every cell its drone was in.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+import time
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+# Left to itself each run has a domain of its own.
+os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+sys.path.insert(0, str(Path(__file__).parent))
+
+import numpy as np  # noqa: E402
+import rclpy  # noqa: E402
+from autopilot.running import running_autopilot  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from geometry_msgs.msg import PoseStamped  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.signals import SignalHandlerOptions  # noqa: E402
+from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
+
+from dsse_ros.nodes.export_mission import find_scenario  # noqa: E402
+from dsse_ros.nodes.qos import LATCHED  # noqa: E402
+from dsse_ros.nodes.run_mission import MissionFailed, check_running, process  # noqa: E402
+from dsse_ros.nodes.runtime import new_executor  # noqa: E402
+from dsse_ros.search import Scenario, profile  # noqa: E402
+from msg_adapters.frames import GridFrame, cell_to_map  # noqa: E402
+from msg_adapters.geodesy import map_to_geodetic  # noqa: E402
+from msg_adapters.images import image_to_probability  # noqa: E402
+from msg_adapters.step_report import step_report_from_message  # noqa: E402
+
+RADIUS_M = 10.0
+HOMES_APART_M = 20.0
+PATIENCE_S = 600.0
+MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+
+
+@dataclass
+class Flight:
+    """What was seen of one drone and its vehicle; places are metres in the map frame."""
+
+    cells: list[tuple[int, int]] = field(default_factory=list)
+    searched: list[tuple[int, int]] = field(default_factory=list)
+    places: list[tuple[float, float, float]] = field(default_factory=list)
+    state: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def down(self) -> bool:
+        """Whether the vehicle has landed and is disarmed."""
+        return self.state.get("flying") == self.state.get("armed") == "false"
+
+
+class Witness(Node):
+    """Writes down what goes over the topics."""
+
+    def __init__(self, drones: int, search_action: int) -> None:
+        super().__init__("witness")
+        self.flights = [Flight() for _ in range(drones)]
+        self.step = -1
+        self.over = self.found = False
+        self.probability: Any = None
+        self._search = search_action
+        self.create_subscription(PointCloud2, "step_report", self._on_report, LATCHED)
+        self.create_subscription(Image, "probability", self._on_map, LATCHED)
+        for i in range(drones):
+            name = f"drone{i}"
+            self.create_subscription(
+                PoseStamped, f"{name}/vehicle_pose", partial(self._on_pose, i), MANY
+            )
+            self.create_subscription(
+                DiagnosticArray, f"{name}/vehicle_state", partial(self._on_state, i), MANY
+            )
+
+    def _on_map(self, message: Image) -> None:
+        self.probability = image_to_probability(message)
+
+    def _on_report(self, message: PointCloud2) -> None:
+        report = step_report_from_message(message)
+        self.step = int(report["step"][0])
+        self.over = bool((report["terminated"] | report["truncated"]).all())
+        self.found = self.found or bool(report["found"].any())
+        for flight, entry in zip(self.flights, report, strict=True):
+            cell = (int(entry["col"]), int(entry["row"]))
+            flight.cells.append(cell)
+            if self.step and entry["action"] == self._search:
+                flight.searched.append(cell)
+
+    def _on_pose(self, i: int, message: PoseStamped) -> None:
+        place = message.pose.position
+        self.flights[i].places.append((place.x, place.y, place.z))
+
+    def _on_state(self, i: int, message: DiagnosticArray) -> None:
+        self.flights[i].state = {pair.key: pair.value for pair in message.status[0].values}
+
+
+def nearest_m(flight: Flight, frame: GridFrame) -> list[tuple[tuple[int, int], float]]:
+    """Return each cell of a drone's track, in order, and how near to it its vehicle came.
+
+    The track must have been flown in this order: what counts for a cell comes after what counts
+    for the one before.
+    """
+    places = np.array(flight.places)[:, :2]
+    track = [
+        c for c, before in zip(flight.cells, [None, *flight.cells], strict=False) if c != before
+    ]
+    found, start = [], 0
+    for cell in track:
+        away = np.hypot(*(places[start:] - cell_to_map(frame, *cell)).T)
+        inside = np.flatnonzero(away <= RADIUS_M)
+        found.append((cell, float(away.min(initial=np.inf))))
+        if len(inside):
+            # From the first time it was there; how near it came until it left.
+            outside = np.flatnonzero(away[inside[0] :] > RADIUS_M)
+            stay = away[inside[0] :][: outside[0]] if len(outside) else away[inside[0] :]
+            found[-1] = (cell, float(stay.min()))
+            start += int(inside[0])
+    return found
+
+
+def picture(witness: Witness, frame: GridFrame, path: Path, title: str) -> None:
+    """Draw the places of the vehicles over the cells of their drones."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle
+
+    figure = Figure(figsize=(7.5, 7), dpi=110, layout="constrained")
+    axes = figure.add_subplot()
+    side = frame.grid_size * frame.cell_size_m
+    if witness.probability is not None:
+        axes.imshow(witness.probability, cmap="Greys", alpha=0.5, extent=(0, side, 0, side))
+    for edge in range(frame.grid_size + 1):
+        axes.axhline(edge * frame.cell_size_m, color="0.8", linewidth=0.5)
+        axes.axvline(edge * frame.cell_size_m, color="0.8", linewidth=0.5)
+    for i, flight in enumerate(witness.flights):
+        colour = f"C{i}"
+        for cell in dict.fromkeys(flight.cells):
+            axes.add_patch(
+                Circle(cell_to_map(frame, *cell), RADIUS_M, fill=False, color=colour, zorder=3)
+            )
+        for number, cell in enumerate(dict.fromkeys(flight.searched)):
+            axes.plot(
+                *cell_to_map(frame, *cell), "x", color=colour, markersize=9,
+                label=f"drone{i} searched" if number == 0 else None,
+            )  # fmt: skip
+        x, y, _ = np.array(flight.places).T
+        axes.plot(x, y, color=colour, linewidth=1.0, label=f"drone{i}'s vehicle")
+        axes.plot(x[0], y[0], "s", color=colour, markersize=5)
+    axes.set_xlabel("east (m)")
+    axes.set_ylabel("north (m)")
+    axes.set_aspect("equal")
+    axes.set_title(title, fontsize=10)
+    axes.legend(fontsize=8, loc="upper right")
+    figure.savefig(path)
+
+
+def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) -> int:
+    """Fly; returns the exit code."""
+    drones = scenario.num_drones
+    frame = GridFrame(
+        scenario.grid_size, scenario.cell_size, scenario.origin_lat, scenario.origin_lon,
+        scenario.origin_alt, scenario.altitude,
+    )  # fmt: skip
+    out: Path = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as stack:
+        autopilots = [
+            stack.enter_context(
+                running_autopilot(
+                    arguments.dialect,
+                    link="udp",
+                    system=i + 1,
+                    home=map_to_geodetic(frame, HOMES_APART_M * (i + 1), 10.0, 0.0),
+                    speedup=arguments.speedup,
+                    seed=i,
+                )
+            )
+            for i in range(drones)
+        ]
+        witness = Witness(drones, rules.actions.index("search"))
+        executor = new_executor()
+        executor.add_node(witness)
+        parameters: dict[str, dict[str, Any]] = {
+            "sim_node": {
+                "scenario": str(path), "rules": rules.profile, "seed": arguments.seed,
+                "wait_for_vehicles": True, "acceptance_radius": RADIUS_M,
+                "record_file": str(out / "mission.csv"), "num_drones": drones,
+                "drones_positions": [part for cell in scenario.drones_positions for part in cell],
+            },
+            "mavlink_bridge": {
+                "connections": [autopilot.connection for autopilot in autopilots],
+                "dialect": arguments.dialect, "arm": True, "speed": float(scenario.drone_speed),
+                "acceptance_radius": RADIUS_M, "pose_rate": min(50.0, 200.0 / drones),
+                # Wall time, in which vehicle time goes faster.
+                "planner_timeout": 60.0, "set_point_rate": min(5.0 * arguments.speedup, 200.0),
+            },
+            "planner_node": {"planner": arguments.planner, "seed": arguments.seed},
+        }  # fmt: skip
+        processes = {
+            name: stack.enter_context(process(name, values, out / f"{name}.log"))
+            for name, values in parameters.items()
+        }
+        began = heard = time.monotonic()
+        told = -1
+        while not (witness.over and all(flight.down for flight in witness.flights)):
+            executor.spin_once(timeout_sec=0.1)
+            for name, child in processes.items():
+                check_running(child, name, out / f"{name}.log")
+            if not all(autopilot.running for autopilot in autopilots):
+                raise MissionFailed("an autopilot has ended")
+            if any(flight.state.get("lost") for flight in witness.flights):
+                lost = [flight.state.get("lost", "") for flight in witness.flights]
+                raise MissionFailed(f"a vehicle is lost: {lost}")
+            if witness.step > told:
+                told, heard = witness.step, time.monotonic()
+                where = ", ".join(
+                    f"({c[-1][0]}, {c[-1][1]})" for c in (f.cells for f in witness.flights)
+                )
+                print(f"step {told}: drones in {where}", flush=True)
+            if time.monotonic() - heard > PATIENCE_S:
+                raise MissionFailed(f"nothing happens for {PATIENCE_S:g} s; see {out}")
+        took_s = time.monotonic() - began
+    title = f"{scenario.name}: {witness.step} steps, {'found' if witness.found else 'not found'}"
+    picture(witness, frame, out / "flight.png", title)
+    worst = 0.0
+    for i, flight in enumerate(witness.flights):
+        near = nearest_m(flight, frame)
+        farthest = max(away for _, away in near)
+        worst = max(worst, farthest)
+        print(
+            f"drone{i}: {len(near)} cells flown, {len(flight.searched)} searches, "
+            f"at most {farthest:.2f} m off, down at z = {flight.places[-1][2]:.1f} m"
+        )
+    print(f"{title}; {took_s:.0f} s; picture {out / 'flight.png'}")
+    good = witness.found and worst <= RADIUS_M
+    if not good:
+        print("the person was not found" if not witness.found else "a cell was missed")
+    return 0 if good else 1
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the demonstration; returns 0 if the person was found and every cell flown."""
+    parser = argparse.ArgumentParser(prog="sitl_demo", description=__doc__)
+    parser.add_argument("--scenario", default="sitl", help="YAML file or name")
+    parser.add_argument("--rules", default="paper")
+    parser.add_argument("--planner", default="greedy")
+    parser.add_argument("--drones", type=int, help="by default the scenario's")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--dialect", default="ardupilot", choices=("ardupilot", "px4"))
+    parser.add_argument("--speedup", type=float, default=20.0, help="of vehicle time")
+    parser.add_argument("--out", type=Path, default=Path("out"))
+    arguments = parser.parse_args(argv)
+    path = find_scenario(arguments.scenario).resolve()
+    rules = profile(arguments.rules)
+    scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones).resolve(rules)
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        return run(arguments, scenario, rules, path)
+    except MissionFailed as error:
+        print(f"sitl_demo: {error}", file=sys.stderr)
+        return 1
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

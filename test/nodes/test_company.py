@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""More than one simulation or planner on the same topics, and each on its own."""
+
+from __future__ import annotations
+
+import array
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from rig import ALL, Rig, Sim, content
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Int32MultiArray, String
+
+ENDLESS: dict[str, Any] = {
+    "num_drones": 2,
+    "probability_of_detection": 0.0,
+    "timestep_limit": 10**6,
+    "step_rate": 50.0,
+    "seed": 0,
+}
+
+
+def goes_on(rig: Rig, sim: Sim, steps: int = 3) -> None:
+    before = sim.step_number
+    rig.until(lambda: sim.step_number >= before + steps, "further steps")
+
+
+def test_a_second_planner_is_noticed_and_the_mission_goes_on(rig: Rig) -> None:
+    sim = rig.sim(ENDLESS, namespace="/two_planners")
+    first = rig.start("planner_node", {"planner": "sweep"}, "-r", "__ns:=/two_planners")
+    goes_on(rig, sim)
+    assert "nodes publish" not in sim.process.output
+    second = rig.start("planner_node", {"planner": "random"}, "-r", "__ns:=/two_planners")
+    health = sim.health_when(lambda values: values["publishers.joint_action"] == "2")
+    assert health["level"] == DiagnosticStatus.WARN
+    goes_on(rig, sim)
+    assert sim.process.output.count("2 nodes publish joint_action") == 1
+    second.stop()
+    sim.health_when(lambda values: values["publishers.joint_action"] == "1")
+    goes_on(rig, sim)
+    first.stop()
+
+
+def test_a_second_simulation_on_the_same_topics_is_noticed(rig: Rig) -> None:
+    sim = rig.sim(ENDLESS, namespace="/two_sims")
+    other = rig.start("sim_node", ENDLESS, "-r", "__ns:=/two_sims")
+    health = sim.health_when(lambda values: values["publishers.step_report"] == "2")
+    assert health["level"] == DiagnosticStatus.WARN
+    rig.until(lambda: "2 nodes publish step_report" in sim.process.output, "a warning")
+    other.stop()
+
+
+def test_missions_in_namespaces_of_their_own_do_not_hear_each_other(rig: Rig) -> None:
+    names = ("north", "south")
+    clocks = {
+        name: rig.start(
+            "sim_node", ENDLESS | {"step_rate": 0.0}, "-r", f"__ns:=/{name}",
+            "-r", f"/clock:=/{name}/clock",
+        )
+        for name in names
+    }  # fmt: skip
+    north, south = (Sim(rig, clocks[name], f"/{name}") for name in names)
+    north.fly(1, 1)
+    assert (north.step_number, south.step_number) == (1, 0)
+    heard = rig.listen(Clock, "/north/clock")
+    north.fly(1, 1)
+    rig.until(lambda: heard, "the clock of the one")
+    on_the_common_one = rig.node.get_publishers_info_by_topic("/clock")
+    assert not {info.node_namespace for info in on_the_common_one} & {"/north", "/south"}
+
+
+def test_names_can_be_remapped_and_their_qos_overridden_under_the_new_name(rig: Rig) -> None:
+    sim = Sim(
+        rig,
+        rig.start(
+            "sim_node",
+            {
+                **ENDLESS,
+                "num_drones": 1,
+                "qos_overrides./fleet/orders.subscription.depth": 50,
+                "qos_overrides./remapped/step_report.publisher.history": "keep_all",
+            },
+            "-r", "joint_action:=/fleet/orders",
+            "-r", "drone0/pose:=/uav1/pose",
+            "-r", "__ns:=/remapped",
+        ),
+        "/remapped",
+    )  # fmt: skip
+    orders = rig.talk(Int32MultiArray, "/fleet/orders")
+    orders.publish(Int32MultiArray(data=array.array("i", [0, 1])))
+    rig.until(lambda: sim.step_number == 1, "a step")
+    assert rig.first(PoseStamped, "/uav1/pose").pose.position.x == 1.5 * 130.0
+    with rig.listening(type(sim.reports.last), "/remapped/step_report", ALL) as late:
+        rig.until(lambda: len(late) == 2, "the report of every step")
+        assert [content(m) for m in late] == [content(m) for m in sim.reports]
+
+
+def test_a_node_can_have_another_name(rig: Rig) -> None:
+    process = rig.start("sim_node", ENDLESS, "-r", "__ns:=/named", "-r", "__node:=ocean")
+    Sim(rig, process, "/named")
+    assert ("ocean", "/named") in rig.node.get_node_names_and_namespaces()
+
+
+@pytest.mark.parametrize("use_sim_time", [False, True])
+def test_a_planner_that_comes_late_takes_over_whatever_its_clock(
+    rig: Rig, use_sim_time: bool
+) -> None:
+    space = f"/late_{use_sim_time}".lower()
+    sim = rig.sim(ENDLESS, namespace=space)
+    sim.fly(1, 3)
+    for _ in range(2):
+        planner = rig.start(
+            "planner_node",
+            {"use_sim_time": use_sim_time, "planner": "sweep"},
+            "-r",
+            f"__ns:={space}",
+        )
+        goes_on(rig, sim)
+        planner.kill()
+
+
+def test_a_mission_is_paused_stepped_and_reset_while_a_planner_commands_it(rig: Rig) -> None:
+    sim = rig.sim(ENDLESS, namespace="/held")
+    rig.start("planner_node", {"planner": "sweep"}, "-r", "__ns:=/held")
+    goes_on(rig, sim)
+    sim.pause(True)
+    held = sim.step_number
+    assert sim.trigger("step") == (True, f"step {held + 1}")
+    rig.until(lambda: sim.step_number == held + 1, "the step")
+    assert sim.trigger("reset")[0]
+    rig.until(lambda: sim.step_number == 0, "the new mission")
+    sim.health()
+    assert sim.step_number == 0
+    sim.pause(False)
+    goes_on(rig, sim)
+    agents = rig.first(String, "/held/agents")
+    assert json.loads(agents.data)["mission"] == 2
+
+
+def test_with_a_hundred_drones_every_one_is_told_of(rig: Rig, tmp_path: Path) -> None:
+    parameters = ENDLESS | {"num_drones": 100, "grid_size": 40, "record_file": f"{tmp_path}/x.csv"}
+    sim = rig.sim(parameters, namespace="/hundred")
+    rig.start("planner_node", {"planner": "sweep"}, "-r", "__ns:=/hundred")
+    goes_on(rig, sim, 20)
+    assert len(sim.report) == 100
+    assert rig.first(PoseStamped, "/hundred/drone99/pose").header.frame_id == "map"
+    assert sim.trigger("reset")[0]

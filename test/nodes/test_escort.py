@@ -1,0 +1,303 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which order a vehicle gets next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
+from dsse_ros.flight.pilot import Outcome
+from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.nodes.escort import RETRY_S, TRIES, Escort, Leg, leg_task, mission_task
+from dsse_ros.nodes.flight_settings import BridgeSettings
+from dsse_ros.nodes.track_files import search_mission
+from msg_adapters.fence import Fence
+from msg_adapters.frames import GridFrame
+from msg_adapters.geodesy import cell_to_geodetic
+from msg_adapters.mission_files import Home
+from msg_adapters.result import Accepted, Rejected
+
+FRAME = GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0)
+SETTINGS = BridgeSettings()
+FENCE = Fence(FRAME, 500.0, 10.0, 150.0)
+ON_GROUND = VehicleState(
+    connected=True, ready=True, mode="GUIDED", lat_deg=-23.999, lon_deg=-45.999, alt_m=0.0
+)
+FLYING = replace(ON_GROUND, armed=True, flying=True, alt_m=120.0)
+
+
+class Vehicle:
+    """Does what it is told when it is asked to, and remembers what that was."""
+
+    def __init__(self, escort: Escort, state: VehicleState = ON_GROUND) -> None:
+        self.escort, self.state = escort, state
+        self.outcome = Outcome()
+        self.orders: list[Order] = []
+        self.now_s = 0.0
+
+    def turn(self, **changes: Any) -> Order | None:
+        """Let the escort look once; changes are of the outcome."""
+        self.now_s += 0.1
+        self.outcome = replace(self.outcome, **changes)
+        order = self.escort.advance(self.state, self.outcome, self.now_s)
+        if order is not None:
+            self.orders.append(order)
+            number = self.outcome.number + 1
+            self.outcome = Outcome(order, number, "under_way", "")
+        return order
+
+    def obey(self) -> None:
+        """Carry out what it was told last."""
+        order = self.outcome.order
+        if isinstance(order, TakeOff):
+            self.state = FLYING
+        elif isinstance(order, Return | Land | FlyMission):
+            self.state = ON_GROUND
+        self.turn(status="done")
+
+
+def escort(**changes: Any) -> Escort:
+    options = {
+        "take_off_alt_m": 120.0, "fence": FENCE, "at_end": "return", "join_timeout_s": 100.0
+    }  # fmt: skip
+    return Escort(**(options | changes))
+
+
+def follow(led: Escort, stamp: int, *cell: int, **changes: Any) -> None:
+    leg = Leg(stamp, (cell[0], cell[1]), **changes)
+    led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE))
+
+
+def place(*cell: int) -> tuple[float, float]:
+    return cell_to_geodetic(FRAME, cell[0], cell[1], 120.0)[:2]
+
+
+def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
+    led = escort()
+    vehicle = Vehicle(led)
+    assert vehicle.turn() is None
+    follow(led, 0, 3, 4)
+    assert vehicle.turn() == TakeOff(120.0)
+    # In the air, but not there yet.
+    vehicle.state = replace(FLYING, alt_m=40.0)
+    follow(led, 13, 3, 5)
+    assert vehicle.turn() is None
+    vehicle.obey()
+    assert vehicle.orders[-1] == GoTo(*place(3, 5), 120.0, 10.0)
+    assert not led.arrived and led.arrived_stamp_ns == -1
+    vehicle.obey()
+    assert led.arrived_stamp_ns == 13 and vehicle.turn() is None
+
+
+def test_a_search_is_done_once_for_each_step_that_says_so() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    for stamp in (13, 26):
+        follow(led, stamp, 2, 2, searched=True)
+        vehicle.turn()
+        assert vehicle.orders[-1] == Search(*place(2, 2), 120.0, 30.0, 5.0, 10.0)
+        assert not led.arrived
+        vehicle.obey()
+        assert led.arrived_stamp_ns == stamp
+    assert len(vehicle.orders) == 2
+
+
+@given(st.lists(st.sampled_from([(1, 0), (-1, 0), (0, 1), (0, -1), (0, 0)]), max_size=12))
+def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
+    moves: list[tuple[int, int]],
+) -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    col = row = 5
+    wanted = []
+    for step, (dx, dy) in enumerate([(0, 0), *moves]):
+        col, row = min(max(col + dx, 0), 9), min(max(row + dy, 0), 9)
+        searched = bool(step) and not dx and not dy
+        follow(led, 13 * step, col, row, searched=searched)
+        wanted.append((place(col, row), searched))
+        while not led.arrived:
+            vehicle.turn()
+            vehicle.obey()
+    flown = [
+        ((order.lat_deg, order.lon_deg), isinstance(order, Search))
+        for order in vehicle.orders
+        if isinstance(order, GoTo | Search)
+    ]
+    without_repeats = [w for w, before in zip(wanted, [None, *wanted], strict=False)
+                       if w != before or w[1]]  # fmt: skip
+    assert flown == without_repeats
+
+
+@pytest.mark.parametrize(
+    ("at_end", "order"), [("return", Return()), ("land", Land()), ("hold", Hold())]
+)
+def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: Order) -> None:
+    led = escort(at_end=at_end)
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1, searched=True, over=True)
+    assert isinstance(vehicle.turn(), Search)
+    assert vehicle.turn() is None
+    vehicle.obey()
+    assert vehicle.orders[-1] == order
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+    assert not led.lost
+
+
+def test_nobody_is_sent_where_two_drones_have_crashed() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1, over=True, crashed=True)
+    assert vehicle.turn() == Return()
+
+
+def test_a_step_that_is_told_again_changes_nothing_but_its_end() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.obey()
+    follow(led, 13, 1, 1)
+    assert led.arrived and vehicle.turn() is None
+    follow(led, 13, 1, 1, over=True)
+    assert vehicle.turn() == Return()
+
+
+def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.turn(status="taken_over", reason="in LOITER")
+    assert led.lost == "taken over: in LOITER"
+    follow(led, 26, 1, 2, over=True)
+    vehicle.state = replace(FLYING, mode="GUIDED")
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+    # A new search asks again; it is the pilot who decides.
+    led.begin()
+    follow(led, 39, 4, 4)
+    assert isinstance(vehicle.turn(), GoTo) and not led.lost
+
+
+def test_a_vehicle_whose_link_comes_back_returns_and_stays_lost() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.state = replace(FLYING, connected=False)
+    assert vehicle.turn(status="lost", reason="no heartbeat for 5 s") is None
+    assert led.lost == "link lost: no heartbeat for 5 s"
+    vehicle.state = FLYING
+    assert vehicle.turn(status="under_way") == Return()
+    assert led.lost
+
+
+def test_a_failsafe_takes_the_vehicle_out() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.state = replace(FLYING, failsafe="battery")
+    assert vehicle.turn() == Return()
+    assert led.lost == "battery failsafe"
+
+
+def test_an_order_that_fails_is_given_again_and_then_the_vehicle_is_lost() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    for _ in range(TRIES - 1):
+        vehicle.turn(status="failed", reason="no progress")
+        assert not led.lost
+        assert vehicle.turn() is None
+        vehicle.now_s += RETRY_S
+        assert isinstance(vehicle.turn(), GoTo)
+    assert vehicle.turn(status="failed", reason="no progress") == Return()
+    assert led.lost == "failed: no progress"
+
+
+def test_a_vehicle_that_is_never_heard_is_lost_in_the_end() -> None:
+    led = escort(join_timeout_s=3.0)
+    vehicle = Vehicle(led, VehicleState())
+    follow(led, 0, 0, 0)
+    vehicle.turn()
+    assert not led.lost
+    vehicle.now_s += 3.1
+    assert vehicle.turn() is None
+    assert led.lost == "not heard within 3 s"
+
+
+def test_a_held_vehicle_goes_on_with_the_next_step() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.obey()
+    led.hold()
+    assert vehicle.turn() == Hold()
+    assert led.waiting and led.arrived
+    follow(led, 26, 1, 2)
+    assert isinstance(vehicle.turn(), GoTo)
+
+
+@pytest.mark.parametrize(
+    ("cell", "changes", "code"),
+    [((15, 5), {}, "outside_fence"), ((5, 5), {"altitude": 200.0}, "altitude")],
+)
+def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
+    cell: tuple[int, int], changes: dict[str, float], code: str
+) -> None:
+    frame = replace(FRAME, alt_m=changes.get("altitude", 120.0))
+    leg = Leg(13, cell)
+    task = leg_task(leg, frame, SETTINGS, FENCE)
+    assert isinstance(task, Rejected) and task.code == code
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    led.follow(leg, task)
+    assert vehicle.turn() == Hold()
+    assert led.refused == task.reason and not led.lost and not led.arrived
+    follow(led, 26, 5, 5)
+    assert isinstance(vehicle.turn(), GoTo) and not led.refused
+
+
+def test_a_search_below_the_fence_is_refused() -> None:
+    settings = replace(SETTINGS, search_altitude=5.0)
+    task = leg_task(Leg(13, (5, 5), searched=True), FRAME, settings, FENCE)
+    assert isinstance(task, Rejected) and task.code == "altitude"
+    assert isinstance(leg_task(Leg(13, (5, 5)), FRAME, settings, FENCE), Accepted)
+
+
+def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> None:
+    led = escort()
+    vehicle = Vehicle(led, replace(ON_GROUND, lat_deg=-35.0, lon_deg=149.0))
+    follow(led, 0, 0, 0)
+    assert vehicle.turn() is None
+    assert led.refused.startswith("take-off: ") and not led.lost
+    vehicle.state = VehicleState(connected=True, ready=True, mode="GUIDED")
+    assert vehicle.turn() is None
+    vehicle.state = ON_GROUND
+    assert vehicle.turn() == TakeOff(120.0)
+    assert not led.refused
+
+
+def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
+    home = Home(-23.999, -45.999, 0.0)
+    mission = search_mission(FRAME, [(0, 9), (1, 9), (1, 9)], [0, 0, 1], SETTINGS, home)
+    task = mission_task(mission, FENCE, "ardupilot")
+    assert isinstance(task, Accepted)
+    led = escort()
+    vehicle = Vehicle(led)
+    led.follow(Leg(26, (1, 9), over=True), task)
+    order = vehicle.turn()
+    assert isinstance(order, FlyMission) and len(order.items) == len(mission.items) + 1
+    vehicle.state = FLYING
+    assert vehicle.turn() is None
+    vehicle.obey()
+    assert led.arrived_stamp_ns == 26 and vehicle.turn() is None
+    far = mission_task(replace(mission, home=Home(0.0, 0.0, 0.0)), FENCE, "ardupilot")
+    assert isinstance(far, Rejected)

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions as files, from the command line and without ROS."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dsse_ros.nodes.export_mission import play
+from dsse_ros.search import Scenario, SearchEnv, profile
+from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
+from msg_adapters.mission_items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENARIO = ROOT / "config" / "sitl.yaml"
+WITHOUT_ROS = """
+import sys
+class Nothing:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in ("rclpy", "pymavlink") or name.endswith("_msgs"):
+            raise ModuleNotFoundError(name, name=name)
+sys.meta_path.insert(0, Nothing())
+from dsse_ros.nodes.start import export_mission
+sys.exit(export_mission())
+"""
+
+
+def export(*arguments: str | Path, code: int = 0) -> str:
+    """Run the program in a Python that has neither ROS nor MAVLink; returns what it prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_ROS, *map(str, arguments)],
+        cwd=ROOT, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    return done.stdout if code == 0 else done.stderr
+
+
+def test_every_drone_gets_a_mission_with_all_its_searches(tmp_path: Path) -> None:
+    printed = export("--scenario", SCENARIO, "--out", tmp_path, "--seed", "2", "--every-cell")
+    env = SearchEnv(Scenario.from_yaml(SCENARIO), profile("paper"))
+    cells, searched, found = play(env, "greedy", 2)
+    assert found and printed.startswith(f"found after {len(cells) - 1} steps; 6 files")
+    for i in range(3):
+        items = parse_qgc_wpl((tmp_path / f"drone{i}.waypoints").read_text())
+        plan = parse_plan((tmp_path / f"drone{i}.plan").read_text())
+        assert plan.firmware == "ardupilot" and len(plan.mission.items) == len(items) - 1
+        assert [item.command for item in items[1:]] == [item.command for item in plan.mission.items]
+        assert items[1].command == NAV_TAKEOFF and items[-1].command == NAV_RETURN_TO_LAUNCH
+        inner = items[2:-1]
+        assert {item.command for item in inner} == {NAV_WAYPOINT}
+        held_s = sum(item.param1 for item in inner if item.alt_m == 30.0)
+        assert held_s == 5.0 * searched[:, i].sum()
+        moves = (cells[1:, i] != cells[:-1, i]).any(axis=1).sum()
+        stops = sum(item.alt_m == 30.0 for item in inner)
+        assert len(inner) == 1 + moves + 2 * stops
+
+
+def test_the_flight_is_as_asked_for(tmp_path: Path) -> None:
+    export(
+        "--scenario", "sitl", "--out", tmp_path, "--dialect", "px4", "--search-altitude", "20",
+        "--search-hold", "2.5", "--home=-24.05,-46.18,3", "--drones", "1",
+    )  # fmt: skip
+    plan = parse_plan((tmp_path / "drone0.plan").read_text())
+    items = parse_qgc_wpl((tmp_path / "drone0.waypoints").read_text())
+    assert plan.firmware == "px4" and plan.mission.home == (-24.05, -46.18, 3.0)
+    assert items[0].command == NAV_TAKEOFF
+    assert {item.alt_m for item in items[:-1]} <= {20.0, 120.0}
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "drone0.plan", tmp_path / "drone0.waypoints"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("--scenario", "nowhere"), "scenario: 'nowhere' is no file and none of those shipped"),
+        (("--home", "1,2"), "home: '1,2' is not allowed; LAT,LON,ALT"),
+        (("--home", "nan,0,0"), "a place on Earth"),
+        (("--search-hold", "-1"), "search_hold: -1.0 is not allowed"),
+        (("--seed", "-1"), "seed: -1 is not allowed"),
+        (("--planner", "nobody"), "--planner"),
+        (("--drones", "0"), "num_drones: 0 is not allowed"),
+        (("--out", "/dev/null/here"), "out: '/dev/null/here'"),
+    ],
+)
+def test_what_is_not_allowed_gets_one_line(arguments: tuple[str, ...], line: str) -> None:
+    said = export("--scenario", SCENARIO, *arguments, code=2)
+    assert said.startswith("export_mission: ") and said.count("\n") == 1
+    assert line in said

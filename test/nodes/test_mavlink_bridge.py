@@ -1,0 +1,360 @@
+# SPDX-License-Identifier: Apache-2.0
+"""mavlink_bridge between sim_node and simulated autopilots, each a process of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from rig import BEST_EFFORT, LATCHED, RELIABLE, Process, Rig, Sim, stamp_ns
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_msgs.msg import String
+
+from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.geodesy import map_to_geodetic
+from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "flight"))
+
+from autopilot.running import Running, running_autopilot  # noqa: E402
+
+LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
+SPEEDUP = 20.0
+FRAME = GridFrame(6, 130.0, -24.04, -46.17, 0.0, 120.0)
+SEARCHED: dict[str, Any] = {
+    "grid_size": 6,
+    "cell_size": 130.0,
+    "altitude": 120.0,
+    "origin_lat": -24.04,
+    "origin_lon": -46.17,
+    "person_initial_position": [5, 0],
+    "probability_of_detection": 0.0,
+    "seed": 1,
+}
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    """Replace the domain of the module: bridges of other tests would speak in between."""
+    made = Rig(tmp_path)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@contextlib.contextmanager
+def autopilots(*faults: tuple[str, ...], **options: Any) -> Iterator[list[Running]]:
+    """Run autopilots beside the first cells of the southern row, with these faults each."""
+    with contextlib.ExitStack() as stack:
+        yield [
+            stack.enter_context(
+                running_autopilot(
+                    link="udp",
+                    system=i + 1,
+                    home=map_to_geodetic(FRAME, 65.0 + 130.0 * (i % 6), 40.0 * (1 + i // 6), 0.0),
+                    faults=each,
+                    **{"speedup": SPEEDUP, **options},
+                )
+            )
+            for i, each in enumerate(faults)
+        ]
+
+
+class Bridge:
+    """The bridge as its peers see it."""
+
+    def __init__(self, rig: Rig, vehicles: list[Running], **parameters: Any) -> None:
+        given = {"connections": [v.connection for v in vehicles], "arm": True, "speed": 10.0}
+        self.rig = rig
+        self.process: Process = rig.start(
+            "mavlink_bridge", given | {"pose_rate": 20.0} | parameters
+        )
+        names = [f"drone{i}" for i in range(len(vehicles))]
+        self.states = [rig.listen(DiagnosticArray, f"{n}/vehicle_state", LATCHED) for n in names]
+        self.poses = [rig.listen(PoseStamped, f"{n}/vehicle_pose", RELIABLE) for n in names]
+
+    def state(self, i: int) -> Mapping[str, str]:
+        """Return what was told of a vehicle last."""
+        if not self.states[i]:
+            return {}
+        status = self.states[i].last.status[0]
+        return {pair.key: pair.value for pair in status.values} | {"message": status.message}
+
+    def until(self, i: int, **values: str) -> Mapping[str, str]:
+        """Return the state of a vehicle as soon as it has these values."""
+        self.rig.until(lambda: self.state(i).items() >= values.items(), f"{values} of drone{i}")
+        return self.state(i)
+
+
+def health_when(rig: Rig, message: str) -> dict[str, str]:
+    """Return the bridge's diagnostics with this message."""
+    with rig.listening(DiagnosticArray, "/diagnostics") as inbox:
+
+        def found() -> Any:
+            for array in inbox:
+                for status in array.status:
+                    if status.name == "dsse_bridge" and status.message == message:
+                        return status
+            return None
+
+        status = rig.until(found, message)
+    return {pair.key: pair.value for pair in status.values}
+
+
+def away_m(message: PoseStamped, cell: tuple[int, int]) -> float:
+    here = message.pose.position
+    return float(np.hypot(*np.subtract((here.x, here.y), cell_to_map(FRAME, *cell))))
+
+
+def fly(sim: Sim, *actions: int) -> None:
+    """Command all, again until the step is done: the barrier may wait for a minute."""
+    seen = len(sim.reports)
+    sim.joint(*actions)
+    sim.next_report(seen)
+
+
+def test_vehicles_fly_the_cells_of_their_drones_and_the_search_waits_for_them(rig: Rig) -> None:
+    start = {"drones_positions": [0, 5, 1, 5], "timestep_limit": 3}
+    with autopilots((), ()) as vehicles:
+        sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles)
+        fixes = rig.listen(NavSatFix, "drone1/vehicle_fix", BEST_EFFORT)
+        aloft = []
+        for actions in ((UP, RIGHT), (SEARCH, RIGHT), (RIGHT, UP)):
+            before = list(sim.cells)
+            lows = [len(poses) for poses in bridge.poses]
+            fly(sim, *actions)
+            for poses, cell, low in zip(bridge.poses, before, lows, strict=True):
+                assert min(away_m(pose, cell) for pose in poses[max(low - 1, 0) :]) <= 10.0
+            aloft.append(len(bridge.poses[0]))
+        # The search was a descent to where it belongs.
+        lowest = min(pose.pose.position.z for pose in bridge.poses[0][aloft[0] :])
+        assert 25.0 <= lowest <= 35.0
+        assert fixes and abs(fixes.last.latitude + 24.04) < 0.01
+        fly(sim, SEARCH, SEARCH)
+        assert not sim.flying
+        for i in range(2):
+            state = bridge.until(i, flying="false", armed="false", arrived="true")
+            assert state["lost"] == "" and state["mode"] == "RTL"
+        assert bridge.poses[0].last.pose.position.z < 1.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "mode", "lost"),
+    [
+        ("pilot@airborne:60=LOITER", "LOITER", "taken over: in LOITER"),
+        ("battery@airborne:60", "RTL", "battery failsafe"),
+    ],
+)
+def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
+    rig: Rig, fault: str, mode: str, lost: str
+) -> None:
+    start = {"drones_positions": [0, 5, 1, 5]}
+    with autopilots((), (fault,)) as vehicles:
+        sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles)
+        rig.until(lambda: bridge.state(1).get("lost"), "drone1 is lost")
+        assert lost in bridge.state(1)["lost"]
+        bridge.until(1, mode=mode)
+        rig.until(lambda: sim.report["terminated"].tolist() == [0, 1], "drone1 terminated")
+        fly(sim, UP, UP)
+        fly(sim, RIGHT, RIGHT)
+        assert sim.cells[0] == (1, 4) and sim.report["terminated"].tolist() == [0, 1]
+        assert bridge.state(1)["mode"] == mode
+        assert lost in sim.health()["lost.drone1"]
+
+
+def test_who_is_not_heard_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> None:
+    start = {"drones_positions": [0, 5, 1, 5]}
+    with autopilots((), ()) as vehicles:
+        sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles, link_timeout=1.0)
+        bridge.until(1, flying="true")
+        vehicles[1].kill()
+        bridge.until(1, lost="link lost: no heartbeat for 1 s")
+        fly(sim, UP, UP)
+        fly(sim, RIGHT, RIGHT)
+        assert sim.report["terminated"].tolist() == [0, 1]
+
+
+def test_nothing_is_armed_unless_that_is_allowed(rig: Rig) -> None:
+    with autopilots(()) as vehicles:
+        rig.sim(SEARCHED | {"drones_positions": [0, 5]})
+        bridge = Bridge(rig, vehicles, arm=False)
+        state = bridge.until(0, reason="waits for GUIDED: it is in STABILIZE")
+        assert state["armed"] == "false" and state["ready"] == "true"
+
+
+def test_without_a_planner_the_vehicles_hold_until_it_goes_on(rig: Rig) -> None:
+    with autopilots(()) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
+        bridge = Bridge(rig, vehicles, planner_timeout=0.5)
+        bridge.until(0, order="Hold()", status="done")
+        assert health_when(rig, "no steps: the vehicles hold")["flying"] == "1"
+        fly(sim, UP)
+        bridge.until(0, arrived="true", cell="0 4")
+        bridge.until(0, order="Hold()", status="done")
+
+
+def test_px4_flies_cells_and_searches_too(rig: Rig) -> None:
+    with autopilots((), dialect="px4", speedup=8.0) as vehicles:
+        sim = rig.sim(
+            SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1, "wait_for_vehicles": True}
+        )
+        bridge = Bridge(rig, vehicles, dialect="px4", set_point_rate=50.0)
+        fly(sim, SEARCH)
+        fly(sim, UP)
+        state = bridge.until(0, arrived="true", flying="false", armed="false")
+        assert state["lost"] == ""
+        heights = [pose.pose.position.z for pose in bridge.poses[0]]
+        assert max(heights) >= 117.0
+        assert min(away_m(pose, (0, 5)) for pose in bridge.poses[0]) <= 10.0
+
+
+def test_signed_links_fly_and_keys_that_differ_do_not(rig: Rig) -> None:
+    keys = [rig.folder / "key", rig.folder / "other"]
+    for number, key in enumerate(keys):
+        key.write_text(f"{number:02x}" * 32)
+        key.chmod(0o600)
+    with autopilots((), key_file=keys[0]) as vehicles:
+        rig.sim(SEARCHED | {"drones_positions": [0, 5]})
+        stranger = Bridge(rig, vehicles, signing_key_file=str(keys[1]))
+        rig.until(lambda: int(stranger.state(0).get("count.forged", 0)) > 0, "a forged message")
+        assert stranger.state(0)["connected"] == "false"
+        stranger.process.stop()
+        bridge = Bridge(rig, vehicles, signing_key_file=str(keys[0]))
+        bridge.until(0, arrived="true", flying="true")
+
+
+def test_an_open_loop_goes_after_the_latest_step(rig: Rig) -> None:
+    with autopilots(()) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
+        bridge = Bridge(rig, vehicles)
+        bridge.until(0, arrived="true")
+        for action in (UP, UP, RIGHT):
+            fly(sim, action)
+        bridge.until(0, arrived="true", cell="1 3")
+        rig.until(lambda: away_m(bridge.poses[0].last, (1, 3)) <= 10.0, "the vehicle's pose")
+
+
+@pytest.mark.parametrize(("dialect", "mode"), [("ardupilot", "AUTO"), ("px4", "MISSION")])
+def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, dialect: str, mode: str) -> None:
+    with autopilots((), dialect=dialect) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 3})
+        bridge = Bridge(rig, vehicles, mode="mission", dialect=dialect)
+        bridge.until(0, ready="true")
+        for action in (UP, UP, SEARCH, SEARCH):
+            assert bridge.state(0)["armed"] == "false"
+            fly(sim, action)
+        bridge.until(0, mode=mode, flying="true")
+        state = bridge.until(0, arrived="true", armed="false")
+        # Take-off, start, end of the leg, descent, climb, return; ArduPilot begins with home.
+        assert int(state["item_reached"]) >= 4 and state["lost"] == ""
+        assert min(away_m(pose, (0, 3)) for pose in bridge.poses[0]) <= 10.0
+
+
+def test_steps_that_were_not_heard_are_no_mission(rig: Rig) -> None:
+    sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 2})
+    fly(sim, UP)
+    fly(sim, UP)
+    bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(rig.folder)})
+    health_when(rig, "follows")
+    fly(sim, UP)
+    rig.until(lambda: "steps were not heard, the first is 0" in bridge.output)
+    assert list(rig.folder.glob("*.plan")) == []
+
+
+def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
+    start = {"drones_positions": [0, 5, 3, 3], "timestep_limit": 2, "export_directory": ""}
+    sim = rig.sim(SEARCHED | start)
+    folder = rig.folder / "bridge"
+    bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(folder)})
+    health_when(rig, "follows")
+    for actions in ((UP, SEARCH), (UP, RIGHT), (RIGHT, RIGHT)):
+        fly(sim, *actions)
+    rig.until(lambda: "files in" in bridge.output, "the files")
+    sim.set(export_directory=str(rig.folder / "sim"))
+    assert sim.trigger("export_mission")[0]
+    for i in range(2):
+        for suffix in (".plan", ".waypoints"):
+            name = f"drone{i}{suffix}"
+            assert (folder / name).read_text() == (rig.folder / "sim" / name).read_text()
+        items = parse_qgc_wpl((folder / f"drone{i}.waypoints").read_text())
+        plan = parse_plan((folder / f"drone{i}.plan").read_text())
+        assert len(items) == 1 + len(plan.mission.items)
+        assert sorted({item.alt_m for item in items[1:-1]}) == ([30.0, 120.0] if i else [120.0])
+
+
+def test_messages_that_make_no_sense_are_told_once_and_end_nothing(rig: Rig) -> None:
+    bridge = rig.start("mavlink_bridge", {"mode": "export"})
+    agents, report = (
+        rig.talk(kind, topic, LATCHED)
+        for kind, topic in ((String, "agents"), (PointCloud2, "step_report"))
+    )
+    for text in ("", "[]", '{"agents": 3}', "9" * 5000):
+        agents.publish(String(data=text))
+    report.publish(PointCloud2())
+    report.publish(PointCloud2(width=2, height=1, point_step=8, row_step=16, data=bytes(16)))
+    rig.until(lambda: "agents: " in bridge.output and "step_report: " in bridge.output)
+    assert bridge.running and bridge.output.count("agents: ") < 5
+    bridge.stop()
+
+
+def test_twenty_vehicles_are_waited_for_and_each_gets_a_heartbeat_a_second(rig: Rig) -> None:
+    number = 20
+    starts = [part for i in range(number) for part in (i % 6, 5 - i // 6)]
+    with autopilots(*[()] * number, speedup=5.0, ready_s=5.0) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": starts, "wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles, pose_rate=5.0)
+        bridge.until(0, flying="true")
+        began = [int(bridge.state(i)["count.heartbeats"]) for i in range(number)]
+        since = [stamp_ns(states.last) for states in bridge.states]
+        fly(sim, *[UP if i >= 18 else SEARCH for i in range(number)])
+        fly(sim, *[SEARCH] * number)
+        for i in range(number):
+            took_s = (stamp_ns(bridge.states[i].last) - since[i]) / 1e9
+            beats = int(bridge.state(i)["count.heartbeats"]) - began[i]
+            assert took_s > 5 and abs(beats - took_s) <= 2
+            assert bridge.state(i)["lost"] == "" and "count.link_lost" not in bridge.state(i)
+        assert not sim.report["terminated"].any()
+
+
+def test_vehicles_for_another_number_of_drones_stay_where_they_are(rig: Rig) -> None:
+    with autopilots(()) as vehicles:
+        rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5]})
+        bridge = Bridge(rig, vehicles)
+        health_when(rig, "1 vehicles for 2 drones: nothing is flown")
+        state = bridge.until(0, ready="true")
+        assert state["order"] == "" and state["armed"] == "false"
+        assert bridge.states[0].last.status[0].level == DiagnosticStatus.ERROR
+
+
+@pytest.mark.parametrize(
+    ("parameters", "line"),
+    [
+        ({"mode": "auto"}, "mode: 'auto' is not allowed; one of guided, mission, export"),
+        ({"connections": ["udp:here"]}, "udp:here"),
+        ({"num_vehicles": 2, "system_ids": [1]}, "system_ids: 1 are not allowed"),
+        ({"num_vehicles": 2, "system_ids": [1, 300]}, "system_ids: "),
+        ({"min_altitude": 200.0}, "min_altitude: 200 is not allowed"),
+        ({"signing_key_file": "/nonexistent"}, "/nonexistent"),
+        ({"own_system_id": 1}, "own_system_id"),
+        ({"conections": ["x"]}, "did you mean connections?"),
+    ],
+)
+def test_what_is_not_allowed_ends_the_bridge_with_one_line(
+    rig: Rig, parameters: dict[str, Any], line: str
+) -> None:
+    process = rig.start("mavlink_bridge", parameters)
+    assert process.wait() == 2
+    assert process.output.startswith("mavlink_bridge: ") and process.output.count("\n") == 1
+    assert line in process.output
+    rig.processes.remove(process)

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How programs begin: quiet on Ctrl-C, clear where something is missing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rig import ENVIRONMENT, TIMEOUT_S, free_domain
+
+from dsse_ros.nodes import start
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAMS = sorted(path.name for path in (ROOT / "scripts").iterdir())
+OF_ROS = [name for name in PROGRAMS if name != "export_mission"]
+
+
+def launch(program: str, folder: Path, before: str = "", *arguments: str) -> subprocess.Popen[str]:
+    """Start a program as its executable does, with an empty cache of compiled code.
+
+    Args:
+        program: Its name.
+        folder: For the cache.
+        before: Python to run first.
+        arguments: The program's.
+    """
+    code = f"{before}\nfrom dsse_ros.nodes.start import {program}\nimport sys\n"
+    return subprocess.Popen(
+        [sys.executable, "-c", code + f"sys.exit({program}())", *arguments],
+        env=os.environ | ENVIRONMENT | {
+            "NUMBA_CACHE_DIR": str(folder / "cache"), "ROS_DOMAIN_ID": str(free_domain())
+        },
+        cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        text=True,
+    )  # fmt: skip
+
+
+def loaded(name: str) -> Callable[[int, Path], bool]:
+    return lambda pid, folder: name in Path(f"/proc/{pid}/maps").read_text()
+
+
+def compiling(pid: int, folder: Path) -> bool:
+    """Whether some of the functions are compiled and most are not."""
+    return any((folder / "cache").rglob("*.nbc"))
+
+
+MOMENTS: dict[str, tuple[str, Callable[[int, Path], bool]]] = {
+    "sim_node importing": ("sim_node", loaded("numpy")),
+    "sim_node importing numba": ("sim_node", loaded("llvmlite")),
+    "sim_node importing ROS": ("sim_node", loaded("rclpy")),
+    "sim_node compiling": ("sim_node", compiling),
+    "planner_node importing": ("planner_node", loaded("rclpy")),
+    "run_mission importing": ("run_mission", loaded("rclpy")),
+}
+
+
+@pytest.mark.parametrize("name", MOMENTS)
+@pytest.mark.parametrize("times", [1, 3])
+def test_ctrl_c_before_a_program_is_at_work_ends_it_at_once_and_quietly(
+    name: str, times: int, tmp_path: Path
+) -> None:
+    program, moment = MOMENTS[name]
+    child = launch(program, tmp_path)
+    try:
+        deadline = time.monotonic() + TIMEOUT_S
+        while not moment(child.pid, tmp_path):
+            assert child.poll() is None and time.monotonic() < deadline
+            time.sleep(0.005)
+        for _ in range(times):
+            child.send_signal(signal.SIGINT)
+        output, _ = child.communicate(timeout=TIMEOUT_S)
+    finally:
+        child.kill()
+    assert child.returncode == 130
+    assert output == ""
+
+
+def test_ctrl_c_in_a_terminal_ends_a_mission_that_still_compiles(tmp_path: Path) -> None:
+    options = ("--scenario", "config/santos.yaml", "--out", str(tmp_path / "out"))
+    child = launch("run_mission", tmp_path, "import os\nos.setsid()", *options)
+    try:
+        while not compiling(child.pid, tmp_path):
+            assert child.poll() is None, child.communicate()
+            time.sleep(0.005)
+        # As a terminal does it: to all of the group, and twice, as people do it.
+        for _ in range(2):
+            os.killpg(child.pid, signal.SIGINT)
+        output, _ = child.communicate(timeout=TIMEOUT_S)
+    finally:
+        child.kill()
+    assert child.returncode == 130
+    logs = [path.read_text() for path in (tmp_path / "out").glob("*.log")]
+    assert all("Traceback" not in text for text in [output, *logs])
+
+
+def test_a_node_that_ends_while_it_is_made_leaves_no_shared_memory(tmp_path: Path) -> None:
+    def of(pid: int) -> set[str]:
+        maps = Path(f"/proc/{pid}/maps").read_text()
+        return {part for part in maps.split() if part.startswith("/dev/shm/fast")}
+
+    child = launch("sim_node", tmp_path)
+    try:
+        while not compiling(child.pid, tmp_path):
+            assert child.poll() is None, child.communicate()
+            time.sleep(0.005)
+        files = of(child.pid)
+        child.send_signal(signal.SIGINT)
+        child.communicate(timeout=TIMEOUT_S)
+        assert child.returncode == 130
+    finally:
+        child.kill()
+    assert files
+    # Ports are for all who come later.
+    assert [name for name in files if "port" not in name and Path(name).exists()] == []
+
+
+@pytest.mark.parametrize("program", OF_ROS)
+def test_without_ros_2_a_program_says_so_on_one_line(program: str, tmp_path: Path) -> None:
+    child = launch(program, tmp_path, "import sys\nsys.modules['rclpy'] = None")
+    output, _ = child.communicate(timeout=TIMEOUT_S)
+    (line,) = output.splitlines()
+    assert line.startswith(f"{program}: ROS 2 not found")
+    assert "source a ROS 2" in line and "make sim" in line
+    assert child.returncode == start.MISSING
+
+
+@pytest.mark.parametrize(
+    ("module", "says"),
+    [
+        ("std_msgs.msg", "ROS 2 not found"),
+        ("numba", "numba not found: pip install"),
+        ("yaml", "yaml not found: pip install"),
+        ("tqdm", "tqdm not found: pip install"),
+        ("matplotlib", "matplotlib not found: pip install"),
+    ],
+)
+def test_whatever_else_is_missing_is_named_on_one_line(
+    module: str, says: str, tmp_path: Path
+) -> None:
+    child = launch("run_mission", tmp_path, f"import sys\nsys.modules[{module!r}] = None")
+    output, _ = child.communicate(timeout=TIMEOUT_S)
+    (line,) = output.splitlines()
+    assert line.startswith(f"run_mission: {says}")
+    assert child.returncode == start.MISSING
+
+
+def test_a_ros_2_of_another_python_is_told_on_one_line(tmp_path: Path) -> None:
+    (tmp_path / "rclpy").mkdir()
+    (tmp_path / "rclpy" / "__init__.py").write_text(
+        "raise ImportError('The C extension is\\nnot there', name='rclpy')"
+    )
+    child = launch("sim_node", tmp_path, f"import sys\nsys.path.insert(0, {str(tmp_path)!r})")
+    output, _ = child.communicate(timeout=TIMEOUT_S)
+    (line,) = output.splitlines()
+    assert "The C extension is not there" in line and sys.version.split()[0] in line
+    assert child.returncode == start.MISSING
+
+
+def test_a_defect_of_the_package_itself_is_not_taken_for_something_missing() -> None:
+    assert start.missing(ImportError("cannot import name 'x'", name="dsse_ros.nodes.qos")) is None
+    with pytest.raises(ModuleNotFoundError):
+        start.start("no_such_program")
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_every_executable_begins_here(program: str) -> None:
+    assert callable(getattr(start, program))
+    text = (ROOT / "scripts" / program).read_text()
+    assert f"from dsse_ros.nodes.start import {program}" in text

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""sim_node waits for vehicles, which are told of by somebody who has none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from rig import Rig, Sim, stamp_ns
+
+from msg_adapters.stamps import to_stamp
+from msg_adapters.vehicles import Progress, vehicle_state_message
+
+LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
+GRID, CELL_M = 8, 100.0
+
+
+@pytest.fixture(scope="module")
+def node(rig: Rig) -> Sim:
+    return rig.sim(
+        {
+            "grid_size": GRID,
+            "cell_size": CELL_M,
+            "drones_positions": [0, 0, 4, 0, 7, 7],
+            "person_initial_position": [2, 5],
+            "probability_of_detection": 0.0,
+            "wait_for_vehicles": True,
+            "acceptance_radius": 12.0,
+            "seed": 3,
+        }
+    )
+
+
+@pytest.fixture
+def sim(node: Sim) -> Iterator[Sim]:
+    node.set(acceptance_radius=12.0, command_timeout=0.0, auto_reset=False)
+    node.reset()
+    yield node
+
+
+def pose(sim: Sim, drone: int, col: float, row: float, frame: str = "map") -> None:
+    """Say where a vehicle is; a fraction lies between cells."""
+    message = PoseStamped()
+    message.header.frame_id = frame
+    message.pose.position.x = (col + 0.5) * CELL_M
+    message.pose.position.y = (GRID - 1 - row + 0.5) * CELL_M
+    sim.talk(PoseStamped, f"drone{drone}/vehicle_pose").publish(message)
+
+
+def tell(sim: Sim, drone: int, *, arrived: bool = False, lost: str = "", report: int = 0) -> None:
+    """Say how far a vehicle has come, with the report that many nanoseconds off the last."""
+    stamp = stamp_ns(sim.reports.last) + report
+    progress = Progress(stamp, stamp if arrived else -1, lost)
+    message = vehicle_state_message(
+        f"drone{drone}", "none", to_stamp(0), progress,
+        level=DiagnosticStatus.OK, message="", values={},
+    )  # fmt: skip
+    sim.talk(DiagnosticArray, f"drone{drone}/vehicle_state").publish(message)
+
+
+def all_there(sim: Sim) -> None:
+    for drone, (col, row) in enumerate(sim.cells):
+        tell(sim, drone, arrived=True)
+        pose(sim, drone, col, row)
+
+
+def test_a_step_waits_until_the_last_vehicle_is_near_the_centre_of_its_cell(sim: Sim) -> None:
+    seen = len(sim.reports)
+    sim.joint(RIGHT, RIGHT, LEFT)
+    for drone, (col, row) in enumerate(sim.cells):
+        tell(sim, drone, arrived=True)
+        pose(sim, drone, col, row + (0.13 if drone == 1 else 0.0))
+    assert sim.health_when(lambda h: h["awaited_vehicles"] == "drone1")["missing_drones"] == ""
+    assert len(sim.reports) == seen
+    pose(sim, 1, 4, 0.11)
+    assert sim.next_report(seen)["action"].tolist() == [RIGHT, RIGHT, LEFT]
+
+
+def test_a_step_waits_for_the_end_of_a_search_though_the_vehicle_is_there(sim: Sim) -> None:
+    all_there(sim)
+    sim.fly(SEARCH, SEARCH, SEARCH)
+    seen = len(sim.reports)
+    sim.joint(RIGHT, RIGHT, LEFT)
+    for drone, (col, row) in enumerate(sim.cells):
+        tell(sim, drone, arrived=drone != 2)
+        pose(sim, drone, col, row)
+    sim.health_when(lambda h: h["awaited_vehicles"] == "drone2")
+    assert len(sim.reports) == seen
+    tell(sim, 2, arrived=True)
+    assert sim.next_report(seen)["step"][0] == 2
+
+
+def test_vehicles_that_are_late_are_not_waited_for_after_the_time_out(sim: Sim) -> None:
+    seen = len(sim.reports)
+    sim.joint(RIGHT, RIGHT, LEFT)
+    sim.settle()
+    sim.set(command_timeout=0.1)
+    assert sim.next_report(seen)["action"].tolist() == [RIGHT, RIGHT, LEFT]
+    sim.set(command_timeout=0.0)
+    assert "vehicles are late" in sim.process.output
+
+
+def test_a_lost_drone_is_terminated_and_the_others_go_on_without_it(sim: Sim) -> None:
+    all_there(sim)
+    sim.settle()
+    seen = len(sim.reports)
+    tell(sim, 1, lost="link lost: no heartbeat for 5 s")
+    told_again = sim.next_report(seen)
+    assert told_again["terminated"].tolist() == [0, 1, 0]
+    assert told_again["step"].tolist() == [0, 0, 0]
+    assert stamp_ns(sim.reports[seen]) == stamp_ns(sim.reports[seen - 1])
+    sim.joint(RIGHT, RIGHT, LEFT)
+    report = sim.next_report(seen + 1)
+    assert report["action"].tolist() == [RIGHT, -1, LEFT]
+    assert report["terminated"].tolist() == [0, 1, 0]
+    assert report["col"].tolist() == [1, 4, 6]
+    sim.command(1, RIGHT)
+    health = sim.health_after("drone_terminated")
+    assert health["lost_drones"] == "drone1" and health["drones_in_flight"] == "2"
+    assert health["lost.drone1"] == "link lost: no heartbeat for 5 s"
+    assert health["level"] == DiagnosticStatus.WARN
+
+
+def test_a_reset_brings_lost_drones_back_and_old_news_does_not_count(sim: Sim) -> None:
+    tell(sim, 0, lost="taken over: in LOITER")
+    sim.health_when(lambda h: h["lost_drones"] == "drone0")
+    sim.reset()
+    tell(sim, 0, lost="taken over: in LOITER", report=-1)
+    sim.settle()
+    health = sim.health()
+    assert health["lost_drones"] == "" and health["drones_in_flight"] == "3"
+
+
+def test_the_mission_is_over_when_the_last_drone_is_lost(sim: Sim) -> None:
+    seen = len(sim.reports)
+    for drone in range(3):
+        tell(sim, drone, lost="battery failsafe")
+    assert sim.next_report(seen + 2)["terminated"].all()
+    assert sim.health()["message"] == "mission over"
+    assert not sim.trigger("step")[0]
+    sim.reset()
+    seen = len(sim.reports)
+    sim.set(auto_reset=True)
+    for drone in range(3):
+        tell(sim, drone, lost="battery failsafe")
+    report = sim.next_report(seen + 3)
+    assert report["step"][0] == 0 and not report["terminated"].any()
+
+
+@pytest.mark.parametrize(
+    ("frame", "x", "code"), [("odom", 0.0, "foreign_frame"), ("map", float("nan"), "not_finite")]
+)
+def test_a_pose_that_says_nothing_is_counted_and_the_vehicle_is_nowhere(
+    sim: Sim, frame: str, x: float, code: str
+) -> None:
+    sim.health()
+    all_there(sim)
+    sim.health_when(lambda h: h["awaited_vehicles"] == "")
+    pose(sim, 0, x, 0.0, frame)
+    assert sim.health_after(code)["awaited_vehicles"] == "drone0"
+
+
+@pytest.mark.parametrize("text", ["", "x", "1.0", "١", "9" * 5000, "--1"])
+def test_a_state_that_is_none_is_counted(sim: Sim, text: str) -> None:
+    sim.health()
+    message = vehicle_state_message(
+        "drone0", "none", to_stamp(0), Progress(), level=b"\0", message="", values={}
+    )
+    for pair in message.status[0].values:
+        if pair.key == "arrived_stamp_ns":
+            pair.value = text
+    sim.talk(DiagnosticArray, "drone0/vehicle_state").publish(message)
+    sim.talk(DiagnosticArray, "drone0/vehicle_state").publish(DiagnosticArray())
+    sim.health_after("bad_state", "bad_state")
