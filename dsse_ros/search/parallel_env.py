@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import repeat
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from gymnasium import spaces
@@ -20,6 +20,8 @@ from dsse_ros.search.rules import ACTION_VECTORS, Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
+
+T = TypeVar("T")
 
 Observation = tuple[NDArray[np.int64], NDArray[np.float32]]
 """Position (2,) int64 as (x, y) and probability (G, G) float32 as [y, x], of one agent."""
@@ -79,9 +81,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.state_space = spaces.Box(0.0, float(most), (4, g, g))
         self._live: list[int] = []
         self._num_actions = len(rules.actions)
-        self._masks = _action_masks(rules.actions)
-        # The last entry is for a drone just outside, at -1 or G.
-        self._edge = [(i == 0) + 2 * (i == g - 1) for i in range(g)] + [0]
+        self._masks = _masks_by_cell(rules.actions, g)
+        self._joint = np.zeros(self.world.num_drones, np.int8)
+        self._joint_bytes = self._joint.data.cast("B")
         # Views on the world's arrays; x and y open each drone's record.
         world = self.world
         self._xy = world.drones[0].view(np.int64).reshape(world.num_drones, -1)[:, :2]
@@ -149,17 +151,24 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             return {}, {}, {}, {}, {}
         self.advance(self._joint_action(actions))
         rewards = self._rewards.tolist()
-        terminated, truncated = (flags.tolist() for flags in self.flags)
         if len(agents) < len(rewards):
-            rewards, terminated, truncated = (
-                [values[i] for i in live] for values in (rewards, terminated, truncated)
+            rewards = [rewards[i] for i in live]
+        if self.agents is agents:
+            # Nobody has left the search, so there is no flag.
+            terminations = dict.fromkeys(agents, False)
+            truncations = dict.fromkeys(agents, False)
+        else:
+            flags = (values.tolist() for values in self.flags)
+            terminations, truncations = (
+                {agent: values[i] for agent, i in zip(agents, live, strict=True)}
+                for values in flags
             )
         observations, infos = self._observe(agents, live)
         result = (
             observations,
             dict(zip(agents, rewards, strict=True)),
-            dict(zip(agents, terminated, strict=True)),
-            dict(zip(agents, truncated, strict=True)),
+            terminations,
+            truncations,
             infos,
         )
         self._show()
@@ -233,8 +242,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
 
     def action_masks(self) -> NDArray[np.int8]:
         """Return the action masks (N, A) of all drones."""
-        edge = self._edge
-        return np.array([self._masks[edge[x] + 4 * edge[y]] for x, y in self._xy.tolist()])
+        return np.array([self._masks[y][x] for x, y in self._xy.tolist()])
 
     def state(self) -> NDArray[np.float32]:
         """Return the global state (4, G, G) float32, hidden parts included.
@@ -309,33 +317,33 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         """Return observations and infos of these agents."""
         cells = self._xy.copy() if len(agents) == len(self._xy) else self._xy[live]
         observations = dict(zip(agents, zip(cells, repeat(self.probability)), strict=False))
-        edge, masks, found = self._edge, self._masks, bool(self._adrift[0] == 0)
+        masks, found = self._masks, bool(self._adrift[0] == 0)
         infos = {
-            agent: {"Found": found, "action_mask": masks[edge[x] + 4 * edge[y]]}
+            agent: {"Found": found, "action_mask": masks[y][x]}
             for agent, (x, y) in zip(agents, cells.tolist(), strict=True)
         }
         return observations, infos
 
     def _joint_action(self, actions: Mapping[str, int]) -> NDArray[np.int8]:
-        """Return the joint action (N,) of the live agents' actions, checked."""
+        """Return the joint action (N,) of the live agents' actions, checked, until the next one."""
         try:
             # bytearray() takes nothing but integers from 0 to 255.
             numbers = bytearray(map(actions.__getitem__, self.agents))
             if max(numbers) >= self._num_actions:
                 raise ValueError
-            values = np.frombuffer(numbers, np.int8)
         except (AttributeError, KeyError, TypeError, ValueError):
             given = isinstance(actions, Mapping) and all(a in actions for a in self.agents)
             if not given or not self.rules.noop_actions:
                 raise self._action_error(actions) from None
-            known = range(len(self.rules.actions))
+            known = range(self._num_actions)
             wanted = (actions[agent] for agent in self.agents)
-            values = np.array([n if n in known else HOLD for n in wanted], np.int8)
-        if len(values) == self.world.num_drones:
-            return values
-        joint = np.zeros(self.world.num_drones, np.int8)
-        joint[self._live] = values
-        return joint
+            self._joint[self._live] = [n if n in known else HOLD for n in wanted]
+            return self._joint
+        if len(numbers) == len(self._joint):
+            self._joint_bytes[:] = numbers
+        else:
+            self._joint[self._live] = np.frombuffer(numbers, np.int8)
+        return self._joint
 
     def _action_error(self, actions: Mapping[str, int]) -> FieldError:
         """Return what is wrong with these actions."""
@@ -354,23 +362,26 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         return FieldError("actions: not a mapping of agents to action numbers")
 
 
-def _action_masks(actions: tuple[str, ...]) -> list[NDArray[np.int8]]:
-    """Return the 16 masks by edge code: 1 west, 2 east, 4 north, 8 south, added."""
-    masks = []
-    for code in range(16):
-        blocked = {
-            (-1, 0): code & 1, (1, 0): code & 2, (0, -1): code & 4, (0, 1): code & 8
-        }  # fmt: skip
-        mask = np.array(
-            [
-                not (blocked.get((dx, 0)) or blocked.get((0, dy)))
-                for dx, dy in (ACTION_VECTORS[name] for name in actions)
-            ],
-            np.int8,
-        )
-        mask.flags.writeable = False
-        masks.append(mask)
-    return masks
+def _masks_by_cell(actions: tuple[str, ...], grid_size: int) -> list[list[NDArray[np.int8]]]:
+    """Return the action masks (A,) as [y][x]; equal ones, and equal rows, are one object.
+
+    The last row and column are for a drone just outside, at -1 or G.
+    """
+
+    def mask(west: bool, east: bool, north: bool, south: bool) -> NDArray[np.int8]:
+        blocked = {(-1, 0): west, (1, 0): east, (0, -1): north, (0, 1): south}
+        vectors = (ACTION_VECTORS[name] for name in actions)
+        free = [not (blocked.get((dx, 0)) or blocked.get((0, dy))) for dx, dy in vectors]
+        made = np.array(free, np.int8)
+        made.flags.writeable = False
+        return made
+
+    def along(make: Callable[[bool, bool], T]) -> list[T]:
+        edges = [(i == 0, i == grid_size - 1) for i in range(grid_size)] + [(False, False)]
+        distinct = {edge: make(*edge) for edge in set(edges)}
+        return [distinct[edge] for edge in edges]
+
+    return along(lambda north, south: along(lambda west, east: mask(west, east, north, south)))
 
 
 class Conventional(BaseParallelWrapper[str, Any, int]):
