@@ -44,7 +44,7 @@ sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
 
 test: lint ## Lint, check the types and run all tests
-	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest
+	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest --numprocesses=2 --dist=loadfile
 
 lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff check

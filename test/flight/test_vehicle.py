@@ -130,6 +130,16 @@ def test_ten_thousand_messages_of_wrong_senders_have_no_effect() -> None:
         sent = 0
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as liar:
             vehicle.start()
+
+            def heard_one() -> bool:
+                liar.sendto(
+                    Speaker(9).encode(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3)),
+                    ("127.0.0.1", port),
+                )
+                return refused(vehicle) > 0
+
+            # Its socket opens some time after the start.
+            until(heard_one)
             while sent < 10_000:
                 speaker = Speaker(draw.randrange(2, 256))
                 lies = [

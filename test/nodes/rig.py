@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -99,7 +99,9 @@ def _environment() -> dict[str, str]:
 ENVIRONMENT = _environment()
 """What the tests and the nodes they start have in common."""
 
-_locks: list[IO[bytes]] = []
+_locks: deque[IO[bytes]] = deque()
+_MOST_LOCKS = 40
+"""Whoever came before the last of these has ended, or holds the port of its domain."""
 
 
 def free_domain() -> int:
@@ -117,6 +119,8 @@ def free_domain() -> int:
             lock.close()
             continue
         _locks.append(lock)
+        if len(_locks) > _MOST_LOCKS:
+            _locks.popleft().close()
         return domain
     raise RuntimeError("no ROS domain is free")
 
