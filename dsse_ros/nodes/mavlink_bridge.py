@@ -25,7 +25,7 @@ from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
 from dsse_ros.nodes.escort import Escort, Leg, leg_task, mission_task
 from dsse_ros.nodes.flight_settings import BridgeSettings
 from dsse_ros.nodes.parameters import declare, take_overrides
-from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR, Endpoints
+from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.search_record import SearchRecord
 from dsse_ros.nodes.track_files import search_mission, write_missions
@@ -85,11 +85,11 @@ class BridgeNode(AlarmNode):
             for name in self._names
         ]
         self._diagnostics = endpoints.publisher(DiagnosticArray, "/diagnostics", RELIABLE)
-        for kind, topic, read in (
-            (String, "agents", self._on_agents),
-            (PointCloud2, "step_report", self._on_report),
+        for kind, topic, read, kept in (
+            (String, "agents", self._on_agents, LATCHED),
+            (PointCloud2, "step_report", self._on_report, COMPLETE),
         ):
-            endpoints.subscription(kind, topic, partial(self._on, topic, read), LATCHED)
+            endpoints.subscription(kind, topic, partial(self._on, topic, read), kept)
         endpoints.check_all_used()
         self.alarms.make(self._turn).repeat(TURN_S)
         self.alarms.make(self._publish_poses).repeat(1.0 / self.settings.pose_rate)

@@ -25,6 +25,11 @@ LATCHED = QoSProfile(
 )
 """The last message waits for whoever joins late."""
 
+COMPLETE = QoSProfile(
+    depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+"""For a listener that must not have a latched message overtaken by the next."""
+
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """Commands, odometry, clock and diagnostics."""
 

@@ -34,7 +34,7 @@ from rclpy.signals import SignalHandlerOptions  # noqa: E402
 from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
 
 from dsse_ros.nodes.export_mission import find_scenario  # noqa: E402
-from dsse_ros.nodes.qos import LATCHED  # noqa: E402
+from dsse_ros.nodes.qos import COMPLETE, LATCHED  # noqa: E402
 from dsse_ros.nodes.run_mission import MissionFailed, check_running, process  # noqa: E402
 from dsse_ros.nodes.runtime import new_executor  # noqa: E402
 from dsse_ros.search import Scenario, profile  # noqa: E402
@@ -74,7 +74,7 @@ class Witness(Node):
         self.over = self.found = False
         self.probability: Any = None
         self._search = search_action
-        self.create_subscription(PointCloud2, "step_report", self._on_report, LATCHED)
+        self.create_subscription(PointCloud2, "step_report", self._on_report, COMPLETE)
         self.create_subscription(Image, "probability", self._on_map, LATCHED)
         for i in range(drones):
             name = f"drone{i}"

@@ -32,7 +32,11 @@ def quality(qos: QoSProfile) -> str:
     """Quality of service in the README's words."""
     latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
     reliable = qos.reliability == ReliabilityPolicy.RELIABLE
-    words = {(True, True, 1): "latched", (False, False, 5): "sensor data"}
+    words = {
+        (True, True, 1): "latched",
+        (True, True, 1000): "latched, 1000",
+        (False, False, 5): "sensor data",
+    }
     if reliable and not latched:
         return f"reliable {qos.depth}"
     return words.get((latched, reliable, qos.depth), str(qos))
