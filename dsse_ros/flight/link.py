@@ -139,29 +139,40 @@ class _SocketLink(Link):
         return self._open.fileno()
 
 
-class _UdpInLink(_SocketLink):
-    """UDP that is spoken to first.
-
-    It answers whoever the vehicle was heard from, and as long as that goes on nobody else.
-    """
+class _UdpLink(_SocketLink):
+    """A link of datagrams."""
 
     datagram = True
-
-    def __init__(self, name: str, address: tuple[str, int]) -> None:
-        super().__init__(name, address)
-        self._peer: Peer = None
-        self._peer_s = 0.0
 
     def open(self) -> None:
         self.close()
         made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             made.setblocking(False)
-            made.bind(self._address)
+            self._attach(made)
         except OSError:
             made.close()
             raise
         self._socket = made
+
+    @abstractmethod
+    def _attach(self, made: socket.socket) -> None:
+        """Give a socket its address, or the other end's."""
+
+
+class _UdpInLink(_UdpLink):
+    """UDP that is spoken to first.
+
+    It answers whoever the vehicle was heard from, and as long as that goes on nobody else.
+    """
+
+    def __init__(self, name: str, address: tuple[str, int]) -> None:
+        super().__init__(name, address)
+        self._peer: Peer = None
+        self._peer_s = 0.0
+
+    def _attach(self, made: socket.socket) -> None:
+        made.bind(self._address)
 
     def receive(self, now: float) -> list[tuple[bytes, Peer]]:
         came: list[tuple[bytes, Peer]] = []
@@ -192,21 +203,11 @@ class _UdpInLink(_SocketLink):
         _send_datagram(self._open, data, self._peer, self.counts)
 
 
-class _UdpOutLink(_SocketLink):
+class _UdpOutLink(_UdpLink):
     """UDP to one address, from which alone anything is heard."""
 
-    datagram = True
-
-    def open(self) -> None:
-        self.close()
-        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            made.setblocking(False)
-            made.connect(self._address)
-        except OSError:
-            made.close()
-            raise
-        self._socket = made
+    def _attach(self, made: socket.socket) -> None:
+        made.connect(self._address)
 
     def receive(self, now: float) -> list[tuple[bytes, Peer]]:
         came: list[tuple[bytes, Peer]] = []
