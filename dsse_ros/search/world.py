@@ -8,7 +8,6 @@ import itertools
 import json
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -101,7 +100,8 @@ class World:
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         self._reuse_maps = reuse_maps
         self._auto_reset = auto_reset
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        # The caller's thread does a part itself.
+        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         bounds = np.linspace(0, num_worlds, threads + 1).astype(int)
         self._parts = [slice(a, b) for a, b in itertools.pairwise(bounds) if a < b]
         self._occupied = np.zeros((len(self._parts), self.grid_size**2), np.int32)
@@ -169,7 +169,11 @@ class World:
                 self._occupied[0], self._auto_reset,
             )  # fmt: skip
         else:
-            list(self._pool.map(self._step_part, repeat(actions), range(len(self._parts))))
+            others = range(1, len(self._parts))
+            futures = [self._pool.submit(self._step_part, actions, i) for i in others]
+            self._step_part(actions, 0)
+            for future in futures:
+                future.result()
 
     def _step_part(self, actions: NDArray[np.int8], index: int) -> None:
         part = self._parts[index]
