@@ -66,10 +66,11 @@ CONSTANTS = np.dtype(
         ("person_first", "?"),
         ("person_walks_blind", "?"),
         ("person_scatter", "i8"),
+        ("auto_reset", "?"),  # a step resets a world that is over, whatever its actions
     ],
     align=True,
 )
-"""The scenario and the rules as the kernels read them."""
+"""The scenario, the rules and the manner of the batch, as the kernels read them."""
 
 WORLDS = np.dtype(
     [
@@ -103,7 +104,11 @@ DRONES = np.dtype(
         ("start_x", "i8"),
         ("start_y", "i8"),
         ("earned", "f8"),  # sum of rewards, before collisions replaced any
+        ("reward", "f8"),  # of the last step
         ("alive", "?"),
+        ("terminated", "?"),  # since the last reset
+        ("truncated", "?"),
+        ("found", "?"),  # found a person in the last step
     ],
     align=True,
 )
@@ -490,8 +495,9 @@ def reset_world(c, w, drones, persons, gauss, tails):
     for n in range(len(drones)):
         d = drones[n]
         d.x, d.y = d.start_x, d.start_y
-        d.earned = 0.0
+        d.earned = d.reward = 0.0
         d.alive = True
+        d.terminated = d.truncated = d.found = False
     for p in range(len(persons)):
         person = persons[p]
         person.x, person.y = w.start_x, w.start_y
@@ -544,7 +550,7 @@ def move(c, d, action):
 
 
 @part
-def collide(c, drones, occupied, rewards, terminated):
+def collide(c, drones, occupied):
     """Reward and terminate the drones still flying that share a cell.
 
     `occupied` (G * G,) is scratch, zero before and after.
@@ -553,7 +559,7 @@ def collide(c, drones, occupied, rewards, terminated):
     shared = False
     for n in range(len(drones)):
         d = drones[n]
-        if not is_flying(c, d, terminated[n]):
+        if not is_flying(c, d):
             continue
         if is_inside(g, d):
             occupied[d.y * g + d.x] += 1
@@ -562,9 +568,10 @@ def collide(c, drones, occupied, rewards, terminated):
             shared = True
     if shared:
         for n in range(len(drones)):
-            if is_flying(c, drones[n], terminated[n]) and is_crashed(g, drones, n, occupied):
-                rewards[n] = c.collision
-                terminated[n] = True
+            d = drones[n]
+            if is_flying(c, d) and is_crashed(g, drones, n, occupied):
+                d.reward = c.collision
+                d.terminated = True
     for n in range(len(drones)):
         if is_inside(g, drones[n]):
             occupied[drones[n].y * g + drones[n].x] = 0
@@ -589,40 +596,41 @@ def is_inside(g, d):
 
 
 @part
-def is_flying(c, d, terminated):
+def is_flying(c, d):
     """Return whether a drone can collide; where drones end together, flags ground nobody."""
-    return d.alive and (c.ends_together or not terminated)
+    return d.alive and (c.ends_together or not d.terminated)
 
 
 @part
-def step_drones(c, w, drones, persons, gauss, actions, rewards, terminated, truncated, found):
+def step_drones(c, w, drones, persons, gauss, actions):
     """Do the actions in index order against the map of the last observation."""
     out_of_time = w.t >= c.timestep_limit + c.time_out_grace
     for n in range(len(drones)):
         d, action = drones[n], actions[n]
-        rewards[n] = 0.0
-        found[n] = False
+        d.reward = 0.0
+        d.found = False
         if not d.alive:
             continue
         reward = c.move
         if out_of_time and not c.time_out_acts:
             pass
         elif action == c.search_action:
-            reward, found[n] = search_cell(c, w, gauss, d, persons)
-            if found[n] and c.ends_together:
-                terminated[:] = True
+            reward, d.found = search_cell(c, w, gauss, d, persons)
+            if d.found and c.ends_together:
+                for m in range(len(drones)):
+                    drones[m].terminated = True
         elif 0 <= action < c.num_actions:
             reward, left = move(c, d, action)
-            terminated[n] = left and (c.leave_terminates or c.leave_flies_on)
+            d.terminated = left and (c.leave_terminates or c.leave_flies_on)
         if out_of_time:
             reward = c.time_out - (d.earned if c.time_out_total else 0.0)
-            truncated[n] = True
-        rewards[n] = reward
+            d.truncated = True
+        d.reward = reward
         d.earned += reward
 
 
 @part
-def settle_flags(c, w, drones, persons, terminated, truncated):
+def settle_flags(c, w, drones, persons):
     """Flag the drones whose search is over, and the world when all are."""
     w.adrift = 0
     for p in range(len(persons)):
@@ -634,11 +642,11 @@ def settle_flags(c, w, drones, persons, terminated, truncated):
         d = drones[n]
         if not d.alive:
             continue
-        terminated[n] = terminated[n] or all_found
-        if terminated[n] or truncated[n]:
+        d.terminated = d.terminated or all_found
+        if d.terminated or d.truncated:
             any_flag = True
-            terminated[n] = terminated[n] or c.both_flags
-            truncated[n] = truncated[n] or c.both_flags
+            d.terminated = d.terminated or c.both_flags
+            d.truncated = d.truncated or c.both_flags
             d.alive = c.ends_together
         flying += d.alive
     w.flying = flying
@@ -646,29 +654,24 @@ def settle_flags(c, w, drones, persons, terminated, truncated):
 
 
 @part
-def step_world(
-    c, w, drones, persons, gauss, tails, actions, rewards, terminated, truncated, found, occupied
-):  # fmt: skip
+def step_world(c, w, drones, persons, gauss, tails, occupied, actions):
     """Advance one world: drones in index order, then the sea, then collisions."""
     if c.ends_together:
-        terminated[:] = False
-        truncated[:] = False
+        for n in range(len(drones)):
+            drones[n].terminated = drones[n].truncated = False
     if c.found_persons_stay:
         for p in range(len(persons)):
             persons[p].found = False
-    step_drones(c, w, drones, persons, gauss, actions, rewards, terminated, truncated, found)
+    step_drones(c, w, drones, persons, gauss, actions)
     w.t += 1
     sea_step(c, w, persons, gauss, tails)
     if c.collisions:
-        collide(c, drones, occupied, rewards, terminated)
-    settle_flags(c, w, drones, persons, terminated, truncated)
+        collide(c, drones, occupied)
+    settle_flags(c, w, drones, persons)
 
 
 @kernel
-def step_worlds(
-    constants, worlds, drones, persons, gauss, tails, actions, maps, rewards, terminated, truncated,
-    found, occupied, auto_reset,
-):  # fmt: skip
+def step_worlds(constants, worlds, drones, persons, gauss, tails, occupied, actions, maps):
     """Advance B worlds by one step and write their maps.
 
     Args:
@@ -678,31 +681,22 @@ def step_worlds(
         persons: (B, P) of `PERSONS`.
         gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
         tails: (1 or B, 2, G + 2) float64, their tail sums.
+        occupied: (G * G,) int32 scratch, all zero.
         actions: (B, N) int8; a number without an action does nothing.
         maps: (B, G, G) float32 out, [y, x]; (B, 0, 0) to write none.
-        rewards: (B, N) float64 out.
-        terminated: (B, N) bool, in and out.
-        truncated: (B, N) bool, in and out.
-        found: (B, N) bool out, whether the drone found a person in this step.
-        occupied: (G * G,) int32 scratch, all zero.
-        auto_reset: Whether a world that is over is reset instead, whatever its actions.
     """
     c = constants[0]
     for b in range(len(worlds)):
+        w = worlds[b]
         table = min(b, len(gauss) - 1)
-        if auto_reset and worlds[b].over:
-            reset_world(c, worlds[b], drones[b], persons[b], gauss[table], tails[table])
-            rewards[b] = 0.0
-            terminated[b] = False
-            truncated[b] = False
-            found[b] = False
+        if c.auto_reset and w.over:
+            reset_world(c, w, drones[b], persons[b], gauss[table], tails[table])
         else:
             step_world(
-                c, worlds[b], drones[b], persons[b], gauss[table], tails[table], actions[b],
-                rewards[b], terminated[b], truncated[b], found[b], occupied,
-            )  # fmt: skip
+                c, w, drones[b], persons[b], gauss[table], tails[table], occupied, actions[b]
+            )
         if maps.shape[1] > 0:
-            write_map(c, worlds[b], gauss[table], maps[b])
+            write_map(c, w, gauss[table], maps[b])
 
 
 @kernel

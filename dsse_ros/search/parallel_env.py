@@ -80,21 +80,37 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         most = max(self.world.num_drones, self.scenario.person_amount, 3)
         self.state_space = spaces.Box(0.0, float(most), (4, g, g))
         self._live: list[int] = []
+        self._no_flags: dict[str, bool] = {}
         self._num_actions = len(rules.actions)
         self._masks = _masks_by_cell(rules.actions, g)
-        self._joint = np.zeros(self.world.num_drones, np.int8)
-        self._joint_bytes = self._joint.data.cast("B")
-        # Views on the world's arrays; x and y open each drone's record.
         world = self.world
+        self._actions = np.zeros((1, world.num_drones), np.int8)
+        self._action_bytes = self._actions[0].data.cast("B")
+        # Views on the world's arrays; x and y open each drone's record.
         self._xy = world.drones[0].view(np.int64).reshape(world.num_drones, -1)[:, :2]
-        self._alive = world.drones["alive"][0]
-        self._flying, self._over = world.worlds["flying"], world.worlds["over"]
-        self._adrift = world.worlds["adrift"]
+        self._alive, self._rewards = world.drones["alive"][0], world.rewards[0]
         self._terminated, self._truncated = world.terminated[0], world.truncated[0]
-        self._rewards = world.rewards[0]
+        # Memory views give plain numbers, in a third of an array's time.
+        self._flying, self._adrift, self._over = (
+            world.worlds[name].data for name in ("flying", "adrift", "over")
+        )
         self._track: list[NDArray[np.int64]] = []
         self._viewer: rendering.Viewer | None = None
         self._camera: rendering.Camera | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Made anew, as `World` is; a window stays with the environment that opened it.
+        made_of = {
+            "scenario": self.scenario,
+            "rules": self.rules,
+            "render_mode": self.render_mode,
+        }
+        return {"made_of": made_of, "snapshot": self.snapshot(), "track": list(self._track)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        SearchEnv.__init__(self, **state["made_of"])
+        self.restore(state["snapshot"])
+        self._track = state["track"]
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the agent's observation space, always the same object."""
@@ -124,7 +140,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.world.place(**start)
         self.world.reset()
         self._note_live()
-        self._track = [self.positions]
+        self._start_track()
         result = self._observe(self.agents, self._live)
         self._show()
         return result
@@ -149,43 +165,30 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         agents, live = self.agents, self._live
         if not agents:
             return {}, {}, {}, {}, {}
-        self.advance(self._joint_action(actions))
+        self._take(actions)
+        self._advance()
         rewards = self._rewards.tolist()
         if len(agents) < len(rewards):
             rewards = [rewards[i] for i in live]
         if self.agents is agents:
             # Nobody has left the search, so there is no flag.
-            terminations = dict.fromkeys(agents, False)
-            truncations = dict.fromkeys(agents, False)
+            terminations, truncations = self._no_flags.copy(), self._no_flags.copy()
         else:
-            flags = (values.tolist() for values in self.flags)
             terminations, truncations = (
-                {agent: values[i] for agent, i in zip(agents, live, strict=True)}
-                for values in flags
+                {agent: values[i] for agent, i in zip(agents, live)}
+                for values in (flags.tolist() for flags in self.flags)
             )
         observations, infos = self._observe(agents, live)
-        result = (
-            observations,
-            dict(zip(agents, rewards, strict=True)),
-            terminations,
-            truncations,
-            infos,
-        )
         self._show()
-        return result
+        return observations, dict(zip(agents, rewards)), terminations, truncations, infos
 
     def advance(self, joint: NDArray[np.int8]) -> None:
         """Advance the world by one joint action (N,) int8, without making observations.
 
         `dsse_ros.search.world.HOLD` stands for a drone that does nothing.
         """
-        self.world.step(joint.reshape(1, -1))
-        if self.render_mode is not None:
-            self._track.append(self.positions)
-        else:
-            self._track = []
-        if self._over[0] or self._flying[0] < len(self.agents):
-            self._note_live()
+        self._actions[0] = joint
+        self._advance()
 
     def withdraw(self, drone: int) -> bool:
         """Take a drone out of the mission; it stays where it is and the others go on.
@@ -218,7 +221,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         """
         self.world.restore(snapshot)
         self._note_live()
-        self._track = [self.positions]
+        self._start_track()
 
     @property
     def flags(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -306,26 +309,38 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         if self.render_mode == "human":
             self.render()
 
+    def _start_track(self) -> None:
+        self._track = [] if self.render_mode is None else [self.positions]
+
+    def _advance(self) -> None:
+        """Advance the world by the actions taken."""
+        self.world.step(self._actions)
+        if self.render_mode is not None:
+            self._track.append(self.positions)
+        if self._over[0] or self._flying[0] < len(self.agents):
+            self._note_live()
+
     def _note_live(self) -> None:
         """Take from the world which drones are in the search."""
         self._live = [] if self._over[0] else np.flatnonzero(self._alive).tolist()
         self.agents = [self.possible_agents[i] for i in self._live]
+        self._no_flags = dict.fromkeys(self.agents, False)
 
     def _observe(
         self, agents: list[str], live: list[int]
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Return observations and infos of these agents."""
         cells = self._xy.copy() if len(agents) == len(self._xy) else self._xy[live]
-        observations = dict(zip(agents, zip(cells, repeat(self.probability)), strict=False))
-        masks, found = self._masks, bool(self._adrift[0] == 0)
+        observations = dict(zip(agents, zip(cells, repeat(self.probability))))
+        masks, found = self._masks, self._adrift[0] == 0
         infos = {
             agent: {"Found": found, "action_mask": masks[y][x]}
-            for agent, (x, y) in zip(agents, cells.tolist(), strict=True)
+            for agent, (x, y) in zip(agents, cells.tolist())
         }
         return observations, infos
 
-    def _joint_action(self, actions: Mapping[str, int]) -> NDArray[np.int8]:
-        """Return the joint action (N,) of the live agents' actions, checked, until the next one."""
+    def _take(self, actions: Mapping[str, int]) -> None:
+        """Check the live agents' actions and make them those of the next step."""
         try:
             # bytearray() takes nothing but integers from 0 to 255.
             numbers = bytearray(map(actions.__getitem__, self.agents))
@@ -337,13 +352,12 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
                 raise self._action_error(actions) from None
             known = range(self._num_actions)
             wanted = (actions[agent] for agent in self.agents)
-            self._joint[self._live] = [n if n in known else HOLD for n in wanted]
-            return self._joint
-        if len(numbers) == len(self._joint):
-            self._joint_bytes[:] = numbers
+            self._actions[0, self._live] = [n if n in known else HOLD for n in wanted]
+            return
+        if len(numbers) == len(self._action_bytes):
+            self._action_bytes[:] = numbers
         else:
-            self._joint[self._live] = np.frombuffer(numbers, np.int8)
-        return self._joint
+            self._actions[0, self._live] = np.frombuffer(numbers, np.int8)
 
     def _action_error(self, actions: Mapping[str, int]) -> FieldError:
         """Return what is wrong with these actions."""

@@ -6,8 +6,9 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,12 +57,12 @@ class World:
         threads: How many threads share the worlds.
 
     Attributes:
-        worlds, drones, persons: The whole hidden state, structured arrays (B,), (B, N), (B, P)
-            of `kernels.WORLDS`, `kernels.DRONES` and `kernels.PERSONS`.
+        worlds, drones, persons: The whole state, structured arrays (B,), (B, N), (B, P) of
+            `kernels.WORLDS`, `kernels.DRONES` and `kernels.PERSONS`.
         maps: (B, G, G) float32, the probability of cell [row, col].
-        rewards: (B, N) float64 of the last step.
-        terminated, truncated: (B, N) bool since the last reset.
-        found: (B, N) bool, whether the drone found a person in the last step.
+        rewards: (B, N) float64 of the last step, a view on `drones`.
+        terminated, truncated: (B, N) bool since the last reset, views on `drones`.
+        found: (B, N) bool, whether the drone found a person in the last step, a view on `drones`.
 
     Raises:
         FieldError: If the scenario does not fit the rules.
@@ -84,13 +85,14 @@ class World:
         self.num_worlds = num_worlds
         self.num_drones = resolved.num_drones
         self.constants = constants_of(resolved, rules)
+        self.constants["auto_reset"] = auto_reset
         self.worlds = np.zeros(num_worlds, kernels.WORLDS)
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
         self.persons = np.zeros((num_worlds, resolved.person_amount), kernels.PERSONS)
-        self.terminated = np.zeros((num_worlds, self.num_drones), bool)
-        self.truncated = np.zeros_like(self.terminated)
-        self.found = np.zeros_like(self.terminated)
-        self.rewards = np.zeros((num_worlds, self.num_drones))
+        self.rewards = self.drones["reward"]
+        self.terminated = self.drones["terminated"]
+        self.truncated = self.drones["truncated"]
+        self.found = self.drones["found"]
         side = self.grid_size if write_maps else 0
         self._map_shape = (num_worlds, side, side)
         self.maps = np.zeros(self._map_shape, np.float32)
@@ -99,18 +101,33 @@ class World:
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         self._reuse_maps = reuse_maps
-        self._auto_reset = auto_reset
+        self._manner = {
+            "num_worlds": num_worlds,
+            "write_maps": write_maps,
+            "reuse_maps": reuse_maps,
+            "auto_reset": auto_reset,
+            "threads": threads,
+        }
+        bounds = np.linspace(0, num_worlds, threads + 1).astype(int)
+        slices = [slice(a, b) for a, b in itertools.pairwise(bounds) if a < b]
+        self._parts = [(part, self._step_of(part)) for part in slices]
         # The caller's thread does a part itself.
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
-        bounds = np.linspace(0, num_worlds, threads + 1).astype(int)
-        self._parts = [slice(a, b) for a, b in itertools.pairwise(bounds) if a < b]
-        self._occupied = np.zeros((len(self._parts), self.grid_size**2), np.int32)
         self.seed()
         self.place()
         # A constant spread is written once, here.
         kernels.refresh_worlds(
             self.constants, self.worlds, self.gauss, self.tails, self.maps[:, :0, :0]
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Copies and pickles are made anew: a view that is copied becomes an array of its own.
+        made_of = {"scenario": self.scenario, "rules": self.rules, **self._manner}
+        return {"made_of": made_of, "snapshot": self.snapshot()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        World.__init__(self, **state["made_of"])
+        self.restore(state["snapshot"])
 
     def seed(self, seed: int | None = None) -> None:
         """Seed world b with seed + b, or all from the system's entropy."""
@@ -143,10 +160,6 @@ class World:
         """Reset all worlds, or those with which[b]; their generators go on."""
         if which is None:
             which = np.ones(self.num_worlds, bool)
-        self.terminated[which] = False
-        self.truncated[which] = False
-        self.found[which] = False
-        self.rewards[which] = 0.0
         self.maps = np.empty(self._map_shape, np.float32) if which.all() else self.maps.copy()
         kernels.reset_worlds(
             self.constants, self.worlds, self.drones, self.persons, self.gauss, self.tails,
@@ -163,26 +176,25 @@ class World:
         if not self._reuse_maps:
             self.maps = np.empty(self._map_shape, np.float32)
         if self._pool is None:
-            kernels.step_worlds(
-                self.constants, self.worlds, self.drones, self.persons, self.gauss, self.tails,
-                actions, self.maps, self.rewards, self.terminated, self.truncated, self.found,
-                self._occupied[0], self._auto_reset,
-            )  # fmt: skip
-        else:
-            others = range(1, len(self._parts))
-            futures = [self._pool.submit(self._step_part, actions, i) for i in others]
-            self._step_part(actions, 0)
-            for future in futures:
-                future.result()
+            self._parts[0][1](actions, self.maps)
+            return
+        futures = [
+            self._pool.submit(step, actions[part], self.maps[part])
+            for part, step in self._parts[1:]
+        ]
+        part, step = self._parts[0]
+        step(actions[part], self.maps[part])
+        for future in futures:
+            future.result()
 
-    def _step_part(self, actions: NDArray[np.int8], index: int) -> None:
-        part = self._parts[index]
+    def _step_of(self, part: slice) -> Callable[[NDArray[np.int8], NDArray[np.float32]], None]:
+        """Return the step of some of the worlds, a function of their actions and maps."""
         tables = part if len(self.gauss) > 1 else slice(None)
-        kernels.step_worlds(
+        # Scratch memory is every part's own.
+        return partial(
+            kernels.step_worlds,
             self.constants, self.worlds[part], self.drones[part], self.persons[part],
-            self.gauss[tables], self.tails[tables], actions[part], self.maps[part],
-            self.rewards[part], self.terminated[part], self.truncated[part], self.found[part],
-            self._occupied[index], self._auto_reset,
+            self.gauss[tables], self.tails[tables], np.zeros(self.grid_size**2, np.int32),
         )  # fmt: skip
 
     def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
@@ -220,15 +232,7 @@ class World:
         return b"".join(array.tobytes() for array in self._state().values())
 
     def _state(self) -> dict[str, NDArray[Any]]:
-        return {
-            "worlds": self.worlds,
-            "drones": self.drones,
-            "persons": self.persons,
-            "rewards": self.rewards,
-            "terminated": self.terminated,
-            "truncated": self.truncated,
-            "found": self.found,
-        }
+        return {"worlds": self.worlds, "drones": self.drones, "persons": self.persons}
 
     def _identity(self) -> dict[str, Any]:
         parts = {

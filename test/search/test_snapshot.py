@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from play import some_actions, started
 
-from dsse_ros.search import Snapshot, SnapshotError, parallel_env, vector_env
+from dsse_ros.search import Snapshot, SnapshotError, aec_env, parallel_env, vector_env
 
 MISSION: dict[str, Any] = {
     "grid_size": 10,
@@ -61,6 +64,68 @@ def test_a_batch_goes_on_too_and_through_its_automatic_resets() -> None:
         twin.step(joint)
         assert batch.world.state_bytes() == twin.world.state_bytes()
         assert np.array_equal(batch.world.maps, twin.world.maps)
+
+
+def pickled(value: Any) -> Any:
+    return pickle.loads(pickle.dumps(value))
+
+
+copies = pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickled])
+
+
+@copies
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
+def test_a_copied_environment_goes_on_alike_and_alone(
+    rules: str, copied: Callable[[Any], Any]
+) -> None:
+    env = started(seed=4, rules=rules, render_mode="ansi", **MISSION)
+    generator = np.random.default_rng(0)
+    for _ in range(3):
+        env.step(some_actions(env, generator, careful=True))
+    twin, before = copied(env), env.world.state_bytes()
+    script = [some_actions(env, generator, careful=True) for _ in range(12)]
+    told = [twin.step(actions)[1:4] for actions in script]
+    assert env.world.state_bytes() == before
+    assert told == [env.step(actions)[1:4] for actions in script]
+    assert twin.world.state_bytes() == env.world.state_bytes()
+    assert np.array_equal(twin.probability, env.probability)
+    assert twin.render() == env.render()
+    assert np.array_equal(twin.view().tracks, env.view().tracks)
+
+
+@copies
+def test_an_environment_that_was_never_reset_can_be_copied(copied: Callable[[Any], Any]) -> None:
+    env = parallel_env(**MISSION)
+    twin = copied(env)
+    assert twin.agents == []
+    for each in (env, twin):
+        each.reset()
+    assert twin.world.state_bytes() == env.world.state_bytes()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, pickled])
+def test_a_copied_batch_goes_on_alike_and_alone(copied: Callable[[Any], Any]) -> None:
+    batch = vector_env(5, threads=2, lazy=True, **MISSION)
+    batch.reset(seed=0)
+    actions = np.random.default_rng(1).integers(0, 5, (30, 5, 3)).astype(np.int8)
+    twin = copied(batch)
+    before = batch.world.state_bytes()
+    maps = [twin.step(joint)[0]["probability"].dense() for joint in actions]
+    assert batch.world.state_bytes() == before
+    for joint, theirs in zip(actions, maps, strict=True):
+        assert np.array_equal(batch.step(joint)[0]["probability"].dense(), theirs)
+    assert batch.world.state_bytes() == twin.world.state_bytes()
+
+
+def test_a_copied_turn_based_environment_goes_on_alone() -> None:
+    env = aec_env(**MISSION)
+    env.reset(seed=0)
+    twin = copy.deepcopy(env)
+    position = env.observe(env.agents[0]).tolist()
+    for _ in twin.agents:
+        twin.step(3)
+    assert twin.observe(twin.agents[0]).tolist() != position
+    assert env.observe(env.agents[0]).tolist() == position
 
 
 def test_a_snapshot_does_not_change_with_the_world_it_was_taken_of() -> None:
