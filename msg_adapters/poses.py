@@ -85,22 +85,22 @@ def odometry(
     return message
 
 
-def path(frame: GridFrame, cells: ArrayLike, stamp: Time) -> Path:
+def path(frame: GridFrame, cells: ArrayLike, stamp: Time, into: Path | None = None) -> Path:
     """Return a track.
 
     Args:
         frame: The grid.
         cells: (K, 2) of (col, row).
         stamp: Time of the message and of each of its poses.
+        into: Message to fill.
     """
-    message = Path()
+    message = Path() if into is None else into
     _stamp(message, frame, stamp)
-    poses = []
-    for position in _positions(frame, cells):
-        stamped = PoseStamped()
-        stamped.header = message.header
+    positions = _positions(frame, cells)
+    poses = message.poses[: len(positions)]
+    poses += [PoseStamped(header=message.header) for _ in positions[len(poses) :]]
+    for stamped, position in zip(poses, positions, strict=True):
         _set_position(stamped.pose, position)
-        poses.append(stamped)
     message.poses = poses
     return message
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import array
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -51,6 +52,7 @@ _DATATYPES = {
 }
 
 
+@cache
 def step_report_dtype(num_actions: int) -> np.dtype[Any]:
     """Return the layout of one drone's entry: packed, little-endian.
 
@@ -123,13 +125,16 @@ def make_step_report(
     return report
 
 
-def step_report_message(frame: GridFrame, report: NDArray[Any], stamp: Time) -> PointCloud2:
+def step_report_message(
+    frame: GridFrame, report: NDArray[Any], stamp: Time, into: PointCloud2 | None = None
+) -> PointCloud2:
     """Return a report as a cloud of one row.
 
     Args:
         frame: The grid.
         report: (N,) of a `step_report_dtype`.
         stamp: Time of the step.
+        into: Message to fill and return, one of this function's own earlier results.
 
     Raises:
         ValueError: If the array is not a report.
@@ -139,12 +144,14 @@ def step_report_message(frame: GridFrame, report: NDArray[Any], stamp: Time) -> 
     shape: tuple[int, ...] = fields[_MASK][0].shape if _MASK in fields else ()
     if len(shape) != 1 or dtype != step_report_dtype(shape[0]):
         raise ValueError(f"report: {shown(dtype)} is not allowed; a step_report_dtype is")
-    message = PointCloud2(header=header(frame.map_frame, stamp))
+    message = PointCloud2() if into is None else into
+    message.header = header(frame.map_frame, stamp)
     message.height = 1
     message.width = len(report)
-    message.fields = [_point_field(name, *fields[name][:2]) for name in dtype.names or ()]
+    if message.point_step != dtype.itemsize:
+        message.fields = [_point_field(name, *fields[name][:2]) for name in dtype.names or ()]
+        message.point_step = dtype.itemsize
     message.is_bigendian = False
-    message.point_step = dtype.itemsize
     message.row_step = dtype.itemsize * len(report)
     message.is_dense = True
     message.data = array.array("B", report.tobytes())

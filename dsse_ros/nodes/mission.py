@@ -107,7 +107,8 @@ class Mission:
     @property
     def live(self) -> list[int]:
         """The drones in flight."""
-        return [int(i) for i in np.flatnonzero(self.env.world.drones["alive"][0])]
+        live: list[int] = np.flatnonzero(self.env.world.drones["alive"][0]).tolist()
+        return live
 
     @property
     def probability_of_success(self) -> float:
@@ -154,12 +155,14 @@ class Mission:
         joint = self.commands.take(self.live, self.result.cells, missing_action)
         searching = live & (joint == self._search)
         probabilities = np.where(searching, self._probabilities(), 0.0)
-        searched = {tuple(c): p for c, p in zip(self.result.cells, probabilities, strict=True) if p}
+        searchers = np.flatnonzero(searching)
+        cells = map(tuple, self.result.cells[searchers].tolist())
+        searched = dict(zip(cells, probabilities[searchers].tolist(), strict=True))
         self.env.advance(joint)
         pod = self.env.scenario.probability_of_detection
-        self.not_found *= 1.0 - min(pod * float(sum(searched.values())), 1.0)
+        self.not_found *= 1.0 - min(pod * sum(searched.values()), 1.0)
         self.result = self._result(joint, live & (joint == HOLD), probabilities)
-        for drone in np.flatnonzero(searching).tolist():
+        for drone in searchers.tolist():
             self.searches[drone][-1] += 1
         return self.result
 

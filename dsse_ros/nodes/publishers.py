@@ -85,6 +85,8 @@ class MissionPublishers:
         self._pose_of = [PoseStamped() for _ in self._names]
         self._odom_of = [Odometry() for _ in self._names]
         self._fix_of = [NavSatFix() for _ in self._names]
+        self._path_of = [Path() for _ in self._names]
+        self._report_of_step = PointCloud2()
 
     def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
         return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
@@ -146,7 +148,7 @@ class MissionPublishers:
             held=result.held,
             action_mask=env.action_masks(),
         )
-        self._report.publish(step_report_message(frame, report, stamp))
+        self._report.publish(step_report_message(frame, report, stamp, self._report_of_step))
 
     def _publish_fixes(self, result: StepResult, stamp: Time) -> None:
         for i, cell in enumerate(result.cells.tolist()):
@@ -182,9 +184,10 @@ class MissionPublishers:
 
     def publish_history(self, result: StepResult, stamp: Time, reveal_person: bool) -> None:
         """Publish tracks and markers to listeners who have not seen them as they are now."""
-        for publisher, track in zip(self._paths, self._mission.tracks, strict=True):
+        tracks = self._mission.tracks
+        for publisher, track, message in zip(self._paths, tracks, self._path_of, strict=True):
             if self._is_news(publisher, result.stamp_ns):
-                publisher.publish(path(self._frame, track, stamp))
+                publisher.publish(path(self._frame, track, stamp, message))
         if self._is_news(self._markers, result.stamp_ns, reveal_person):
             self._markers.publish(self._marker_array(result, stamp, reveal_person))
 

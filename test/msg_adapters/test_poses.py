@@ -101,6 +101,10 @@ def test_a_message_filled_again_equals_a_new_one(frame, cells, others, east, nor
     again = poses.pose_array(frame, others, LATER, into=fleet)
     assert again is fleet and fleet == poses.pose_array(frame, others, LATER)
 
+    track = poses.path(frame, cells, STAMP)
+    assert poses.path(frame, others, LATER, into=track) is track
+    assert track == poses.path(frame, others, LATER)
+
     odometry = poses.odometry(frame, "drone0", *old, (east, north), STAMP)
     poses.odometry(frame, "drone0", *new, (north, 0.0), LATER, into=odometry)
     fresh = poses.odometry(frame, "drone0", *new, (north, 0.0), LATER)

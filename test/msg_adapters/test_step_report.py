@@ -23,6 +23,7 @@ from msg_adapters.step_report import (
 
 FRAME = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
 STAMP = to_stamp(13 * 10**9)
+LATER = to_stamp(26 * 10**9)
 
 REPORTS = st.integers(1, 9).flatmap(
     lambda actions: hnp.arrays(step_report_dtype(actions), st.integers(0, 6))
@@ -90,6 +91,13 @@ def test_a_report_comes_back_and_is_written_again_with_the_same_bytes(report):
     read = step_report_from_message(message)
     assert read.dtype == report.dtype and read.tobytes() == report.tobytes()
     assert step_report_message(FRAME, read, STAMP) == message
+
+
+@given(REPORTS, REPORTS)
+def test_a_report_filled_again_equals_a_new_one(old, new):
+    filled = step_report_message(FRAME, old, STAMP)
+    assert step_report_message(FRAME, new, LATER, into=filled) is filled
+    assert filled == step_report_message(FRAME, new, LATER)
 
 
 def test_the_cloud_is_laid_out_as_point_clouds_are():
