@@ -12,7 +12,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from dsse_ros.search.fields import FieldError, Spec
+from dsse_ros.search.fields import FieldError, Spec, shown
 from dsse_ros.search.options import check_options, check_seed
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
@@ -31,7 +31,12 @@ class LazyMaps:
         self._world = world
 
     def cells(self, cells: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return probabilities (B, K) float32 of cells (B, K, 2) as (x, y); 0 off the grid."""
+        """Return probabilities (B, K) float32 of cells (B, K, 2) as (x, y); 0 off the grid.
+
+        Raises:
+            FieldError: If the cells are not (B, K, 2) integers.
+        """
+        cells = _integers("cells", cells, (self._world.num_worlds, None, 2))
         return self._world.cells(cells[..., 0], cells[..., 1])
 
     def windows(self, centres: NDArray[np.int64], reach: int) -> NDArray[np.float32]:
@@ -43,7 +48,12 @@ class LazyMaps:
 
         Returns:
             (B, K, 2 reach + 1, 2 reach + 1) float32 as [y, x]; 0 outside the grid.
+
+        Raises:
+            FieldError: If the centres are not (B, K, 2) integers, or the reach is below 0.
         """
+        centres = _integers("centres", centres, (self._world.num_worlds, None, 2))
+        reach = Spec("int", "", low=0).check("reach", reach)
         offsets = np.arange(-reach, reach + 1)
         batch, count = centres.shape[:2]
         shape = (batch, count, len(offsets), len(offsets))
@@ -142,16 +152,13 @@ class VectorEnv:
         Raises:
             FieldError: If the actions are not (B, N) integers; the missions stay as they are.
         """
-        actions = np.asarray(actions)
-        if actions.shape != self._shape or actions.dtype.kind not in "iu":
-            raise FieldError(
-                f"actions: {actions.dtype} {actions.shape} is not allowed; integers {self._shape}"
-            )
+        actions = _integers("actions", actions, self._shape)
         if actions.dtype != np.int8:
             known = (actions >= 0) & (actions < len(self.rules.actions))
             actions = np.where(known, actions, HOLD).astype(np.int8)
         world = self.world
-        world.step(np.ascontiguousarray(actions))
+        # For a read-only array the step would be compiled anew.
+        world.step(np.require(actions, requirements=["C", "W"]))
         arrays = (world.rewards, world.terminated, world.truncated)
         if self._copy:
             arrays = (arrays[0].copy(), arrays[1].copy(), arrays[2].copy())
@@ -171,6 +178,25 @@ class VectorEnv:
             "step": worlds["t"].copy(),
             "over": worlds["over"].copy(),
         }
+
+
+def _integers(name: str, value: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
+    """Return an array of integers of this shape, where None is any length.
+
+    Raises:
+        FieldError: If the value is none.
+    """
+    wanted = f"integers ({', '.join('any' if n is None else str(n) for n in shape)})"
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise FieldError(f"{name}: {shown(value)} is not allowed; {wanted}") from None
+    fits = len(array.shape) == len(shape) and all(
+        n in (None, length) for n, length in zip(shape, array.shape, strict=True)
+    )
+    if not fits or array.dtype.kind not in "iu":
+        raise FieldError(f"{name}: {array.dtype} {array.shape} is not allowed; {wanted}")
+    return array
 
 
 def vector_env(

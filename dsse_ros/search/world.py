@@ -204,6 +204,8 @@ class World:
             x: (B, K) int64 columns.
             y: (B, K) int64 rows.
         """
+        # One kind of array, or the function would be compiled for each.
+        x, y = (np.require(array, np.int64, ["C", "W"]) for array in (x, y))
         out = np.empty(x.shape, np.float32)
         kernels.read_cells(self.constants, self.worlds, self.gauss, x, y, out)
         return out

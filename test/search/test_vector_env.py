@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,14 @@ from gymnasium.utils.env_checker import data_equivalence
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.search import FieldError, JointVectorEnv, parallel_env, vector_env
+from dsse_ros.search import (
+    FieldError,
+    JointVectorEnv,
+    LazyMaps,
+    kernels,
+    parallel_env,
+    vector_env,
+)
 
 BATCH, DRONES, GRID = 5, 3, 9
 MISSION: dict[str, Any] = {
@@ -86,6 +94,46 @@ def test_a_lazy_batch_plays_the_same_missions_and_knows_every_cell(rules: str) -
         assert np.array_equal(parameters.cells(centres), windows[:, :, 2, 2])
 
 
+def test_whatever_arrays_are_handed_in_the_step_is_compiled_once() -> None:
+    env = vector_env(BATCH, lazy=True, **MISSION)
+    parameters = env.reset(seed=3)[0]["probability"]
+    actions = random_actions(env, 1)[0]
+    cells = np.zeros((BATCH, 4, 2), np.int64)
+    env.step(actions)
+    expected = parameters.cells(cells)
+    compiled = [len(kernels.step_worlds.signatures), len(kernels.read_cells.signatures)]
+    for array in (
+        cells.astype(np.uint8),
+        np.broadcast_to(np.int32(0), cells.shape),
+        cells.tolist(),
+    ):
+        assert np.array_equal(parameters.cells(array), expected)
+        assert np.array_equal(parameters.windows(array, 0)[..., 0, 0], expected)
+    for array in (np.broadcast_to(np.int8(4), actions.shape), np.asfortranarray(actions)):
+        env.step(array)
+    env.step(actions.astype(">i4").tolist())
+    assert [len(kernels.step_worlds.signatures), len(kernels.read_cells.signatures)] == compiled
+
+
+@pytest.mark.parametrize(
+    ("ask", "fault"),
+    [
+        (lambda maps: maps.cells(np.zeros((BATCH, 4, 2))), "cells: float64"),
+        (lambda maps: maps.cells(np.zeros((BATCH - 1, 4, 2), int)), "cells: int64"),
+        (lambda maps: maps.cells([[1, 2], [3]]), "cells: "),
+        (lambda maps: maps.windows(np.zeros((BATCH, 4, 3), int), 1), "centres: int64"),
+        (lambda maps: maps.windows(np.zeros((BATCH, 4, 2), int), -1), "reach: -1"),
+        (lambda maps: maps.windows(np.zeros((BATCH, 4, 2), int), 0.5), "reach: 0.5"),
+    ],
+)
+def test_cells_that_are_none_are_refused_by_name(
+    ask: Callable[[LazyMaps], Any], fault: str
+) -> None:
+    maps = vector_env(BATCH, lazy=True, **MISSION).reset(seed=0)[0]["probability"]
+    with pytest.raises(FieldError, match=fault):
+        ask(maps)
+
+
 def test_what_a_step_returned_stays_unless_reuse_was_asked_for() -> None:
     for copy in (True, False):
         env = vector_env(BATCH, copy=copy, **MISSION)
@@ -112,7 +160,15 @@ def test_a_number_that_is_no_action_does_nothing(numbers: list[int]) -> None:
 
 @pytest.mark.parametrize(
     "actions",
-    [np.zeros((BATCH, DRONES + 1), int), np.zeros(DRONES, int), np.zeros((5, 3)), [["a"]]],
+    [
+        np.zeros((BATCH, DRONES + 1), int),
+        np.zeros(DRONES, int),
+        np.zeros((BATCH, DRONES)),
+        np.zeros((BATCH, DRONES, 1), int),
+        [["a"]],
+        [[1], [1, 2]],
+        4,
+    ],
 )
 def test_actions_of_another_shape_or_kind_are_refused_and_nothing_moves(actions: Any) -> None:
     env = vector_env(BATCH, **MISSION)
