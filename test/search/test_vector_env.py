@@ -111,7 +111,7 @@ def test_whatever_arrays_are_handed_in_the_step_is_compiled_once() -> None:
         assert np.array_equal(parameters.windows(array, 0)[..., 0, 0], expected)
     for array in (np.broadcast_to(np.int8(4), actions.shape), np.asfortranarray(actions)):
         env.step(array)
-    env.step(actions.astype(">i4").tolist())
+    env.step(actions.astype(">i4"))
     assert [len(kernels.step_worlds.signatures), len(kernels.read_cells.signatures)] == compiled
 
 
