@@ -36,6 +36,6 @@ def make_planner(name: str, actions: Sequence[str], *, seed: int = 0) -> Planner
     Raises:
         ValueError: If the name is unknown or the legend lacks an action that the planner needs.
     """
-    if name not in PLANNERS:
+    if not isinstance(name, str) or name not in PLANNERS:
         raise ValueError(f"planner: {name!r} is not known; one of {', '.join(PLANNERS)}")
     return PLANNERS[name](actions, seed=seed)

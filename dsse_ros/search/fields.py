@@ -10,7 +10,7 @@ import dataclasses
 import difflib
 import math
 import numbers
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -100,6 +100,8 @@ class Spec:
             case "str":
                 if not isinstance(value, str) or (self.choices and value not in self.choices):
                     raise TypeError
+                # Half a surrogate pair can neither be drawn nor sent.
+                value.encode()
                 return value
             case "vector":
                 x, y = _elements(value)
@@ -151,7 +153,8 @@ def shown(value: Any) -> str:
 
 
 def _elements(value: Any) -> list[Any]:
-    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
+    # A set has no order that would be the same in another process.
+    if isinstance(value, str | bytes | Mapping | Set) or not isinstance(value, Iterable):
         raise TypeError
     return list(value)
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping
 from itertools import repeat
 from typing import Any, TypeVar
@@ -14,7 +15,7 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
 
 from dsse_ros.search import rendering
-from dsse_ros.search.fields import FieldError, shown
+from dsse_ros.search.fields import FieldError, Spec, shown
 from dsse_ros.search.options import check_options, check_seed
 from dsse_ros.search.rules import ACTION_VECTORS, Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
@@ -77,13 +78,20 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             agent: spaces.Discrete(len(rules.actions)) for agent in self.possible_agents
         }
         # The share of the time used exceeds 1 by the steps that find it out.
-        most = max(self.world.num_drones, self.scenario.person_amount, 3)
+        limit = self.world.scenario.timestep_limit
+        used = (limit + rules.time_out_grace + 1) / limit
+        most = max(self.world.num_drones, self.scenario.person_amount, used)
         self.state_space = spaces.Box(0.0, float(most), (4, g, g))
         self._live: list[int] = []
         self._no_flags: dict[str, bool] = {}
         self._num_actions = len(rules.actions)
-        self._masks = _masks_by_cell(rules.actions, g)
+        self._track: list[NDArray[np.int64]] = []
+        self._bind()
+
+    def _bind(self) -> None:
+        """Make all that shares memory with the world's arrays, or must not be copied."""
         world = self.world
+        self._masks = _masks_by_cell(self.rules.actions, world.grid_size)
         self._actions = np.zeros((1, world.num_drones), np.int8)
         self._action_bytes = self._actions[0].data.cast("B")
         # Views on the world's arrays; x and y open each drone's record.
@@ -94,23 +102,18 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self._flying, self._adrift, self._over = (
             world.worlds[name].data for name in ("flying", "adrift", "over")
         )
-        self._track: list[NDArray[np.int64]] = []
         self._viewer: rendering.Viewer | None = None
         self._camera: rendering.Camera | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        # Made anew, as `World` is; a window stays with the environment that opened it.
-        made_of = {
-            "scenario": self.scenario,
-            "rules": self.rules,
-            "render_mode": self.render_mode,
-        }
-        return {"made_of": made_of, "snapshot": self.snapshot(), "track": list(self._track)}
+        # A window stays with the environment that opened it.
+        bound = {"_masks", "_actions", "_action_bytes", "_xy", "_alive", "_rewards", "_terminated"}
+        bound |= {"_truncated", "_flying", "_adrift", "_over", "_viewer", "_camera"}
+        return {name: value for name, value in vars(self).items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        SearchEnv.__init__(self, **state["made_of"])
-        self.restore(state["snapshot"])
-        self._track = state["track"]
+        self.__dict__.update(state)
+        self._bind()
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the agent's observation space, always the same object."""
@@ -198,7 +201,11 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
 
         Returns:
             Whether it was still in the search. The last one to leave ends the mission.
+
+        Raises:
+            FieldError: If there is no such drone.
         """
+        drone = Spec("int", "", low=0, high=len(self._alive) - 1).check("drone", drone)
         if self._over[0] or not self._alive[drone]:
             return False
         self._alive[drone] = False
@@ -226,9 +233,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     @property
     def flags(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Terminated and truncated (N,) of all drones; whom the end of all ends, it truncates."""
-        terminated, truncated = self._terminated, self._truncated
+        terminated, truncated = self._terminated.copy(), self._truncated.copy()
         if self.rules.ends_together and self._over[0]:
-            truncated = truncated | ~terminated
+            truncated |= ~terminated
         return terminated, truncated
 
     @property
@@ -257,8 +264,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         state = np.zeros(self.state_space.shape, np.float32)
         state[0] = self.probability
         for plane, things in ((1, drones[drones["alive"]]), (2, persons[~persons["found"]])):
-            inside = (things["x"] >= 0) & (things["y"] >= 0)
-            np.add.at(state[plane], (things["y"][inside], things["x"][inside]), 1)
+            x, y = things["x"], things["y"]
+            inside = (x >= 0) & (x < world.grid_size) & (y >= 0) & (y < world.grid_size)
+            np.add.at(state[plane], (y[inside], x[inside]), 1)
         state[3] = world.worlds["t"][0] / self.scenario.timestep_limit
         return state
 
@@ -317,6 +325,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.world.step(self._actions)
         if self.render_mode is not None:
             self._track.append(self.positions)
+        elif self._track:
+            self._track = []
         if self._over[0] or self._flying[0] < len(self.agents):
             self._note_live()
 
@@ -347,33 +357,33 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             if max(numbers) >= self._num_actions:
                 raise ValueError
         except (AttributeError, KeyError, TypeError, ValueError):
-            given = isinstance(actions, Mapping) and all(a in actions for a in self.agents)
-            if not given or not self.rules.noop_actions:
-                raise self._action_error(actions) from None
-            known = range(self._num_actions)
-            wanted = (actions[agent] for agent in self.agents)
-            self._actions[0, self._live] = [n if n in known else HOLD for n in wanted]
-            return
+            if not isinstance(actions, Mapping):
+                raise FieldError(
+                    f"actions: {shown(actions)} is not allowed; one number per live agent"
+                ) from None
+            numbers = bytearray(self._byte_of(agent, actions) for agent in self.agents)
         if len(numbers) == len(self._action_bytes):
             self._action_bytes[:] = numbers
         else:
             self._actions[0, self._live] = np.frombuffer(numbers, np.int8)
 
-    def _action_error(self, actions: Mapping[str, int]) -> FieldError:
-        """Return what is wrong with these actions."""
+    def _byte_of(self, agent: str, actions: Mapping[str, int]) -> int:
+        """Return an agent's action number as an unsigned byte, `HOLD` for one without an action.
+
+        Raises:
+            FieldError: If there is none, or the rules do not allow it.
+        """
+        if agent not in actions:
+            raise FieldError(f"actions: {agent} is missing; one action per live agent")
+        value, noop = actions[agent], self.rules.noop_actions
+        try:
+            # Where nothing is refused, what equals a number is that action, as in DSSE 0.1.13.
+            return range(self._num_actions).index(value if noop else operator.index(value))
+        except (TypeError, ValueError):
+            if noop:
+                return HOLD & 0xFF
         legend = ", ".join(f"{i} {name}" for i, name in enumerate(self.rules.actions))
-        if not isinstance(actions, Mapping):
-            return FieldError(
-                f"actions: {shown(actions)} is not allowed; one number per live agent"
-            )
-        for agent in self.agents:
-            if agent not in actions:
-                return FieldError(f"actions: {agent} is missing; one action per live agent")
-            if not self.action_spaces[agent].contains(actions[agent]):
-                return FieldError(
-                    f"{agent}: action {shown(actions[agent])} is not allowed; {legend}"
-                )
-        return FieldError("actions: not a mapping of agents to action numbers")
+        raise FieldError(f"{agent}: action {shown(value)} is not allowed; {legend}") from None
 
 
 def _masks_by_cell(actions: tuple[str, ...], grid_size: int) -> list[list[NDArray[np.int8]]]:

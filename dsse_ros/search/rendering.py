@@ -170,7 +170,7 @@ class Picture:
             self._datum.set_data(*self._place([view.datum]))
         for found, points in self._persons.items():
             points.set_data(*self._place(view.persons[view.found == found]))
-        self._axes.set_title(view.headline, fontsize=10)
+        self._axes.set_title(view.headline, fontsize=10, parse_math=False)
 
     def _label(self, view: MissionView) -> None:
         """Write the legend anew."""

@@ -68,8 +68,8 @@ class Snapshot:
             with np.load(io.BytesIO(body), allow_pickle=False) as stored:
                 arrays = {name: stored[name] for name in stored.files}
             meta = json.loads(str(arrays.pop("meta")))
-            return cls(meta["identity"], arrays, meta["extra"])
-        except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
+            return cls(dict(meta["identity"]), arrays, dict(meta["extra"]))
+        except (ValueError, KeyError, TypeError, OSError, zipfile.BadZipFile) as error:
             raise SnapshotError(f"the snapshot cannot be read: {error}") from None
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -102,6 +102,9 @@ class Snapshot:
             data = Path(path).read_bytes()
         except OSError as error:
             raise SnapshotError(f"{os.fspath(path)!r}: {error.strerror}") from None
+        except ValueError as error:
+            # A zero in the path.
+            raise SnapshotError(f"{os.fspath(path)!r}: {error}") from None
         try:
             return cls.from_bytes(data)
         except SnapshotError as error:

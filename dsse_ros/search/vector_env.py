@@ -20,6 +20,9 @@ from dsse_ros.search.world import HOLD, World
 
 Observations = dict[str, Any]
 
+MAX_REACH = 10_000
+"""Cells on each side of the centre of the largest window."""
+
 
 class LazyMaps:
     """The maps of B worlds as their parameters: asked for cell by cell, never written out.
@@ -50,10 +53,11 @@ class LazyMaps:
             (B, K, 2 reach + 1, 2 reach + 1) float32 as [y, x]; 0 outside the grid.
 
         Raises:
-            FieldError: If the centres are not (B, K, 2) integers, or the reach is below 0.
+            FieldError: If the centres are not (B, K, 2) integers, or the reach is not from 0 to
+                `MAX_REACH`.
         """
-        centres = _integers("centres", centres, (self._world.num_worlds, None, 2))
-        reach = Spec("int", "", low=0).check("reach", reach)
+        centres = _integers("centres", centres, (self._world.num_worlds, None, 2)).astype(np.int64)
+        reach = Spec("int", "", low=0, high=MAX_REACH).check("reach", reach)
         offsets = np.arange(-reach, reach + 1)
         batch, count = centres.shape[:2]
         shape = (batch, count, len(offsets), len(offsets))
@@ -124,7 +128,7 @@ class VectorEnv:
         Raises:
             FieldError: If an option is not allowed; the missions under way stay as they are.
         """
-        start = check_options(options or {}, self.scenario, self.rules)
+        start = check_options({} if options is None else options, self.scenario, self.rules)
         if seed is not None:
             self.world.seed(check_seed(seed))
         self.world.place(**start)
@@ -255,7 +259,9 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Advance every world by one step."""
-        observations, rewards, _, truncated, infos = self.env.step(actions)
+        observations, rewards, _, _, infos = self.env.step(actions)
         over = infos["over"]
-        out_of_time = over & ~infos["Found"] & truncated.any(axis=1)
+        # Not by the flags: where the rules set both at once, a crash has both too.
+        last = self.env.scenario.timestep_limit + self.env.rules.time_out_grace
+        out_of_time = over & ~infos["Found"] & (infos["step"] > last)
         return observations, rewards.sum(axis=1), over & ~out_of_time, out_of_time, infos

@@ -6,12 +6,14 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
@@ -89,10 +91,6 @@ class World:
         self.worlds = np.zeros(num_worlds, kernels.WORLDS)
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
         self.persons = np.zeros((num_worlds, resolved.person_amount), kernels.PERSONS)
-        self.rewards = self.drones["reward"]
-        self.terminated = self.drones["terminated"]
-        self.truncated = self.drones["truncated"]
-        self.found = self.drones["found"]
         side = self.grid_size if write_maps else 0
         self._map_shape = (num_worlds, side, side)
         self.maps = np.zeros(self._map_shape, np.float32)
@@ -101,33 +99,38 @@ class World:
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         self._reuse_maps = reuse_maps
-        self._manner = {
-            "num_worlds": num_worlds,
-            "write_maps": write_maps,
-            "reuse_maps": reuse_maps,
-            "auto_reset": auto_reset,
-            "threads": threads,
-        }
-        bounds = np.linspace(0, num_worlds, threads + 1).astype(int)
-        slices = [slice(a, b) for a, b in itertools.pairwise(bounds) if a < b]
-        self._parts = [(part, self._step_of(part)) for part in slices]
-        # The caller's thread does a part itself.
-        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self._threads = threads
+        self._bind()
         self.seed()
         self.place()
+        # Not begun: the first step of a batch that resets by itself is a reset.
+        self.worlds["over"] = True
         # A constant spread is written once, here.
         kernels.refresh_worlds(
             self.constants, self.worlds, self.gauss, self.tails, self.maps[:, :0, :0]
         )
 
+    def _bind(self) -> None:
+        """Make all that shares the arrays' memory, and the threads."""
+        self.rewards = self.drones["reward"]
+        self.terminated = self.drones["terminated"]
+        self.truncated = self.drones["truncated"]
+        self.found = self.drones["found"]
+        bounds = np.linspace(0, self.num_worlds, self._threads + 1).astype(int)
+        slices = [slice(a, b) for a, b in itertools.pairwise(bounds) if a < b]
+        self._parts = [(part, self._step_of(part)) for part in slices]
+        # The caller's thread does a part itself.
+        self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
+        self._process = os.getpid()
+
     def __getstate__(self) -> dict[str, Any]:
-        # Copies and pickles are made anew: a view that is copied becomes an array of its own.
-        made_of = {"scenario": self.scenario, "rules": self.rules, **self._manner}
-        return {"made_of": made_of, "snapshot": self.snapshot()}
+        # A view that is copied or pickled would become an array of its own.
+        bound = {"rewards", "terminated", "truncated", "found", "_parts", "_pool", "_process"}
+        return {name: value for name, value in vars(self).items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        World.__init__(self, **state["made_of"])
-        self.restore(state["snapshot"])
+        self.__dict__.update(state)
+        self._bind()
 
     def seed(self, seed: int | None = None) -> None:
         """Seed world b with seed + b, or all from the system's entropy."""
@@ -178,6 +181,9 @@ class World:
         if self._pool is None:
             self._parts[0][1](actions, self.maps)
             return
+        if self._process != os.getpid():
+            # Threads do not outlive a fork.
+            self._bind()
         futures = [
             self._pool.submit(step, actions[part], self.maps[part])
             for part, step in self._parts[1:]
@@ -231,7 +237,8 @@ class World:
 
     def state_bytes(self) -> bytes:
         """Return the whole state as bytes, for comparison."""
-        return b"".join(array.tobytes() for array in self._state().values())
+        # Between the fields there may be anything.
+        return b"".join(repack_fields(array).tobytes() for array in self._state().values())
 
     def _state(self) -> dict[str, NDArray[Any]]:
         return {"worlds": self.worlds, "drones": self.drones, "persons": self.persons}

@@ -191,6 +191,29 @@ def test_the_state_of_many_persons_in_one_cell_lies_in_its_space() -> None:
     assert env.state_space.contains(env.state())
 
 
+@pytest.mark.parametrize("action", range(4))
+def test_the_state_leaves_out_a_drone_that_flew_off_the_grid(action: int) -> None:
+    corner = (0, 0) if action in (0, 2) else (2, 2)
+    env = started(rules="v1", grid_size=3, drones_positions=[corner])
+    env.step({"drone0": action})
+    assert env.state() in env.state_space and not env.state()[1].any()
+
+
+def test_the_state_lies_in_its_space_however_long_the_time_out_is() -> None:
+    env = started(grid_size=5, timestep_limit=1, time_out_grace=10, sigma=5)
+    while env.agents:
+        at_west_edge = env.positions[0, 0] == 0
+        env.step({"drone0": int(at_west_edge)})
+        assert env.state() in env.state_space
+
+
+def test_flags_that_were_handed_out_stay_and_reach_no_further() -> None:
+    env = started(rules="v1", grid_size=3)
+    terminated, truncated = env.flags
+    terminated[:] = truncated[:] = True
+    assert not env.flags[0].any() and not env.flags[1].any()
+
+
 def test_a_drone_that_holds_stays_and_is_paid_like_a_mover() -> None:
     env = started(drones_positions=[(3, 3), (5, 5)], person_initial_position=(3, 3))
     env.advance(np.array([HOLD, 0], np.int8))

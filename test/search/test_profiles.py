@@ -97,10 +97,14 @@ def test_v1_ends_for_all_when_one_leaves() -> None:
 def test_v1_takes_any_other_action_as_a_rest() -> None:
     env = started(rules="v1", grid_size=6, num_drones=2, person_initial_position=(5, 5))
     before = env.positions
-    for number in (5, -1, 300, 10**30, 2.5, "left", None):
-        *_, rewards = env.step({"drone0": number, "drone1": 9})[:2]  # type: ignore[dict-item]
+    others: list[Any] = [5, -1, 300, 10**30, 2.5, 7j, "left", None]
+    for number in (*others, np.array([9]), np.array([1, 2])):
+        *_, rewards = env.step({"drone0": number, "drone1": 9})[:2]
         assert rewards == {"drone0": 1, "drone1": 1}
         assert np.array_equal(env.positions, before)
+    for number in (3.0, np.float32(3), np.array([3])):
+        env.step({"drone0": number, "drone1": 9})  # type: ignore[dict-item]
+    assert env.positions.tolist() == [[0, 3], [1, 0]]
 
 
 def test_v2_moves_diagonally_and_stays_at_the_border() -> None:

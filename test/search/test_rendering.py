@@ -232,6 +232,21 @@ def test_a_view_shows_the_drones_where_they_are_now(render_mode: str | None) -> 
     np.testing.assert_array_equal(view.probability, env.probability)
 
 
+def test_a_view_is_right_after_the_render_mode_was_switched_off_and_on() -> None:
+    env = started(render_mode="ansi", **FAR)
+    step(env, 1)
+    env.render_mode = None
+    step(env, 1)
+    assert env.view().tracks[0, -1].tolist() == env.positions[0].tolist()
+    env.render_mode = "ansi"
+    assert env.view().tracks[0, -1].tolist() == env.positions[0].tolist()
+
+
+@pytest.mark.parametrize("name", [r"$\foo$", "$^$", "a $5 and $6", "{x}%"])
+def test_any_name_can_stand_over_a_picture(name: str) -> None:
+    started(name=name, render_mode="rgb_array", **FAR).render()
+
+
 def test_a_new_mission_begins_a_new_track() -> None:
     env = started(drones_positions=[(1, 1)], render_mode="ansi", **FAR)
     step(env, 1)

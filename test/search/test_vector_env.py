@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable
 from typing import Any
 
@@ -124,6 +126,7 @@ def test_whatever_arrays_are_handed_in_the_step_is_compiled_once() -> None:
         (lambda maps: maps.windows(np.zeros((BATCH, 4, 3), int), 1), "centres: int64"),
         (lambda maps: maps.windows(np.zeros((BATCH, 4, 2), int), -1), "reach: -1"),
         (lambda maps: maps.windows(np.zeros((BATCH, 4, 2), int), 0.5), "reach: 0.5"),
+        (lambda maps: maps.windows(np.zeros((BATCH, 4, 2), int), 2**62), "reach: "),
     ],
 )
 def test_cells_that_are_none_are_refused_by_name(
@@ -195,8 +198,9 @@ def test_every_world_can_start_from_the_options() -> None:
     starts = [(1, 1), (2, 2), (3, 3)]
     observations, _ = env.reset(seed=0, options={"drones_positions": starts})
     assert (observations["positions"] == starts).all()
-    with pytest.raises(FieldError, match="drones_positions"):
-        env.reset(options={"drones_positions": starts[:2]})
+    for options in ({"drones_positions": starts[:2]}, [], 0, np.array([1, 2])):
+        with pytest.raises(FieldError, match="drones_positions|options"):
+            env.reset(options=options)
 
 
 def test_gymnasium_sees_one_agent_per_world_who_commands_the_swarm() -> None:
@@ -216,3 +220,46 @@ def test_gymnasium_sees_one_agent_per_world_who_commands_the_swarm() -> None:
     assert ended.all()
     with pytest.raises(FieldError, match="lazy"):
         JointVectorEnv(vector_env(1, lazy=True))
+
+
+@pytest.mark.parametrize("rules", PROFILES)
+def test_gymnasium_is_told_of_time_and_of_nothing_else_as_truncation(rules: str) -> None:
+    if rules != "v2":
+        crashing = JointVectorEnv(vector_env(1, rules=rules, grid_size=5))
+        crashing.reset(seed=0)
+        *_, terminated, truncated, infos = crashing.step(np.array([[0]]))
+        assert (terminated, truncated, infos["over"]) == ([True], [False], [True])
+    waiting = JointVectorEnv(
+        vector_env(1, rules=rules, grid_size=5, timestep_limit=4, probability_of_detection=0.0)
+    )
+    waiting.reset(seed=0)
+    search = waiting.env.rules.actions.index("search")
+    over = False
+    while not over:
+        *_, terminated, truncated, infos = waiting.step(np.array([[search]]))
+        over = infos["over"][0]
+    assert (terminated, truncated) == ([False], [True])
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
+def test_a_batch_with_threads_goes_on_in_a_forked_process() -> None:
+    env = vector_env(4, threads=2, **MISSION)
+    env.reset(seed=0)
+    actions = np.zeros((4, DRONES), np.int8)
+    env.step(actions)
+    child = os.fork()
+    if child == 0:
+        signal.alarm(20)
+        env.step(actions)
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_a_batch_that_was_not_reset_begins_with_its_first_step() -> None:
+    for rules in PROFILES:
+        env, twin = (vector_env(3, rules=rules, **MISSION) for _ in range(2))
+        for each in (env, twin):
+            each.world.seed(5)
+        twin.reset()
+        env.step(np.zeros((3, DRONES), np.int8))
+        assert env.world.state_bytes() == twin.world.state_bytes()

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from dsse_ros.search import parallel_env
+from dsse_ros.search import FieldError, parallel_env
 from dsse_ros.search.rules import PROFILES
 
 
@@ -54,3 +56,12 @@ def test_a_search_without_the_drone_draws_the_same_as_one_in_which_it_only_holds
             env.advance(np.array([0, -1], np.int8))
         assert np.array_equal(made[0].probability, made[1].probability)
         assert np.array_equal(made[0].world.persons, made[1].world.persons)
+
+
+@pytest.mark.parametrize("drone", [-1, 2, 1.0, "drone0", None, True, [0, 1]])
+def test_a_drone_that_is_none_is_refused(drone: Any) -> None:
+    env = parallel_env(num_drones=2)
+    env.reset(seed=2)
+    with pytest.raises(FieldError, match="^drone: .* not allowed"):
+        env.withdraw(drone)
+    assert env.agents == ["drone0", "drone1"]
