@@ -233,6 +233,7 @@ def main(arguments: list[str] | None = None) -> int:
             if ties == "quicksort":
                 reproduced = reproduced and same
             title = f"B. v2, greedy, dispersion_inc {dispersion_inc:g}, ties as by a {ties} sort"
+            title += "" if ties == "quicksort" else " (to compare, not judged)"
             print(table(title, of_ties[ties]), flush=True)
 
     result = {

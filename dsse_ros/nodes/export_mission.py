@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.nodes.command_line import Parser, check_seed, fail, find_scenario
 from dsse_ros.nodes.flight_settings import FlightSettings
 from dsse_ros.nodes.track_files import search_mission, write_missions
 from dsse_ros.planners import PLANNERS, make_planner
@@ -19,28 +18,6 @@ from dsse_ros.search import PROFILES, FieldError, Scenario, SearchEnv, profile
 from dsse_ros.search.fields import specs
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Home
-
-BAD_INPUT = 2
-_SHIPPED = Path("share") / "dsse_ros" / "config"
-
-
-def find_scenario(name: str) -> Path:
-    """Return the path of a scenario: a file, or the name of one that the package ships.
-
-    Raises:
-        FieldError: If there is none.
-    """
-    if Path(name).is_file():
-        return Path(name)
-    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
-    folders = [Path(prefix) / _SHIPPED for prefix in prefixes if prefix]
-    folders.append(Path(__file__).resolve().parents[2] / "config")
-    for folder in folders:
-        path = folder / f"{name.removesuffix('.yaml')}.yaml"
-        if path.is_file():
-            return path
-    names = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
-    raise FieldError(f"scenario: {name!r} is no file and none of those shipped: {', '.join(names)}")
 
 
 def play(
@@ -80,24 +57,15 @@ def _home(text: str) -> Home:
     return Home(lat_deg, lon_deg, alt_m)
 
 
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong on one line."""
-
-    def error(self, message: str) -> NoReturn:
-        print(f"{self.prog}: {message}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
-
-
 def parse(argv: list[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
-    parser = _Parser(
+    parser = Parser(
         prog="export_mission",
         description="Search without ROS, and write each drone's track as mission files.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     of_flight = specs(FlightSettings)
     defaults = FlightSettings()
-    add = parser.add_argument
+    add = parser.add
     add("--scenario", default="santos", help="YAML file or name")
     add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
     add("--planner", default="greedy", choices=tuple(PLANNERS), help="planner")
@@ -130,15 +98,13 @@ def main(argv: list[str] | None = None) -> int:
             search_altitude=arguments.search_altitude,
             search_hold=arguments.search_hold,
         )
-        if not 0 <= arguments.seed <= 2**62:
-            raise FieldError(f"seed: {arguments.seed} is not allowed; 0 to 2^62")
+        check_seed(arguments.seed)
         home = _home(arguments.home) if arguments.home else None
         scenario = Scenario.from_yaml(find_scenario(arguments.scenario))
         scenario = scenario.override(num_drones=arguments.drones)
         env = SearchEnv(scenario, profile(arguments.rules))
     except FieldError as error:
-        print(f"export_mission: {' '.join(str(error).split())}", file=sys.stderr)
-        return BAD_INPUT
+        return fail("export_mission", error)
     resolved = env.scenario
     frame = GridFrame(
         grid_size=resolved.grid_size,
@@ -156,8 +122,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         written = write_missions(arguments.out, missions, arguments.dialect)
     except OSError as error:
-        print(f"export_mission: out: {str(arguments.out)!r}: {error.strerror}", file=sys.stderr)
-        return BAD_INPUT
+        return fail("export_mission", f"out: {str(arguments.out)!r}: {error.strerror}")
     end = "found" if found else "not found"
     print(f"{end} after {len(cells) - 1} steps; {len(written)} files in {arguments.out}")
     return 0

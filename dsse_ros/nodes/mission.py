@@ -199,7 +199,7 @@ class Mission:
 
     def _terminated(self) -> NDArray[np.bool_]:
         """Return who is terminated (N,); where drones end together, each step clears the flags."""
-        terminated = self.env.flags[0].copy()
+        terminated, _ = self.env.flags
         terminated[self.lost] = True
         return terminated
 
@@ -231,7 +231,7 @@ class Mission:
             actions=actions,
             rewards=world.rewards[0].copy(),
             terminated=self._terminated(),
-            truncated=truncated.copy(),
+            truncated=truncated,
             found=world.found[0].copy(),
             held=held,
             probabilities=probabilities,

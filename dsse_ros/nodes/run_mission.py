@@ -16,21 +16,28 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import matplotlib.figure  # noqa: F401  Where it is missing, no mission is flown.
 import numpy as np
 import rclpy
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
+from dsse_ros.nodes.command_line import (
+    BAD_INPUT,
+    Parser,
+    check_seed,
+    fail,
+    find_scenario,
+    make_folder,
+)
 from dsse_ros.nodes.mission_log import MissionRecord, read_log
 from dsse_ros.nodes.qos import LATCHED
-from dsse_ros.nodes.runtime import BAD_INPUT, Stop, fail, new_executor, on_signals
+from dsse_ros.nodes.runtime import Stop, new_executor, on_signals
 from dsse_ros.nodes.settings import SimSettings
 from dsse_ros.planners import PLANNERS
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
@@ -113,30 +120,9 @@ class Watcher(Node):
             return "waiting for the first map"
         row, col = np.unravel_index(int(self.probability.argmax()), self.probability.shape)
         best = float(self.probability[row, col])
-        return (
-            f"best cell ({col}, {row}) {best:.1%}, {self.flying} drones, "
-            f"searched {1.0 - self.not_found:.1%}"
-        )
-
-
-def find_scenario(name: str) -> Path:
-    """Return the path of a scenario: a file, or the name of one that the package ships.
-
-    Raises:
-        FieldError: If there is none.
-    """
-    if Path(name).is_file():
-        return Path(name).resolve()
-    try:
-        share = Path(get_package_share_directory("dsse_ros"))
-    except (PackageNotFoundError, LookupError, OSError):
-        # An environment that was never told to ament.
-        share = Path(sys.prefix) / "share" / "dsse_ros"
-    shipped = share / "config" / f"{Path(name).name.removesuffix('.yaml')}.yaml"
-    if not shipped.is_file():
-        names = ", ".join(sorted(path.stem for path in shipped.parent.glob("*.yaml")))
-        raise FieldError(f"scenario: {name!r} is no file and none of those shipped: {names}")
-    return shipped
+        flying = f"{self.flying} drones" if self.flying else "over"
+        searched = f"searched {1.0 - self.not_found:.1%}"
+        return f"best cell ({col}, {row}) {best:.1%}, {flying}, {searched}"
 
 
 @contextlib.contextmanager
@@ -288,20 +274,11 @@ def picture(record: MissionRecord, watcher: Watcher, scenario: Scenario) -> Miss
     )
 
 
-class Parser(argparse.ArgumentParser):
-    """Says what is wrong on one line."""
-
-    def error(self, message: str) -> NoReturn:
-        """Leave the program with that line."""
-        sys.exit(fail(self.prog, message))
-
-
 def parse(argv: list[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
     parser = Parser(
         prog="run_mission",
         description="Fly one mission: sim_node and planner_node as two processes.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     for flag, options in (
         ("--scenario", {"default": "santos", "help": "YAML file or name"}),
@@ -312,7 +289,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         ("--rate", {"type": float, "default": 20.0, "help": "steps/s at most, 0: no limit"}),
         ("--out", {"type": Path, "default": Path("out"), "help": "folder of the results"}),
     ):
-        parser.add_argument(flag, **options)  # type: ignore[arg-type]
+        parser.add(flag, **options)
     return parser.parse_args(argv)
 
 
@@ -320,16 +297,12 @@ def main(argv: list[str] | None = None) -> int:
     """Run one mission; returns 0 at its end, found or not, 2 for bad input, 1 if it failed."""
     arguments = parse(argv)
     try:
-        checks = specs(SimSettings)
-        if checks["seed"].check("seed", arguments.seed) < 0:
-            raise FieldError(f"seed: {arguments.seed} is not allowed; an integer >= 0")
-        checks["step_rate"].check("rate", arguments.rate)
+        check_seed(arguments.seed)
+        specs(SimSettings)["step_rate"].check("rate", arguments.rate)
         rules = profile(arguments.rules)
         path = find_scenario(arguments.scenario)
         scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones).resolve(rules)
-        arguments.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        return fail("run_mission", f"out: {str(arguments.out)!r}: {error.strerror}")
+        make_folder("out", arguments.out)
     except FieldError as error:
         return fail("run_mission", error)
     stop = Stop()
@@ -338,15 +311,19 @@ def main(argv: list[str] | None = None) -> int:
     try:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         watcher = fly(arguments, path, scenario, rules, stop)
+        record = read_log(arguments.out / "mission.csv")
+        save_picture(picture(record, watcher, scenario), arguments.out / "mission.png")
     except MissionFailed as error:
         fail("run_mission", error)
+        return 1
+    except OSError as error:
+        # Such as a folder in a file's place, or a full disk.
+        fail("run_mission", f"out: {error.filename or str(arguments.out)!r}: {error.strerror}")
         return 1
     except MissionStopped:
         return 130
     finally:
         rclpy.try_shutdown()
-    record = read_log(arguments.out / "mission.csv")
-    save_picture(picture(record, watcher, scenario), arguments.out / "mission.png")
     print(summary(record, scenario))
     print(f"  {'picture':<20} {arguments.out / 'mission.png'}")
     print(f"  {'steps':<20} {arguments.out / 'mission.csv'}")

@@ -27,11 +27,9 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from dsse_ros.nodes.alarms import Alarms
+from dsse_ros.nodes.command_line import fail
 from dsse_ros.nodes.parameters import declarable
 from dsse_ros.search import FieldError
-
-BAD_INPUT = 2
-"""Exit code after an input that is not allowed."""
 
 MAX_DOMAIN = 232
 """The last domain whose ports there are (DDSI-RTPS 2.3, 9.6.1.1)."""
@@ -134,12 +132,6 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
                 node.destroy_node()
             rclpy.try_shutdown()
     return 0
-
-
-def fail(name: str, error: object) -> int:
-    """Print what is wrong on one line and return the exit code for it."""
-    print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
-    return BAD_INPUT
 
 
 class Stop:

@@ -276,7 +276,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         return rendering.MissionView(
             probability=self.probability,
             tracks=np.stack(self._track or [self.positions], axis=1),
-            alive=world.drones["alive"][0].copy(),
+            # Whom the find of all persons or the time has ended is still in the air.
+            alive=self._alive | self._truncated | (self._adrift[0] == 0),
             persons=np.stack([world.persons["x"][0], world.persons["y"][0]], axis=1),
             found=world.persons["found"][0].copy(),
             datum=(int(world.worlds["datum_x"][0]), int(world.worlds["datum_y"][0])),

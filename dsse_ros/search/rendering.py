@@ -58,7 +58,7 @@ class MissionView:
 
 
 def to_ansi(view: MissionView) -> str:
-    """Return the mission as text: shades of probability, drones 0-9, P person, F found."""
+    """Return the mission as text: shades of probability, drones 0-9, x down, P person, F found."""
     top = float(view.probability.max()) or 1.0
     level = np.ceil(np.sqrt(view.probability / top) * (len(SHADES) - 1)).astype(int)
     rows = [[SHADES[i] for i in line] for line in level.tolist()]
@@ -68,10 +68,13 @@ def to_ansi(view: MissionView) -> str:
         if 0 <= row < len(rows) and 0 <= col < len(rows):
             rows[row][col] = mark
 
-    for cell, found in zip(view.persons, view.found, strict=True):
-        put(cell, "F" if found else "P")
+    for cell in view.persons[~view.found]:
+        put(cell, "P")
     for i, track in enumerate(view.tracks):
         put(track[-1], str(i % 10) if view.alive[i] else "x")
+    # Its finder is in its cell.
+    for cell in view.persons[view.found]:
+        put(cell, "F")
     edge = "+" + "-" * len(rows) + "+"
     body = ["|" + "".join(row) + "|" for row in rows]
     return "\n".join([view.headline, edge, *body, edge]) + "\n"

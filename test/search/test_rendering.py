@@ -111,6 +111,17 @@ def test_the_text_shows_who_was_found_and_where_the_probability_is() -> None:
     assert rows[0][4] == shades[0]
 
 
+def test_whom_the_find_of_all_persons_ended_is_not_down() -> None:
+    env = started(drones_positions=[(0, 0), (3, 3)], render_mode="ansi", sigma=1, **FAR)
+    put_person(env, (0, 0), 0)
+    step(env, 4, 1)
+    assert env.agents == [] and env.view().alive.all()
+    text = env.render()
+    assert isinstance(text, str) and "2 of 2 drones in flight" in text
+    rows = field_of(text)
+    assert rows[0][0] == "F" and rows[3][4] == "1"
+
+
 def test_the_image_shows_drones_and_person_where_they_are() -> None:
     env = started(drones_positions=[(0, 0), (1, 6), (6, 1)], render_mode="rgb_array", **FAR)
     put_person(env, (2, 1))
