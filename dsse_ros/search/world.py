@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from dsse_ros.search import kernels
 from dsse_ros.search.rules import ACTION_VECTORS, Rules
 from dsse_ros.search.scenario import ResolvedScenario, Scenario
-from dsse_ros.search.snapshot import Snapshot
+from dsse_ros.search.snapshot import Snapshot, SnapshotError
 
 HOLD = -1
 """The action of a drone that does nothing; it is rewarded like a move."""
@@ -225,15 +225,30 @@ class World:
         """Go on from a snapshot, bit for bit.
 
         Raises:
-            SnapshotError: If it is of another scenario, other rules or another number of worlds;
-                the state stays as it is.
+            SnapshotError: If it is of another scenario, other rules or another number of worlds,
+                or of no state that can be; the state stays as it is.
         """
         state = self._state()
         snapshot.check(self._identity(), state)
+        self._check_possible(snapshot.arrays["worlds"])
         for name, array in state.items():
             array[...] = snapshot.arrays[name]
         self.maps = np.empty(self._map_shape, np.float32)
         kernels.refresh_worlds(self.constants, self.worlds, self.gauss, self.tails, self.maps)
+
+    def _check_possible(self, worlds: NDArray[np.void]) -> None:
+        """Raise unless the kernels stay within their arrays: a checksum is no signature.
+
+        Raises:
+            SnapshotError: If they would not.
+        """
+        edge, persons = self.grid_size - 1, self.persons.shape[1]
+        cells = ("datum_x", "datum_y", "circle_x", "circle_y", "start_x", "start_y")
+        highest = dict.fromkeys(cells, edge)
+        highest |= {"flying": self.num_drones, "adrift": persons, "t": 2**40, "map_steps": 2**30}
+        for name, high in highest.items():
+            if not ((worlds[name] >= 0) & (worlds[name] <= high)).all():
+                raise SnapshotError(f"the snapshot is damaged: {name} is not from 0 to {high}")
 
     def state_bytes(self) -> bytes:
         """Return the whole state as bytes, for comparison."""

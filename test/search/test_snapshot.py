@@ -141,6 +141,31 @@ def test_a_snapshot_does_not_change_with_the_world_it_was_taken_of() -> None:
     assert snapshot.to_bytes() == before
 
 
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
+@pytest.mark.parametrize("value", [-1, 10, 10**8, -(2**63), 2**63 - 1])
+def test_a_state_that_cannot_be_is_refused_or_survived(rules: str, value: int) -> None:
+    env = started(seed=0, rules=rules, **MISSION)
+    before = env.world.state_bytes()
+    refused = set()
+    for kind in ("worlds", "drones", "persons"):
+        for name in env.snapshot().arrays[kind].dtype.names or ():
+            snapshot = env.snapshot()
+            if snapshot.arrays[kind].dtype[name].kind != "i":
+                continue
+            snapshot.arrays[kind][name] = value
+            twin = parallel_env(rules=rules, **MISSION)
+            try:
+                twin.restore(snapshot)
+            except SnapshotError:
+                refused.add(name)
+                continue
+            for _ in range(3):
+                twin.advance(np.full(3, twin.rules.actions.index("search"), np.int8))
+            twin.reset()
+    assert {"datum_x", "circle_y"} <= refused
+    assert env.world.state_bytes() == before
+
+
 @settings(max_examples=60)
 @given(st.data())
 def test_a_damaged_snapshot_is_refused(data: st.DataObject) -> None:
