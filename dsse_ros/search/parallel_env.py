@@ -450,7 +450,7 @@ class Conventional(BaseParallelWrapper[str, Any, int]):
     def step(self, actions: Mapping[str, int]) -> Any:
         """Advance the mission by one step, as `SearchEnv.step`."""
         observations, *rest = self.env.step(
-            {self._inner[name]: action for name, action in actions.items()}
+            {self._inner[name]: a for name, a in actions.items() if name in self._inner}
         )
         return self._flatten(observations), *map(self._rename, rest)
 

@@ -335,9 +335,9 @@ def scenario_and_rules(
     of_scenario = {*SPECS, *SYNONYMS}
     check_known("the scenario or the rules", fields, [*of_scenario, *specs(Rules)])
     chosen = rules if isinstance(rules, Rules) else profile(rules)
-    chosen = chosen.override(**{k: v for k, v in fields.items() if k not in of_scenario})
+    of_rules = {k: v for k, v in fields.items() if k not in of_scenario and v is not None}
     given = {k: v for k, v in fields.items() if k in of_scenario}
-    return Scenario.of(scenario).override(**given), chosen
+    return Scenario.of(scenario).override(**given), chosen.override(**of_rules)
 
 
 def check_cell(name: str, cell: tuple[int, int], grid_size: int) -> None:

@@ -75,10 +75,12 @@ class Snapshot:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the file so that a crash leaves the old one or the new one, never a part.
 
+        A symbolic link stays, and what it points to is written.
+
         Raises:
             OSError: If it cannot be written.
         """
-        target = Path(path)
+        target = Path(os.path.realpath(path))
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         try:
             with os.fdopen(handle, "wb") as file:

@@ -89,7 +89,8 @@ class VectorEnv:
         scenario: The scenario of all worlds.
         rules: The rules of all worlds.
         lazy: Whether to keep only the maps' parameters.
-        copy: Whether every step returns new arrays, or overwrites those it returned before.
+        copy: Whether every step returns new arrays, or overwrites those it returned before;
+            rewards and flags are then views with gaps between their elements.
         threads: How many threads share the worlds.
 
     Raises:

@@ -288,6 +288,11 @@ def test_unrelated_reset_options_are_somebody_else_s() -> None:
     assert env.world.state_bytes() == other.world.state_bytes()
 
 
+def test_a_field_of_none_is_left_as_it_is() -> None:
+    given = parallel_env(collision=None, sigma=None, noop_actions=None)  # type: ignore[arg-type]
+    assert (given.scenario, given.rules) == (parallel_env().scenario, parallel_env().rules)
+
+
 def test_an_option_of_none_is_no_option() -> None:
     env, other = parallel_env(), parallel_env()
     env.reset(seed=1, options={"vector": None, "drones_positions": None})
