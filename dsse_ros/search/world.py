@@ -9,7 +9,7 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -219,7 +219,7 @@ class World:
     def snapshot(self) -> Snapshot:
         """Return the whole state, random state included."""
         arrays = {name: array.copy() for name, array in self._state().items()}
-        return Snapshot(self._identity(), arrays)
+        return Snapshot(self._identity, arrays)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot, bit for bit.
@@ -229,7 +229,7 @@ class World:
                 or of no state that can be; the state stays as it is.
         """
         state = self._state()
-        snapshot.check(self._identity(), state)
+        snapshot.check(self._identity, state)
         self._check_possible(snapshot.arrays["worlds"])
         for name, array in state.items():
             array[...] = snapshot.arrays[name]
@@ -258,6 +258,7 @@ class World:
     def _state(self) -> dict[str, NDArray[Any]]:
         return {"worlds": self.worlds, "drones": self.drones, "persons": self.persons}
 
+    @cached_property
     def _identity(self) -> dict[str, Any]:
         parts = {
             "scenario": dataclasses.asdict(self.scenario),
