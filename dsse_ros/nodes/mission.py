@@ -105,6 +105,30 @@ class Mission:
         return self.aborted or not self.env.agents or self._stamp_ns + self._step_ns >= END_NS
 
     @property
+    def all_lost(self) -> bool:
+        """Whether every drone was lost: the next mission would lose them again."""
+        return len(self.lost) == len(self.tracks)
+
+    @property
+    def outcome(self) -> str:
+        """How the mission has ended, "" while it goes on."""
+        if not self.over:
+            return ""
+        if self.aborted:
+            return "aborted"
+        result, rules, names = self.result, self.env.rules, self.env.possible_agents
+        all_found = rules.ends_together or self.env.world.persons[0]["found"].all()
+        if all_found and result.found.any():
+            return f"found by {', '.join(names[i] for i in np.flatnonzero(result.found))}"
+        limit = self.env.scenario.timestep_limit + rules.time_out_grace
+        # A mission whose stamps run out leaves its agents.
+        if self.env.agents or result.step > limit:
+            return "out of time"
+        if self.all_lost or not rules.ends_together:
+            return "no drone left"
+        return f"{', '.join(names[i] for i in np.flatnonzero(result.terminated))} terminated"
+
+    @property
     def live(self) -> list[int]:
         """The drones in flight."""
         live: list[int] = np.flatnonzero(self.env.world.drones["alive"][0]).tolist()

@@ -54,11 +54,15 @@ class MissionLog:
         except OSError as error:
             raise FieldError(f"record_file: {os.fspath(path)!r}: {error.strerror}") from None
         self._writer = csv.writer(self._file, lineterminator="\n")
+        # The last step written, and where its rows begin.
+        self._last = (0, 0)
+        self._last_at = 0
         if self._file.tell() == 0:
             self._writer.writerow(COLUMNS)
 
     def write(self, mission: Mission, result: StepResult) -> None:
-        """Append a step, complete on disk when this returns."""
+        """Append a step, or write it over if it is the last; complete on disk on return."""
+        self._seek((mission.number, result.step))
         env, step_s = mission.env, mission.env.scenario.step_duration_s
         legend = env.rules.actions
         persons = env.world.persons[0]
@@ -92,6 +96,13 @@ class MissionLog:
                     (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "")
                 )
         self._file.flush()
+
+    def _seek(self, step: tuple[int, int]) -> None:
+        """Go to where the rows of this (mission, step) begin."""
+        if step == self._last:
+            self._file.seek(self._last_at)
+            self._file.truncate()
+        self._last, self._last_at = step, self._file.tell()
 
     def sync(self) -> None:
         """Have what was written survive even a loss of power, if the file is on a disk."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
@@ -17,7 +18,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dsse_ros.search.fields import FieldError, Spec, check_known
+from dsse_ros.search.fields import FieldError, Spec, check_known, shown
 
 _TYPES = {
     "bool": Parameter.Type.BOOL,
@@ -38,6 +39,7 @@ QOS_PREFIX = "qos_overrides."
 _OF_ROS = ("use_sim_time", "start_type_description_service")
 # rclpy's own subscription when use_sim_time is set.
 _CLOCK_PREFIX = f"{QOS_PREFIX}/clock.subscription."
+_NESTED_LIST = re.compile(r"\s*\[[^'\"]*\[")
 
 
 def declarable(
@@ -76,6 +78,20 @@ def take_overrides(node: Node, known: Collection[str]) -> tuple[dict[str, Any], 
     qos = {name: given.pop(name) for name in list(given) if name.startswith(QOS_PREFIX)}
     check_known(f"the parameters of {node.get_name()}", given, sorted(known))
     return given, qos
+
+
+def check_flat(arguments: Iterable[str]) -> None:
+    """Raise for a list in a list on the command line: rcl would keep the last one only.
+
+    Raises:
+        FieldError: If there is one.
+    """
+    for argument in arguments:
+        name, _, value = argument.partition(":=")
+        if _NESTED_LIST.match(value):
+            raise FieldError(
+                f"{name}: {shown(value)} is not allowed; a flat list, as [col0, row0, ...]"
+            )
 
 
 def from_ros(spec: Spec, value: Any) -> Any:

@@ -188,7 +188,9 @@ class MissionPublishers:
         for publisher, track, message in zip(self._paths, tracks, self._path_of, strict=True):
             if self._is_news(publisher, result.stamp_ns):
                 publisher.publish(path(self._frame, track, stamp, message))
-        if self._is_news(self._markers, result.stamp_ns, reveal_person):
+        # A drone that is lost turns grey without a step.
+        lost = len(self._mission.lost)
+        if self._is_news(self._markers, result.stamp_ns, lost, reveal_person):
             self._markers.publish(self._marker_array(result, stamp, reveal_person))
 
     def _is_news(self, publisher: Publisher, *state: int) -> bool:

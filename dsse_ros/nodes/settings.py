@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from dsse_ros.nodes.commands import MISSING_ACTIONS
 from dsse_ros.nodes.flight_settings import FlightSettings
 from dsse_ros.planners import PLANNERS
-from dsse_ros.search.fields import check_all, field
+from dsse_ros.search.fields import FieldError, check_all, field
 from dsse_ros.search.rules import PROFILES
 
 
@@ -104,6 +104,10 @@ class SimSettings(FlightSettings):
 
     def __post_init__(self) -> None:
         check_all(self)
+        if not self.map_frame:
+            raise FieldError("map_frame: '' is not allowed; a name")
+        if self.resume and not self.snapshot_file:
+            raise FieldError("resume: True is not allowed without snapshot_file, to start from")
 
 
 RUN_TIME_SETTINGS = frozenset(

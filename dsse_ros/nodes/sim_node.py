@@ -6,7 +6,9 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import os
 import sys
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -30,7 +32,13 @@ from dsse_ros.nodes import simulation_interfaces
 from dsse_ros.nodes.mission import Mission
 from dsse_ros.nodes.mission_log import MissionLog
 from dsse_ros.nodes.pace import Pace
-from dsse_ros.nodes.parameters import check_changes, declare, from_ros, take_overrides
+from dsse_ros.nodes.parameters import (
+    check_changes,
+    check_flat,
+    declare,
+    from_ros,
+    take_overrides,
+)
 from dsse_ros.nodes.publishers import MissionPublishers
 from dsse_ros.nodes.qos import RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
@@ -95,6 +103,8 @@ class SimNode(AlarmNode):
             map_frame=self.settings.map_frame,
         )
         self.mission = Mission(env, self._seed())
+        if self.settings.snapshot_file:
+            _check_snapshot_file(self.settings.snapshot_file)
         if self.settings.resume:
             self._resume()
         self.publishers_ = MissionPublishers(endpoints, self.mission, self.frame)
@@ -146,10 +156,13 @@ class SimNode(AlarmNode):
 
     def _on_changed(self, parameters: list[Parameter]) -> None:
         _, changes = check_changes(SETTINGS_SPECS, parameters)
+        was_in_flight = self._in_flight
         self.settings = dataclasses.replace(self.settings, **changes)
         if changes.keys() & _OF_PACE:
             self._pace.set_period(time.monotonic(), self._period_s())
             self._arm()
+        if was_in_flight and not self._in_flight:
+            self._publish_odometry()
         if "grid_scaling" in changes:
             self.publishers_.publish_grid(self.stamp(), self.settings.grid_scaling)
         if "auto_reset" in changes:
@@ -203,8 +216,9 @@ class SimNode(AlarmNode):
     def _publish_start(self) -> None:
         mission = self.mission
         self.get_logger().info(
-            f"mission {mission.number}: {len(mission.tracks)} drones on {self.frame.grid_size} x "
-            f"{self.frame.grid_size} cells, rules {mission.env.rules.profile}, seed {mission.seed}"
+            f"mission {mission.number}: {_counted(len(mission.tracks), 'drone')} on "
+            f"{self.frame.grid_size} x {self.frame.grid_size} cells, "
+            f"rules {mission.env.rules.profile}, seed {mission.seed}"
         )
         self._places.clear()
         self._lost.clear()
@@ -218,15 +232,21 @@ class SimNode(AlarmNode):
         self._publish()
         self._save_snapshot()
         if self.mission.over:
-            self.get_logger().info(
-                f"mission {self.mission.number} over after {self.mission.result.step} steps"
-            )
-            self._follow_on()
+            self._end()
+
+    def _end(self) -> None:
+        mission = self.mission
+        self.get_logger().info(
+            f"mission {mission.number} over after {_counted(mission.result.step, 'step')}: "
+            f"{mission.outcome}"
+        )
+        self._follow_on()
 
     def _follow_on(self) -> None:
-        """With `auto_reset`, start the next mission if this one is over."""
+        """With `auto_reset`, start the next mission if this one is over in its own way."""
         mission = self.mission
-        if self.settings.auto_reset and mission.over and not mission.aborted:
+        given_up = mission.aborted or mission.all_lost
+        if self.settings.auto_reset and mission.over and not given_up:
             self.reset(mission.seed + 1)
 
     def try_step(self) -> str:
@@ -245,10 +265,9 @@ class SimNode(AlarmNode):
         self._record()
         if settings.publish_clock:
             self.publishers_.publish_clock(result.stamp_ns)
-        in_flight = settings.step_mode == "realtime" and not self.mission.over
-        self._pace.begin(time.monotonic(), on_schedule=in_flight)
+        self._pace.begin(time.monotonic(), on_schedule=self._in_flight)
         self.publishers_.publish_step(result, stamp, settings.grid_scaling)
-        self.publishers_.publish_odometry(stamp, 0.0 if in_flight else 1.0)
+        self.publishers_.publish_odometry(stamp, 0.0 if self._in_flight else 1.0)
         self._arm()
 
     def _open_log(self) -> MissionLog | None:
@@ -289,6 +308,11 @@ class SimNode(AlarmNode):
                 )
 
     # Barrier
+
+    @property
+    def _in_flight(self) -> bool:
+        """Whether drones are on their way between two cells."""
+        return self.settings.step_mode == "realtime" and not self.mission.over
 
     def _period_s(self) -> float:
         """Return the wall time between steps: exact in real time, the least in lockstep."""
@@ -364,6 +388,10 @@ class SimNode(AlarmNode):
     def _on_timeout(self) -> None:
         if self._ready():
             # It is step_rate that the step waits for.
+            return
+        left_s = self._pace.left_s(time.monotonic())
+        if left_s > 0:
+            self._timeout_alarm.set(left_s)
             return
         self.timeouts += 1
         missing = self.mission.missing
@@ -477,9 +505,8 @@ class SimNode(AlarmNode):
             self._record()
         self.publishers_.publish_report(self.mission.result, self._report_stamp)
         if self.mission.over:
-            self.get_logger().info(f"mission {self.mission.number} over: all drones are lost")
             self._arm()
-            self._follow_on()
+            self._end()
 
     # Services
 
@@ -551,7 +578,7 @@ class SimNode(AlarmNode):
             stamp_ns = self.mission.result.stamp_ns + int(share * step_ns)
             stamp = to_stamp(stamp_ns)
             self.publishers_.publish_clock(stamp_ns)
-        self.publishers_.publish_odometry(stamp, share)
+        self.publishers_.publish_odometry(stamp, share if self._in_flight else 1.0)
 
     def _publish_history(self) -> None:
         self.publishers_.publish_history(
@@ -568,10 +595,10 @@ class SimNode(AlarmNode):
         elif self.paused:
             message = "paused"
         crowd = self._crowd()
-        if (
-            self.rejected or self._lost or max(crowd.values()) > 1
-        ) and level == DiagnosticStatus.OK:
+        causes = self._causes(crowd)
+        if causes and level == DiagnosticStatus.OK:
             level = DiagnosticStatus.WARN
+        message = "; ".join([message, *causes])
         missing = [] if mission.over else mission.missing
         values: dict[str, object] = {
             "step": mission.result.step,
@@ -583,7 +610,7 @@ class SimNode(AlarmNode):
             "lost_drones": self._names(mission.lost),
             "timeouts": self.timeouts,
             "pos_cumulative": f"{mission.probability_of_success:.6f}",
-            **crowd,
+            **{f"publishers.{topic}": count for topic, count in crowd.items()},
             "rejected": sum(self.rejected.values()),
         }
         if self.settings.wait_for_vehicles:
@@ -594,19 +621,29 @@ class SimNode(AlarmNode):
         name = self.get_fully_qualified_name().lstrip("/")
         self.publishers_.publish_diagnostics(self.stamp(), name, level, message, values)
 
+    def _causes(self, crowd: dict[str, int]) -> list[str]:
+        """Return what a person should look at."""
+        causes = [f"{count} nodes publish {topic}" for topic, count in crowd.items() if count > 1]
+        if self._lost:
+            causes.append(f"{self._names(sorted(self._lost))} lost")
+        if self.rejected:
+            causes.append(f"{_counted(sum(self.rejected.values()), 'message')} refused")
+        return causes
+
     def _crowd(self) -> dict[str, int]:
-        """Return how many simulations and planners share the topics; warn when there are more."""
-        topics = ("step_report", "joint_action")
-        crowd = Counter({t: self.count_publishers(self.resolve_topic_name(t)) for t in topics})
+        """Return how many nodes publish what one should; warn when there are more."""
         says = {
             "step_report": "listeners hear all missions mixed; give each its own namespace",
             "joint_action": "the last command of a drone before a step wins",
         }
+        if self.settings.wait_for_vehicles:
+            says["drone0/vehicle_state"] = "two bridges would fly the same vehicles; stop one"
+        crowd = Counter({t: self.count_publishers(self.resolve_topic_name(t)) for t in says})
         for topic, count in crowd.items():
             if count > max(self._crowd_seen[topic], 1):
                 self.get_logger().warning(f"{count} nodes publish {topic}: {says[topic]}")
         self._crowd_seen = crowd
-        return {f"publishers.{topic}": count for topic, count in crowd.items()}
+        return crowd
 
     def destroy_node(self) -> None:
         """Close the log and the node."""
@@ -625,9 +662,34 @@ def _in_force(scenario: ResolvedScenario) -> dict[str, Any]:
     return values
 
 
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _check_snapshot_file(path: str) -> None:
+    """Raise if no snapshot can be written there.
+
+    Raises:
+        FieldError: If its folder cannot be written to, or it is there and no regular file.
+    """
+    target = FilePath(os.path.realpath(path))
+    if target.exists() and not target.is_file():
+        raise FieldError(f"snapshot_file: {path!r} is not allowed; a regular file or a new one")
+    try:
+        with tempfile.TemporaryFile(dir=target.parent):
+            pass
+    except OSError as error:
+        raise FieldError(f"snapshot_file: {path!r}: {error.strerror}") from None
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the node until it is interrupted; returns the exit code, 2 for bad input."""
-    return run_node("sim_node", SimNode, argv)
+
+    def make() -> SimNode:
+        check_flat(sys.argv[1:] if argv is None else argv)
+        return SimNode()
+
+    return run_node("sim_node", make, argv)
 
 
 if __name__ == "__main__":

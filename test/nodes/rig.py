@@ -439,7 +439,7 @@ class Sim:
     def health_when(self, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
         """Return the first diagnostics from now on that satisfy the condition.
 
-        They are the values, with `level` and `message`.
+        They are the values, with `level`, `message` and the message's first part as `state`.
         """
         name = f"{self.namespace}/dsse_sim".lstrip("/")
         with self.rig.listening(DiagnosticArray, "/diagnostics") as inbox:
@@ -449,6 +449,7 @@ class Sim:
                     for status in inbox.pop(0).status:
                         values: dict[str, Any] = {pair.key: pair.value for pair in status.values}
                         values |= {"level": status.level, "message": status.message}
+                        values["state"] = status.message.split("; ")[0]
                         if status.name != name:
                             continue
                         self.refused = Counter(

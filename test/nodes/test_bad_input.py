@@ -85,6 +85,21 @@ CASES = {
     "unknown step mode": Case("-p step_mode:=fast", "lockstep, realtime, manual"),
     "unknown rules": Case("-p rules:=v9", "rules: 'v9' is not allowed"),
     "record file in no folder": Case("-p record_file:=/no/such/x.csv", "record_file"),
+    "snapshot file in no folder": Case(
+        "-p snapshot_file:=/no/such/x", "snapshot_file: '/no/such/x': No such file"
+    ),
+    "snapshot file that is a device": Case(
+        "-p snapshot_file:=/dev/null", "snapshot_file: '/dev/null' is not allowed; a regular file"
+    ),
+    "snapshot file that is a folder": Case(
+        "-p snapshot_file:=/", "snapshot_file: '/' is not allowed; a regular file"
+    ),
+    "resume from nothing": Case("-p resume:=true", "resume: True is not allowed without snap"),
+    "map frame without a name": Case("-p map_frame:=''", "map_frame: '' is not allowed; a name"),
+    "cells in lists of their own": Case(
+        "-p drones_positions:=[[1,2],[3,4]]", "drones_positions: '[[1,2],[3,4]]' is not allowed; a"
+    ),
+    "a cell after numbers": Case("-p drones_positions:=[1,2,[3,4]]", "a flat list, as [col0, row0"),
     "QoS of no topic": Case(
         "-p qos_overrides./nothing.publisher.depth:=3", "qos_overrides./nothing.publisher.depth"
     ),

@@ -243,7 +243,7 @@ def test_a_mission_that_is_over_says_so_and_waits_for_a_reset(sim: Sim) -> None:
     assert sim.fly(UP, UP, UP)["terminated"].all()
     sim.joint(SEARCH, SEARCH, SEARCH)
     health = sim.health_after("mission_over")
-    assert health["message"] == "mission over"
+    assert health["state"] == "mission over"
     assert health["missing_drones"] == "" and health["drones_in_flight"] == "0"
     assert sim.trigger("step") == (False, "the mission is over; call ~/reset for a new one")
     sim.reset()
@@ -289,13 +289,13 @@ def test_without_a_command_in_time_abort_ends_the_mission(sim: Sim) -> None:
     sim.command(1, RIGHT)
     sim.settle()
     sim.set(command_timeout=0.05)
-    health = sim.health_when(lambda h: h["message"] == "mission aborted")
+    health = sim.health_when(lambda h: h["state"] == "mission aborted")
     assert health["level"] == b"\x02" and health["step"] == "0" and len(sim.reports) == seen
     assert int(health["timeouts"]) >= 1
     assert "mission aborted: no command from drone0, drone2" in sim.process.output
     sim.set(command_timeout=0.0)
     sim.reset()
-    assert sim.health()["message"] == "running"
+    assert sim.health()["state"] == "running"
 
 
 def test_waiting_for_the_rate_is_no_missing_command(sim: Sim) -> None:
@@ -310,12 +310,24 @@ def test_waiting_for_the_rate_is_no_missing_command(sim: Sim) -> None:
     assert "vehicles are late" not in sim.process.output
 
 
+def test_without_commands_too_there_are_no_more_steps_than_the_rate_allows(sim: Sim) -> None:
+    seen = len(sim.reports)
+    timeouts = sim.health()["timeouts"]
+    sim.set(step_rate=0.001, command_timeout=0.01)
+    sim.health()
+    assert sim.health()["timeouts"] == timeouts and len(sim.reports) == seen
+    # No command is what it waited for, so this does not need one either.
+    sim.set(step_rate=0.0)
+    assert sim.next_report(seen)["action"].tolist() == [SEARCH] * 3
+    sim.set(command_timeout=0.0)
+
+
 def test_a_paused_mission_takes_commands_and_steps_when_it_goes_on(sim: Sim) -> None:
     seen = len(sim.reports)
     sim.pause(True)
     sim.joint(RIGHT, DOWN, LEFT)
     health = sim.health_when(lambda h: h["missing_drones"] == "")
-    assert health["message"] == "paused" and len(sim.reports) == seen
+    assert health["state"] == "paused" and len(sim.reports) == seen
     sim.pause(False)
     assert sim.next_report(seen)["action"].tolist() == [RIGHT, DOWN, LEFT]
 
@@ -325,7 +337,7 @@ def test_a_pause_does_not_end_the_time_out(sim: Sim) -> None:
     sim.pause(True)
     sim.set(command_timeout=0.05)
     health = sim.health()
-    assert health["message"] == "paused" and len(sim.reports) == seen
+    assert health["state"] == "paused" and len(sim.reports) == seen
     sim.pause(False)
     assert sim.next_report(seen)["action"].tolist() == [SEARCH] * 3
 

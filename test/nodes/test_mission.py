@@ -135,6 +135,26 @@ def test_an_aborted_mission_is_over() -> None:
     assert not flown.over
 
 
+def test_a_mission_says_how_it_has_ended() -> None:
+    def end(joint: list[int], **scenario: object) -> str:
+        flown = mission(person_initial_position=(6, 6), **scenario)
+        assert flown.outcome == ""
+        while not flown.over:
+            fly(flown, joint)
+        return flown.outcome
+
+    near = {"drones_positions": ((5, 6), (6, 6), (0, 0)), "vector": (0.0, 0.0)}
+    certain = {"probability_of_detection": 1.0, "person_pod_multipliers": [1.0]}
+    assert end([SEARCH] * 3, **near, **certain) == "found by drone1"
+    assert end([SEARCH] * 3, nobody_is_found=True) == "out of time"
+    assert end([0, 2, 2]) == "no drone left"
+    assert end([0, SEARCH, SEARCH], rules="v1") == "drone0 terminated"
+    assert end([SEARCH] * 3, rules="v1", nobody_is_found=True) == "out of time"
+    given_up = mission()
+    given_up.abort()
+    assert given_up.outcome == "aborted"
+
+
 def test_a_step_that_nobody_commanded_is_held() -> None:
     result = mission().advance("hold")
     assert result.held.all() and (result.actions == HOLD).all()

@@ -89,6 +89,24 @@ def test_each_step_is_on_disk_when_it_is_written(tmp_path: Path) -> None:
     log.close()
 
 
+@pytest.mark.parametrize("resume_at", [None, (1, 0)])
+def test_a_step_that_is_written_again_is_there_once(
+    resume_at: tuple[int, int] | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "mission.csv"
+    mission = Mission(parallel_env(**SCENARIO), 0)
+    log = MissionLog(path, FRAME, resume_at=resume_at)
+    log.write(mission, mission.result)
+    mission.command_all([3, 1, 1])
+    log.write(mission, mission.advance("hold"))
+    for drone in range(3):
+        mission.lose(drone)
+        log.write(mission, mission.result)
+    log.close()
+    record = read_log(path)
+    assert record.tracks.shape == (3, 2, 2) and not record.alive.any()
+
+
 @given(
     st.integers(0, 2**32), joints, st.integers(0, 30), st.integers(0, 30), st.binary(max_size=40)
 )

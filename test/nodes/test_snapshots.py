@@ -50,6 +50,16 @@ def test_a_restored_mission_has_the_same_steps_times_goals_and_tracks(
     assert results_equal(twin.reset(5), mission.reset(5))
 
 
+def test_a_link_to_a_snapshot_stays_a_link(tmp_path: Path) -> None:
+    snapshot = Mission(parallel_env(**FIELDS), seed=3).snapshot()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "link").symlink_to("elsewhere/mission")
+    for _ in range(2):
+        snapshot.save(tmp_path / "link")
+        assert (tmp_path / "link").is_symlink()
+        assert (tmp_path / "elsewhere" / "mission").read_bytes() == snapshot.to_bytes()
+
+
 def test_the_snapshot_of_a_world_alone_is_refused() -> None:
     mission = Mission(parallel_env(**FIELDS), seed=0)
     mission.advance("search")

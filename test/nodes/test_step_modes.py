@@ -130,7 +130,7 @@ def test_time_stands_still_while_paused_and_goes_on_from_there(sim: Sim, clock: 
     sim.next_report(len(sim.reports))
     sim.set(step_rate=0.5)
     sim.pause(True)
-    sim.health_when(lambda h: h["message"] == "paused")
+    sim.health_when(lambda h: h["state"] == "paused")
     steps, ticks = len(sim.reports), len(clock)
     # More than a second, half a step.
     sim.health()
@@ -148,12 +148,24 @@ def test_time_stands_still_while_paused_and_goes_on_from_there(sim: Sim, clock: 
 def test_a_mission_in_real_time_ends_and_starts_anew(sim: Sim, clock: Inbox) -> None:
     sim.command(0, LEFT)
     sim.rig.until(lambda: sim.report["terminated"][0])
-    sim.health_when(lambda h: h["message"] == "mission over")
+    sim.health_when(lambda h: h["state"] == "mission over")
     steps = len(sim.reports)
     sim.health()
     assert len(sim.reports) == steps
     sim.reset()
     sim.rig.until(lambda: sim.step_number >= 2)
+
+
+def test_who_leaves_real_time_between_two_cells_stands_in_the_next(sim: Sim) -> None:
+    sim.set(step_rate=1.0)
+    with sim.rig.listening(Odometry, "/drone0/odom", RELIABLE) as odom:
+        sim.rig.until(lambda: odom)
+        sim.command(0, RIGHT)
+        sim.rig.until(lambda: odom and odom.last.twist.twist.linear.x == SPEED_MPS)
+        sim.set(step_mode="lockstep")
+        sim.rig.until(lambda: odom.last.twist.twist.linear.x == 0.0, "a drone that stands")
+        assert odom.last.pose.pose.position.x == (sim.cells[0][0] + 0.5) * CELL_M
+        assert stamp_ns(odom.last) >= stamp_ns(odom[-2])
 
 
 def test_by_hand_each_call_is_one_step(sim: Sim) -> None:

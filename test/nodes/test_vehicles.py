@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from rig import Rig, Sim, stamp_ns
+from rig import LATCHED, RELIABLE, Rig, Sim, stamp_ns
+from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.stamps import to_stamp
 from msg_adapters.vehicles import Progress, vehicle_state_message
@@ -29,6 +32,7 @@ def node(rig: Rig) -> Sim:
             "wait_for_vehicles": True,
             "acceptance_radius": 12.0,
             "seed": 3,
+            "record_file": str(rig.folder / "vehicles.csv"),
         }
     )
 
@@ -121,6 +125,32 @@ def test_a_lost_drone_is_terminated_and_the_others_go_on_without_it(sim: Sim) ->
     assert health["lost_drones"] == "drone1" and health["drones_in_flight"] == "2"
     assert health["lost.drone1"] == "link lost: no heartbeat for 5 s"
     assert health["level"] == DiagnosticStatus.WARN
+    assert "drone1 lost" in health["message"] and "refused" in health["message"]
+
+
+def test_a_lost_drone_is_shown_as_such_before_the_next_step(sim: Sim) -> None:
+    def grey(inbox: list[MarkerArray]) -> list[int]:
+        shown = [m for m in inbox[-1].markers if m.ns == "drones"] if inbox else []
+        return [m.id for m in shown if np.ptp([m.color.r, m.color.g, m.color.b]) == 0]
+
+    with sim.rig.listening(MarkerArray, "markers", LATCHED) as markers:
+        sim.rig.until(lambda: markers and not grey(markers))
+        tell(sim, 1, lost="battery failsafe")
+        sim.rig.until(lambda: grey(markers) == [1], "a grey drone")
+        assert sim.step_number == 0
+
+
+def test_a_second_bridge_on_the_same_vehicles_is_noticed(sim: Sim) -> None:
+    topic = "drone0/vehicle_state"
+    sim.talk(DiagnosticArray, topic)
+    assert sim.health()[f"publishers.{topic}"] == "1"
+    second = sim.rig.node.create_publisher(DiagnosticArray, topic, RELIABLE)
+    health = sim.health_when(lambda h: h[f"publishers.{topic}"] == "2")
+    assert health["level"] == DiagnosticStatus.WARN
+    assert f"2 nodes publish {topic}" in health["message"]
+    assert f"2 nodes publish {topic}" in sim.process.output
+    sim.rig.node.destroy_publisher(second)
+    sim.health_when(lambda h: h[f"publishers.{topic}"] == "1")
 
 
 def test_a_reset_brings_lost_drones_back_and_old_news_does_not_count(sim: Sim) -> None:
@@ -138,15 +168,32 @@ def test_the_mission_is_over_when_the_last_drone_is_lost(sim: Sim) -> None:
     for drone in range(3):
         tell(sim, drone, lost="battery failsafe")
     assert sim.next_report(seen + 2)["terminated"].all()
-    assert sim.health()["message"] == "mission over"
+    assert sim.health()["state"] == "mission over"
     assert not sim.trigger("step")[0]
-    sim.reset()
-    seen = len(sim.reports)
+    assert "over after 0 steps: no drone left" in sim.process.output
+
+
+def test_a_mission_that_has_lost_all_vehicles_waits_for_a_reset(sim: Sim) -> None:
     sim.set(auto_reset=True)
+    seen = len(sim.reports)
     for drone in range(3):
         tell(sim, drone, lost="battery failsafe")
-    report = sim.next_report(seen + 3)
-    assert report["step"][0] == 0 and not report["terminated"].any()
+    mission = sim.health_when(lambda h: h["state"] == "mission over")["mission"]
+    assert sim.health()["mission"] == mission and len(sim.reports) == seen + 3
+    assert not sim.reset()["terminated"].any()
+
+
+def test_the_record_has_the_last_step_once_and_with_its_lost_drones(sim: Sim) -> None:
+    all_there(sim)
+    sim.fly(RIGHT, RIGHT, LEFT)
+    for drone in range(3):
+        tell(sim, drone, lost="battery failsafe")
+    mission = sim.health_when(lambda h: h["state"] == "mission over")["mission"]
+    with (sim.rig.folder / "vehicles.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["mission"] == mission]
+    agents = ["drone0", "drone1", "drone2", "person0"]
+    assert [(row["step"], row["agent"]) for row in rows] == [(s, a) for s in "01" for a in agents]
+    assert [row["terminated"] for row in rows] == [*"000", "", *"111", ""]
 
 
 @pytest.mark.parametrize(
