@@ -26,6 +26,8 @@ _MAX_UNSENT = 1 << 16
 _PEER_SILENT_S = 5.0
 _FORM = re.compile(r"(udpin|udpout|udp|tcp|tcpin):([^:]*):(\d+)")
 _DEFAULT_BAUD = 57600
+_B = re.compile(r"B([1-9]\d*)")
+_RATES = sorted((found[1] for found in map(_B.fullmatch, dir(termios)) if found), key=int)
 
 
 class Link(ABC):
@@ -63,6 +65,11 @@ class Link(ABC):
     @property
     def waits_to_send(self) -> bool:
         """Whether to wait until it can send more."""
+        return False
+
+    @property
+    def opening(self) -> bool:
+        """Whether it is still to be seen if there is another end."""
         return False
 
     @abstractmethod
@@ -108,7 +115,9 @@ def parse_connection(name: str) -> Link:
             return _UdpOutLink(name, address)
         return _TcpLink(name, address) if kind == "tcp" else _TcpInLink(name, address)
     path, _, baud = name.removeprefix("serial:").partition(",")
-    if path.startswith("/") and (not baud or hasattr(termios, f"B{baud}")):
+    if path.startswith("/"):
+        if baud and baud not in _RATES:
+            raise ValueError(f"connection: {name!r} is not allowed; a rate of {', '.join(_RATES)}")
         return _SerialLink(name, path, int(baud or _DEFAULT_BAUD))
     raise ValueError(
         f"connection: {name!r} is not allowed; udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, "
@@ -292,6 +301,10 @@ class _TcpLink(_StreamLink, _SocketLink):
     @property
     def waits_to_send(self) -> bool:
         return self._connecting or bool(self._unsent)
+
+    @property
+    def opening(self) -> bool:
+        return self._connecting
 
     def _connected(self) -> bool:
         if self._connecting:

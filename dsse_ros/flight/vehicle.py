@@ -86,7 +86,10 @@ class Vehicle:
         key, clock = None, None
         if settings.signing_key_file:
             file = Path(settings.signing_key_file)
-            key = read_key(file)
+            try:
+                key = read_key(file)
+            except ValueError as error:
+                raise ValueError(f"signing_key_file: {error}") from error
             clock = SigningClock(file.with_name(f"{file.name}.{source.system}-{target.system}"))
         self._codec = Codec(source, target, key=key, clock=clock)
         self._clock = clock
@@ -99,7 +102,7 @@ class Vehicle:
         self._thread: threading.Thread | None = None
         self._closing = False
         self._up = False
-        self._trouble = "not started"
+        self._trouble = ""
         self._reopen_s = 0.0
         self._heartbeat_s = 0.0
         self._woken, self._waker = socket.socketpair()
@@ -232,6 +235,8 @@ class Vehicle:
                     self._link.send(self._codec.encode(said))
                 if ready and not outbox:
                     self._link.send(b"")
+                if not self._link.opening:
+                    self._trouble = ""
 
     def _wait(self, seconds: float) -> bool:
         """Wait until there is something to do, and return whether it is on the link."""
@@ -250,7 +255,6 @@ class Vehicle:
         for data, peer in self._link.receive(now):
             heard = self._codec.decode(data, now, datagram=self._link.datagram)
             if heard:
-                self._trouble = ""
                 self._link.believe(peer, now)
             for message in heard:
                 if isinstance(message, StatusText):

@@ -82,6 +82,12 @@ def mission_task(mission: Mission, fence: Fence, firmware: Firmware) -> Result[T
     return Accepted(FlyMission(tuple(WireItem(**fields) for fields in mission_fields(items))))
 
 
+def takes_off_yet(state: VehicleState, outcome: Outcome) -> bool:
+    """Whether a vehicle on the ground is going to take off, be it when it is heard again."""
+    pending = outcome.status in ("under_way", "lost")
+    return not state.flying and pending and isinstance(outcome.order, TakeOff | FlyMission)
+
+
 class Escort:
     """Leads one vehicle along its drone's legs, one order at a time.
 
@@ -135,7 +141,8 @@ class Escort:
 
     def follow(self, leg: Leg, task: Result[Task]) -> None:
         """Take a leg, and what there is to do for it, in place of the one before."""
-        if self.leg is not None and leg.stamp_ns == self.leg.stamp_ns:
+        before = self.leg
+        if before and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
             # A step that is told again: its end alone may be new.
             self.leg = leg
             return
@@ -147,22 +154,27 @@ class Escort:
         """Have it hold until the next leg."""
         self._holding = True
 
-    def advance(self, state: VehicleState, outcome: Outcome, now_s: float) -> Order | None:
+    def advance(
+        self, state: VehicleState, outcome: Outcome, now_s: float, trouble: str = ""
+    ) -> Order | None:
         """Return the order to give now, None if there is nothing new to say.
 
         Args:
             state: What the vehicle says of itself.
             outcome: What has become of the order given last.
             now_s: Time on a steady clock.
+            trouble: What is wrong with its link; empty if nothing.
         """
         if self.leg is None:
-            return None
+            return Hold() if takes_off_yet(state, outcome) else None
         self._since_s = now_s if self._since_s is None else self._since_s
         self._look(outcome, now_s)
-        self.lost = self.lost or self._drop_out(state, outcome, now_s)
+        self.lost = self.lost or self._drop_out(state, outcome, now_s, trouble)
         if outcome.status == "taken_over" and self._given is not None:
             return None
-        order = self._wanted(state) if state.connected else None
+        # As soon as it is heard again it would take off: that is stopped before.
+        stopped = bool(self.lost) and takes_off_yet(state, outcome)
+        order = self._wanted(state, outcome) if state.connected or stopped else None
         if order is None:
             return None
         stamped = self._stamped(order)
@@ -191,15 +203,16 @@ class Escort:
         if self._done and self._task is not None and self._given == self._stamped(self._task):
             self.arrived = True
 
-    def _drop_out(self, state: VehicleState, outcome: Outcome, now_s: float) -> str:
+    def _drop_out(self, state: VehicleState, outcome: Outcome, now_s: float, trouble: str) -> str:
         """Return why the vehicle cannot go on with its drone, empty if it can."""
         assert self.leg is not None and self._since_s is not None
         if self.leg.over and self.arrived:
             return ""
+        because = f": {trouble}" if trouble else ""
         if not state.mode and now_s - self._since_s > self._join_timeout_s:
-            return f"not heard within {self._join_timeout_s:g} s"
+            return f"not heard within {self._join_timeout_s:g} s{because}"
         if outcome.status == "lost":
-            return f"link lost: {outcome.reason}"
+            return f"link lost: {outcome.reason}{because}"
         if self._given is None:
             return ""
         if outcome.status == "taken_over":
@@ -207,22 +220,26 @@ class Escort:
         # From missed set-points the pilot recovers by itself.
         return f"{state.failsafe} failsafe" if state.failsafe not in ("", "offboard") else ""
 
-    def _wanted(self, state: VehicleState) -> Order | None:
+    def _wanted(self, state: VehicleState, outcome: Outcome) -> Order | None:
         """Return what the vehicle should be doing, None for nothing that it has to be told."""
         assert self.leg is not None
+        takes_off = takes_off_yet(state, outcome)
+        stop = Hold() if takes_off else None
         if isinstance(self._task, FlyMission) and not self.lost:
             # It has its own end.
-            return self._task if not self.arrived and self._may_take_off(state) else None
+            if self.arrived:
+                return None
+            return self._task if self._may_take_off(state) else stop
         done = self.arrived or self._task is None or self.leg.crashed
         if self.lost or (self.leg.over and done):
-            return self._end if state.flying else None
+            return self._end if state.flying or takes_off else None
         if self._task is None or self._holding:
-            return Hold() if state.flying else None
+            return Hold() if state.flying else stop
         # A place to fly to would end the climb.
         climbs = self._given is not None and self._given[0] == self._take_off and not self._done
         if state.flying and not climbs:
             return self._task
-        return self._take_off if self._may_take_off(state) else None
+        return self._take_off if self._may_take_off(state) else stop
 
     def _may_take_off(self, state: VehicleState) -> bool:
         """Return whether the vehicle's place is known and in the fence."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import sys
 import time
 from collections import Counter
@@ -21,11 +22,13 @@ from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
 
 from dsse_ros.flight.fleet import Fleet, default_connections
+from dsse_ros.flight.orders import Hold, Order
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
-from dsse_ros.nodes.escort import Escort, Leg, leg_task, mission_task
+from dsse_ros.nodes.escort import Escort, Leg, leg_task, mission_task, takes_off_yet
 from dsse_ros.nodes.flight_settings import BridgeSettings
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
+from dsse_ros.nodes.restarts import may_be_restarted, same_cells
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.search_record import SearchRecord
 from dsse_ros.nodes.track_files import search_mission, write_missions
@@ -70,6 +73,7 @@ class BridgeNode(AlarmNode):
         self._trouble = ""
         self._idle_s: float | None = None
         self._holding = False
+        self._link_troubles: dict[str, str] = {}
         self._told: dict[int, tuple[object, float]] = {}
         self.fleet = _fleet(self.settings)
         endpoints = Endpoints(self, qos)
@@ -96,6 +100,7 @@ class BridgeNode(AlarmNode):
         self.alarms.make(self._publish_diagnostics).repeat(DIAGNOSTICS_S)
         if self.fleet is not None:
             self.fleet.start()
+            self._introduce(self.fleet)
 
     # The search
 
@@ -115,6 +120,8 @@ class BridgeNode(AlarmNode):
             self._escorts = []
         elif before is None or before.frame != self._info.frame or not self._escorts:
             self._meet(self._info.frame)
+        elif self._report is not None and may_be_restarted(before, self._info, self._report[0]):
+            self._begin()
         if self._report is not None:
             self._follow(*self._report)
 
@@ -140,12 +147,7 @@ class BridgeNode(AlarmNode):
         if len(report):
             stamp_ns = to_nanoseconds(message.header.stamp)
             before, self._report = self._report, (stamp_ns, report)
-            step = int(report["step"][0])
-            if (
-                before is None
-                or step < int(before[1]["step"][0])
-                or (step == 0 and stamp_ns != before[0])
-            ):
+            if before is None or _begins_anew(*before, stamp_ns, report):
                 self._begin()
             self._follow(stamp_ns, report)
 
@@ -198,20 +200,37 @@ class BridgeNode(AlarmNode):
 
     # The vehicles
 
+    def _introduce(self, fleet: Fleet) -> None:
+        for name, vehicle in zip(self._names, fleet, strict=True):
+            one = vehicle.settings
+            self.get_logger().info(
+                f"{name}: waiting for system {one.system_id} on {one.connection}"
+            )
+
+    def _watch_link(self, name: str, vehicle: Vehicle) -> None:
+        """Tell of each new trouble once; when it is heard in between, it is new again."""
+        trouble = vehicle.trouble
+        if trouble and trouble != self._link_troubles.get(name):
+            self._link_troubles[name] = trouble
+            self.get_logger().warning(f"{name}: {trouble}")
+        elif not trouble and vehicle.state.connected:
+            self._link_troubles.pop(name, None)
+
     def _turn(self) -> None:
         """Give the vehicles what orders are due."""
         now_s = time.monotonic()
         if self.fleet is None:
             return
+        for name, vehicle in zip(self._names, self.fleet, strict=True):
+            self._watch_link(name, vehicle)
         for i, (escort, vehicle) in enumerate(zip(self._escorts, self.fleet, strict=False)):
             state = vehicle.state
             if self._over and escort.leg is None and state.home is not None:
                 self._plan(i, Home(*state.home))
             lost, refused = escort.lost, escort.refused
-            order = escort.advance(state, vehicle.outcome, now_s)
+            order = escort.advance(state, vehicle.outcome, now_s, vehicle.trouble)
             if order is not None:
-                number = vehicle.give(order)
-                self.get_logger().info(f"{self._names[i]}: order {number}: {_shown(order)}")
+                self._give(i, vehicle, order)
             if escort.lost != lost:
                 self.get_logger().error(f"{self._names[i]} is lost: {escort.lost}")
             if escort.refused != refused:
@@ -221,8 +240,14 @@ class BridgeNode(AlarmNode):
             self._tell(i, escort, vehicle, now_s)
         if not self._escorts:
             for i, vehicle in enumerate(self.fleet):
+                if takes_off_yet(vehicle.state, vehicle.outcome):
+                    self._give(i, vehicle, Hold())
                 self._tell(i, None, vehicle, now_s)
         self._watch_planner(now_s)
+
+    def _give(self, drone: int, vehicle: Vehicle, order: Order) -> None:
+        number = vehicle.give(order)
+        self.get_logger().info(f"{self._names[drone]}: order {number}: {_shown(order)}")
 
     def _plan(self, drone: int, home: Home) -> None:
         """Have a vehicle fly the whole search."""
@@ -389,7 +414,9 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
             ]
         )
     except (OSError, ValueError) as error:
-        raise FieldError(str(error)) from None
+        # Each vehicle has one connection, the parameter has them all.
+        text = re.sub("^connection: ", "connections: ", str(error))
+        raise FieldError(text) from None
 
 
 def _fits(info: AgentsInfo, report: NDArray[Any]) -> bool:
@@ -398,6 +425,14 @@ def _fits(info: AgentsInfo, report: NDArray[Any]) -> bool:
         return False
     centres = np.stack(cell_to_map(info.frame, report["col"] * 1.0, report["row"] * 1.0))
     return np.allclose(centres, [report["x"], report["y"]], rtol=1e-5, atol=0.1)
+
+
+def _begins_anew(before_ns: int, before: NDArray[Any], stamp_ns: int, report: NDArray[Any]) -> bool:
+    """Return whether a report is of another search than the one before it."""
+    step, last = int(report["step"][0]), int(before["step"][0])
+    if step != last:
+        return step < last
+    return step == 0 and (stamp_ns != before_ns or not same_cells(before, report))
 
 
 def _legs(stamp_ns: int, report: NDArray[Any], search: int) -> list[Leg]:

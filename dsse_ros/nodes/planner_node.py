@@ -16,6 +16,7 @@ from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, Endpoints
+from dsse_ros.nodes.restarts import may_be_restarted, same_cells
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import Planner, make_planner
@@ -49,6 +50,8 @@ class PlannerNode(AlarmNode):
         self._report: tuple[int, NDArray[Any]] | None = None
         self._planner: Planner | None = None
         self._answered: tuple[int, int] | None = None  # (stamp, step)
+        self._used: tuple[object, object] = (None, None)  # the map and the report answered
+        self._ahead: object = None  # a report of a simulation whose agents are still to come
         self._answer: Int32MultiArray | None = None
         endpoints = Endpoints(self, qos)
         self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", RELIABLE)
@@ -74,6 +77,19 @@ class PlannerNode(AlarmNode):
         if before is not None and _search_of(before) != _search_of(self._info):
             # Another simulation has taken over; its first step may have come before this.
             self._answered = None
+        elif before is not None and self._answered is not None:
+            restarted = may_be_restarted(before, self._info, self._answered[0])
+            if restarted and self._report is not self._ahead:
+                self._forget()
+
+    def _forget(self) -> None:
+        """Take back the answer, and leave what it was about; what has come since is news."""
+        self._answered = self._answer = None
+        self._resend_alarm.cancel()
+        if self._map is self._used[0]:
+            self._map = None
+        if self._report is self._used[1]:
+            self._report = None
 
     def _on_map(self, message: Image) -> None:
         self._map = (to_nanoseconds(message.header.stamp), image_to_probability(message))
@@ -81,7 +97,11 @@ class PlannerNode(AlarmNode):
     def _on_report(self, message: PointCloud2) -> None:
         report = step_report_from_message(message)
         if len(report):
-            self._report = (to_nanoseconds(message.header.stamp), report)
+            before, self._report = self._report, (to_nanoseconds(message.header.stamp), report)
+            if before and _key(before) == _key(self._report) and not same_cells(before[1], report):
+                # The same step, and elsewhere: it is of another simulation.
+                self._forget()
+                self._ahead = self._report
 
     def _plan(self) -> None:
         """Answer the step if it is not answered yet and all about it is here.
@@ -92,8 +112,9 @@ class PlannerNode(AlarmNode):
         if self._info is None or self._map is None or self._report is None:
             return
         (stamp, report), (map_stamp, probability) = self._report, self._map
-        step = int(report["step"][0])
-        if stamp != map_stamp or (stamp, step) == self._answered:
+        key = _key(self._report)
+        step = key[1]
+        if stamp != map_stamp or key == self._answered:
             return
         if not _fits(self._info, report, probability):
             return
@@ -101,7 +122,7 @@ class PlannerNode(AlarmNode):
         if self._planner is None or self._answered is None or step <= self._answered[1]:
             settings = self.settings
             self._planner = make_planner(settings.planner, self._info.actions, seed=settings.seed)
-        self._answered = (stamp, step)
+        self._answered, self._used = key, (self._map, self._report)
         self._answer = None
         self._resend_alarm.cancel()
         if not live.any():
@@ -123,6 +144,11 @@ class PlannerNode(AlarmNode):
         if self._answer is not None:
             self._publisher.publish(self._answer)
             self._resend_alarm.set(self.settings.resend_period)
+
+
+def _key(report: tuple[int, NDArray[Any]]) -> tuple[int, int]:
+    """Return stamp and step of a report."""
+    return report[0], int(report[1]["step"][0])
 
 
 def _search_of(info: AgentsInfo) -> AgentsInfo:

@@ -33,11 +33,20 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.signals import SignalHandlerOptions  # noqa: E402
 from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
 
-from dsse_ros.nodes.export_mission import find_scenario  # noqa: E402
+from dsse_ros.nodes.command_line import (  # noqa: E402
+    Parser,
+    check_seed,
+    fail,
+    find_scenario,
+    make_folder,
+)
+from dsse_ros.nodes.flight_settings import FlightSettings  # noqa: E402
 from dsse_ros.nodes.qos import COMPLETE, LATCHED  # noqa: E402
 from dsse_ros.nodes.run_mission import MissionFailed, check_running, process  # noqa: E402
 from dsse_ros.nodes.runtime import new_executor  # noqa: E402
-from dsse_ros.search import Scenario, profile  # noqa: E402
+from dsse_ros.planners import PLANNERS  # noqa: E402
+from dsse_ros.search import PROFILES, FieldError, Scenario, profile  # noqa: E402
+from dsse_ros.search.fields import specs  # noqa: E402
 from msg_adapters.frames import GridFrame, cell_to_map  # noqa: E402
 from msg_adapters.geodesy import map_to_geodetic  # noqa: E402
 from msg_adapters.images import image_to_probability  # noqa: E402
@@ -46,6 +55,7 @@ from msg_adapters.step_report import step_report_from_message  # noqa: E402
 RADIUS_M = 10.0
 HOMES_APART_M = 20.0
 PATIENCE_S = 600.0
+MAX_SPEEDUP = 100.0
 MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -174,7 +184,6 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
         scenario.origin_alt, scenario.altitude,
     )  # fmt: skip
     out: Path = arguments.out
-    out.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
         autopilots = [
             stack.enter_context(
@@ -239,9 +248,11 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
         near = nearest_m(flight, frame)
         farthest = max(away for _, away in near)
         worst = max(worst, farthest)
+        # Zero has no sign.
+        down_m = round(flight.places[-1][2], 1) + 0.0
         print(
             f"drone{i}: {len(near)} cells flown, {len(flight.searched)} searches, "
-            f"at most {farthest:.2f} m off, down at z = {flight.places[-1][2]:.1f} m"
+            f"at most {farthest:.2f} m off, down at z = {down_m:.1f} m"
         )
     print(f"{title}; {took_s:.0f} s; picture {out / 'flight.png'}")
     good = witness.found and worst <= RADIUS_M
@@ -250,26 +261,53 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
     return 0 if good else 1
 
 
+def parse(argv: list[str] | None) -> argparse.Namespace:
+    """Return the command line's arguments."""
+    parser = Parser(prog="sitl_demo", description="Fly a search with simulated autopilots.")
+    dialects = specs(FlightSettings)["dialect"].choices
+    for flag, options in (
+        ("--scenario", {"default": "sitl", "help": "YAML file or name"}),
+        ("--rules", {"default": "paper", "choices": tuple(PROFILES), "help": "profile"}),
+        ("--planner", {"default": "greedy", "choices": tuple(PLANNERS), "help": "planner"}),
+        ("--drones", {"type": int, "help": "number of drones, by default the scenario's"}),
+        ("--seed", {"type": int, "default": 0, "help": "of sea, persons and planner"}),
+        ("--dialect", {"default": "ardupilot", "choices": dialects, "help": "whose autopilots"}),
+        ("--speedup", {"type": float, "default": 20.0, "help": "of vehicle time"}),
+        ("--out", {"type": Path, "default": Path("out"), "help": "folder of the results"}),
+    ):
+        parser.add(flag, **options)
+    return parser.parse_args(argv)
+
+
+def check_speedup(speedup: float) -> None:
+    """Check how much faster vehicle time goes.
+
+    Raises:
+        FieldError: If it is not allowed.
+    """
+    if not 0 < speedup <= MAX_SPEEDUP:
+        raise FieldError(
+            f"speedup: {speedup:g} is not allowed; above 0 and at most {MAX_SPEEDUP:g}"
+        )
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the demonstration; returns 0 if the person was found and every cell flown."""
-    parser = argparse.ArgumentParser(prog="sitl_demo", description=__doc__)
-    parser.add_argument("--scenario", default="sitl", help="YAML file or name")
-    parser.add_argument("--rules", default="paper")
-    parser.add_argument("--planner", default="greedy")
-    parser.add_argument("--drones", type=int, help="by default the scenario's")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--dialect", default="ardupilot", choices=("ardupilot", "px4"))
-    parser.add_argument("--speedup", type=float, default=20.0, help="of vehicle time")
-    parser.add_argument("--out", type=Path, default=Path("out"))
-    arguments = parser.parse_args(argv)
-    path = find_scenario(arguments.scenario).resolve()
-    rules = profile(arguments.rules)
-    scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones).resolve(rules)
+    arguments = parse(argv)
+    try:
+        check_seed(arguments.seed)
+        check_speedup(arguments.speedup)
+        rules = profile(arguments.rules)
+        path = find_scenario(arguments.scenario)
+        scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones).resolve(rules)
+        make_folder("out", arguments.out)
+    except FieldError as error:
+        return fail("sitl_demo", error)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         return run(arguments, scenario, rules, path)
     except MissionFailed as error:
-        print(f"sitl_demo: {error}", file=sys.stderr)
+        fail("sitl_demo", error)
         return 1
     finally:
         rclpy.try_shutdown()

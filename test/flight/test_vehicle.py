@@ -220,7 +220,7 @@ def test_it_waits_for_a_vehicle_that_is_not_there_yet() -> None:
     port = free_udp_port()
     with Vehicle(VehicleSettings(connection=f"tcp:127.0.0.1:{port}", arm=True)) as vehicle:
         number = vehicle.give(TakeOff(10.0))
-        until(lambda: vehicle.trouble != "not started" and "tcp:" in vehicle.trouble)
+        until(lambda: "tcp:" in vehicle.trouble)
         assert (vehicle.outcome.number, vehicle.outcome.status) == (number, "under_way")
         with running_autopilot(link="tcp", port=port, speedup=10, ready_s=5.0):
             until(lambda: vehicle.outcome.status == "done")
@@ -234,7 +234,9 @@ def test_a_port_that_is_taken_is_told_and_tried_again() -> None:
         vehicle.start()
         until(lambda: "in use" in vehicle.trouble)
         taken.close()
-        until(lambda: vehicle.counts["opened"] == 1)
+        # Nobody is heard, but that is no trouble of the link.
+        until(lambda: vehicle.trouble == "")
+        assert vehicle.counts["opened"] == 1
         vehicle.close()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", port))
@@ -302,5 +304,5 @@ def test_closing_is_quick_and_may_be_done_twice() -> None:
 )
 def test_a_setting_that_makes_no_sense_is_refused(name: str, value: Any) -> None:
     options = {"connection": "udpin:127.0.0.1:14550", name: value}
-    with pytest.raises(ValueError, match="/no/such/key" if "key" in name else name):
+    with pytest.raises(ValueError, match=f"^{name}: .*{value if name != 'own_system_id' else ''}"):
         Vehicle(VehicleSettings(**options))

@@ -196,6 +196,75 @@ def test_a_vehicle_whose_link_comes_back_returns_and_stays_lost() -> None:
     assert led.lost
 
 
+@pytest.mark.parametrize("at_end", ["return", "land", "hold"])
+def test_who_is_lost_before_take_off_is_told_to_stay_even_before_it_is_heard_again(
+    at_end: str,
+) -> None:
+    led = escort(at_end=at_end)
+    vehicle = Vehicle(led)
+    follow(led, 0, 1, 1)
+    assert vehicle.turn() == TakeOff(120.0)
+    vehicle.state = replace(ON_GROUND, connected=False, ready=False)
+    order = vehicle.turn(status="lost", reason="no heartbeat for 5 s")
+    assert led.lost and isinstance(order, Return | Land | Hold)
+    assert vehicle.turn(status="lost") is None
+    vehicle.state = ON_GROUND
+    assert vehicle.turn(status="done") is None
+    follow(led, 13, 1, 2, over=True)
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+
+
+def test_a_mission_that_waits_for_its_take_off_is_not_flown_by_who_was_lost() -> None:
+    mission = search_mission(FRAME, [(0, 9), (1, 9)], [0, 0], SETTINGS, Home(-23.999, -45.999, 0.0))
+    led = escort()
+    vehicle = Vehicle(led)
+    led.follow(Leg(13, (1, 9), over=True), mission_task(mission, FENCE, "px4"))
+    assert isinstance(vehicle.turn(), FlyMission)
+    vehicle.state = replace(ON_GROUND, connected=False)
+    assert vehicle.turn(status="lost", reason="no heartbeat for 5 s") == Return()
+
+
+def test_a_take_off_that_has_not_begun_is_called_off_once_it_is_not_wanted() -> None:
+    def waiting() -> Vehicle:
+        vehicle = Vehicle(escort())
+        follow(vehicle.escort, 0, 1, 1)
+        assert vehicle.turn() == TakeOff(120.0)
+        return vehicle
+
+    crashed = waiting()
+    follow(crashed.escort, 13, 1, 1, over=True, crashed=True)
+    assert crashed.turn() == Return()
+    refused = waiting()
+    follow(refused.escort, 13, 19, 5)
+    assert refused.escort.refused and refused.turn() == Hold()
+    moved = waiting()
+    moved.state = replace(ON_GROUND, lat_deg=-35.0)
+    assert moved.turn() == Hold() and moved.escort.refused
+    moved.turn(status="done")
+    moved.state = ON_GROUND
+    assert moved.turn() == TakeOff(120.0)
+    anew = waiting()
+    anew.escort.begin()
+    assert anew.turn() == Hold()
+    other = waiting()
+    other.escort = escort()
+    assert other.turn() == Hold()
+    for vehicle in (crashed, refused, anew, other):
+        vehicle.turn(status="done")
+        assert vehicle.turn() is None
+
+
+def test_a_leg_with_the_same_stamp_but_another_cell_is_of_another_search() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 0, 1, 1)
+    vehicle.turn()
+    vehicle.obey()
+    follow(led, 0, 3, 3)
+    assert not led.arrived
+    assert vehicle.turn() == GoTo(*place(3, 3), 120.0, 10.0)
+
+
 def test_a_failsafe_takes_the_vehicle_out() -> None:
     led = escort()
     vehicle = Vehicle(led, FLYING)
@@ -230,6 +299,14 @@ def test_a_vehicle_that_is_never_heard_is_lost_in_the_end() -> None:
     vehicle.now_s += 3.1
     assert vehicle.turn() is None
     assert led.lost == "not heard within 3 s"
+
+
+def test_what_is_wrong_with_the_link_is_told_of_who_is_lost() -> None:
+    led = escort(join_timeout_s=3.0)
+    follow(led, 0, 0, 0)
+    for now_s in (0.0, 3.1):
+        led.advance(VehicleState(), Outcome(), now_s, "/dev/nope: No such file or directory")
+    assert led.lost == "not heard within 3 s: /dev/nope: No such file or directory"
 
 
 def test_a_held_vehicle_goes_on_with_the_next_step() -> None:

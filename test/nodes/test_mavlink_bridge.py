@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
+import socket
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -170,6 +173,69 @@ def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
         assert sim.cells[0] == (1, 4) and sim.report["terminated"].tolist() == [0, 1]
         assert bridge.state(1)["mode"] == mode
         assert lost in sim.health()["lost.drone1"]
+
+
+@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
+def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
+    rig: Rig, dialect: str
+) -> None:
+    with autopilots((), dialect=dialect, ready_s=200.0) as vehicles:
+        rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles, dialect=dialect, link_timeout=1.0)
+        rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
+        os.kill(vehicles[0].pid, signal.SIGSTOP)
+        bridge.until(0, connected="false", lost="link lost: no heartbeat for 1 s")
+        os.kill(vehicles[0].pid, signal.SIGCONT)
+        bridge.until(0, connected="true", ready="true", order="Return()", status="done")
+        seen = len(bridge.states[0])
+        rig.until(lambda: len(bridge.states[0]) >= seen + 3, "more of its state")
+        told = [
+            {pair.key: pair.value for pair in message.status[0].values}
+            for message in bridge.states[0]
+        ]
+        assert {(one["armed"], one["flying"]) for one in told} == {("false", "false")}
+        assert bridge.state(0)["lost"]
+
+
+def test_a_take_off_is_called_off_when_a_search_comes_that_cannot_be_flown(rig: Rig) -> None:
+    with autopilots((), ready_s=200.0) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
+        bridge = Bridge(rig, vehicles)
+        rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
+        sim.process.kill()
+        rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5]})
+        bridge.until(0, order="Hold()", status="done", armed="false", flying="false")
+        assert "1 vehicles for 2 drones" in bridge.state(0)["message"]
+
+
+def test_a_simulation_restarted_before_its_first_step_is_followed_anew(rig: Rig) -> None:
+    with autopilots(()) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles)
+        bridge.until(0, arrived="true", cell="0 5")
+        sim.process.kill()
+        again = {"drones_positions": [1, 4], "wait_for_vehicles": True, "seed": 2}
+        sim = rig.sim(SEARCHED | again)
+        bridge.until(0, arrived="true", cell="1 4")
+        fly(sim, SEARCH)
+        assert sim.cells == [(1, 4)]
+
+
+def test_why_a_vehicle_cannot_be_reached_is_told_once_and_of_who_is_lost(rig: Rig) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        connections = ["/dev/nope,57600", "tcp:127.0.0.1:1", f"udpin:127.0.0.1:{port}"]
+        reasons = ["No such file or directory", "Connection refused", "Address already in use"]
+        rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5]})
+        bridge = Bridge(rig, [], connections=connections, join_timeout=3.0)
+        told = rig.listen(DiagnosticArray, "drone0/vehicle_state", LATCHED)
+        lost = f"lost: not heard within 3 s: {connections[0]}: {reasons[0]}"
+        rig.until(lambda: told and told.last.status[0].message == lost, lost)
+        lines = bridge.process.output
+        for i, (connection, reason) in enumerate(zip(connections, reasons, strict=True)):
+            assert f"drone{i}: waiting for system {i + 1} on {connection}" in lines
+            assert lines.count(f"drone{i}: {connection}: {reason}") == 1
 
 
 def test_who_is_not_heard_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> None:
@@ -341,11 +407,13 @@ def test_vehicles_for_another_number_of_drones_stay_where_they_are(rig: Rig) -> 
     ("parameters", "line"),
     [
         ({"mode": "auto"}, "mode: 'auto' is not allowed; one of guided, mission, export"),
-        ({"connections": ["udp:here"]}, "udp:here"),
+        ({"connections": ["udp:here"]}, "connections: 'udp:here' is not allowed; "),
+        ({"connections": ["/dev/ttyS99,RKINT"]}, "connections: '/dev/ttyS99,RKINT' is not allowed"),
+        ({"connections": ["tcp::5760"] * 2}, "connections: 'tcp::5760' is of 2 vehicles; one each"),
         ({"num_vehicles": 2, "system_ids": [1]}, "system_ids: 1 are not allowed"),
         ({"num_vehicles": 2, "system_ids": [1, 300]}, "system_ids: "),
         ({"min_altitude": 200.0}, "min_altitude: 200 is not allowed"),
-        ({"signing_key_file": "/nonexistent"}, "/nonexistent"),
+        ({"signing_key_file": "/nonexistent"}, "signing_key_file: /nonexistent: No such file"),
         ({"own_system_id": 1}, "own_system_id"),
         ({"conections": ["x"]}, "did you mean connections?"),
     ],

@@ -76,10 +76,10 @@ class Stage:
         return list(self.answers.last.data[1:])
 
 
-def mission(seed: int = 0, drones: int = 3, grid: int = 6) -> Mission:
+def mission(seed: int = 0, drones: int = 3, grid: int = 6, **options: Any) -> Mission:
     env = parallel_env(
         num_drones=drones, grid_size=grid, probability_of_detection=0.0, sigma=2.0,
-        timestep_limit=40,
+        timestep_limit=40, **options,
     )  # fmt: skip
     return Mission(env, seed)
 
@@ -181,6 +181,30 @@ def test_a_simulation_of_another_size_is_answered_whatever_comes_first(quiet: St
                 quiet.show(flown, topic)
             planner = make_planner(PLANNER, flown.env.rules.actions)
             assert quiet.answer(flown) == expected(flown, planner)
+
+
+@pytest.mark.parametrize(
+    "topics",
+    [
+        ("agents", "probability", "step_report"),
+        ("step_report", "probability", "agents"),
+        ("probability", "agents", "step_report"),
+    ],
+)
+def test_a_simulation_restarted_before_its_first_step_is_answered_for_where_its_drones_are(
+    quiet: Stage, topics: tuple[str, ...]
+) -> None:
+    killed = mission()
+    restarted = mission(seed=9, drones_positions=[(5, 5), (5, 4), (4, 5)])
+    quiet.show(killed)
+    quiet.answer(killed)
+    wanted = expected(restarted, make_planner(PLANNER, restarted.env.rules.actions))
+    for topic in topics:
+        quiet.show(restarted, topic)
+    quiet.rig.until(lambda: list(quiet.answers.last.data) == [0, *wanted], "the new answer")
+    quiet.answers.clear()
+    quiet.rig.until(lambda: len(quiet.answers) >= 3, "the answer again and again")
+    assert {tuple(m.data) for m in quiet.answers} == {(0, *wanted)}
 
 
 def test_messages_that_make_no_sense_are_survived(quiet: Stage) -> None:
