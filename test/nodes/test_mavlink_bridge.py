@@ -205,7 +205,8 @@ def test_a_take_off_is_called_off_when_a_search_comes_that_cannot_be_flown(rig: 
         sim.process.kill()
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5]})
         bridge.until(0, order="Hold()", status="done", armed="false", flying="false")
-        assert "1 vehicles for 2 drones" in bridge.state(0)["message"]
+        trouble = "1 vehicles for 2 drones"
+        rig.until(lambda: trouble in bridge.state(0)["message"], trouble)
 
 
 def test_a_simulation_restarted_before_its_first_step_is_followed_anew(rig: Rig) -> None:
