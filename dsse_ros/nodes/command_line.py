@@ -9,7 +9,9 @@ import sys
 from pathlib import Path
 from typing import Any, NoReturn
 
-from dsse_ros.search import FieldError
+from dsse_ros.planners import PLANNERS
+from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
+from dsse_ros.search.scenario import ResolvedScenario
 
 BAD_INPUT = 2
 """Exit code after an input that is not allowed."""
@@ -27,6 +29,14 @@ class Parser(argparse.ArgumentParser):
             options["help"] += " (default: %(default)s)"
         self.add_argument(flag, **options)
 
+    def add_search(self, scenario: str) -> None:
+        """Add what says which search it is, for `search_of`; the scenario is that by default."""
+        self.add("--scenario", default=scenario, help="YAML file or name")
+        self.add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
+        self.add("--planner", default="greedy", choices=tuple(PLANNERS), help="planner")
+        self.add("--drones", type=int, help="number of drones, by default the scenario's")
+        self.add("--seed", type=int, default=0, help="of sea, persons and planner")
+
     def error(self, message: str) -> NoReturn:
         """Leave the program with that line."""
         sys.exit(fail(self.prog, message))
@@ -38,15 +48,18 @@ def fail(name: str, error: object) -> int:
     return BAD_INPUT
 
 
-def check_seed(seed: int) -> int:
-    """Return the seed of a mission.
+def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Rules]:
+    """Return scenario file, scenario and rules of a command line with `Parser.add_search`.
 
     Raises:
-        FieldError: If it is not allowed.
+        FieldError: If one of them, or the seed, is not allowed.
     """
-    if not 0 <= seed <= MAX_SEED:
-        raise FieldError(f"seed: {seed} is not allowed; 0 to 2^62")
-    return seed
+    if not 0 <= arguments.seed <= MAX_SEED:
+        raise FieldError(f"seed: {arguments.seed} is not allowed; 0 to 2^62")
+    rules = profile(arguments.rules)
+    path = find_scenario(arguments.scenario)
+    scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones)
+    return path, scenario.resolve(rules), rules
 
 
 def find_scenario(name: str) -> Path:

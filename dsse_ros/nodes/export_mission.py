@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.nodes.command_line import Parser, check_seed, fail, find_scenario
+from dsse_ros.nodes.command_line import Parser, fail, search_of
 from dsse_ros.nodes.flight_settings import FlightSettings
 from dsse_ros.nodes.track_files import search_mission, write_missions
-from dsse_ros.planners import PLANNERS, make_planner
-from dsse_ros.search import PROFILES, FieldError, Scenario, SearchEnv, profile
+from dsse_ros.planners import make_planner
+from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.fields import specs
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Home
@@ -65,12 +65,8 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     )
     of_flight = specs(FlightSettings)
     defaults = FlightSettings()
+    parser.add_search("santos")
     add = parser.add
-    add("--scenario", default="santos", help="YAML file or name")
-    add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
-    add("--planner", default="greedy", choices=tuple(PLANNERS), help="planner")
-    add("--drones", type=int, help="number of drones, by default the scenario's")
-    add("--seed", type=int, default=0, help="of sea, persons and planner")
     add("--out", type=Path, default=Path("missions"), help="folder of the files")
     add(
         "--home",
@@ -98,11 +94,9 @@ def main(argv: list[str] | None = None) -> int:
             search_altitude=arguments.search_altitude,
             search_hold=arguments.search_hold,
         )
-        check_seed(arguments.seed)
         home = _home(arguments.home) if arguments.home else None
-        scenario = Scenario.from_yaml(find_scenario(arguments.scenario))
-        scenario = scenario.override(num_drones=arguments.drones)
-        env = SearchEnv(scenario, profile(arguments.rules))
+        _, scenario, rules = search_of(arguments)
+        env = SearchEnv(scenario, rules)
     except FieldError as error:
         return fail("export_mission", error)
     resolved = env.scenario

@@ -30,17 +30,15 @@ from tqdm import tqdm
 from dsse_ros.nodes.command_line import (
     BAD_INPUT,
     Parser,
-    check_seed,
     fail,
-    find_scenario,
     make_folder,
+    search_of,
 )
 from dsse_ros.nodes.mission_log import MissionRecord, read_log
 from dsse_ros.nodes.qos import LATCHED
 from dsse_ros.nodes.runtime import Stop, new_executor, on_signals
 from dsse_ros.nodes.settings import SimSettings
-from dsse_ros.planners import PLANNERS
-from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
+from dsse_ros.search import FieldError, Rules, Scenario
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rendering import MissionView, save_picture
 from msg_adapters.images import image_to_probability
@@ -280,16 +278,9 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         prog="run_mission",
         description="Fly one mission: sim_node and planner_node as two processes.",
     )
-    for flag, options in (
-        ("--scenario", {"default": "santos", "help": "YAML file or name"}),
-        ("--rules", {"default": "paper", "choices": tuple(PROFILES), "help": "profile"}),
-        ("--planner", {"default": "greedy", "choices": tuple(PLANNERS), "help": "planner"}),
-        ("--drones", {"type": int, "help": "number of drones, by default the scenario's"}),
-        ("--seed", {"type": int, "default": 0, "help": "of sea, persons and planner"}),
-        ("--rate", {"type": float, "default": 20.0, "help": "steps/s at most, 0: no limit"}),
-        ("--out", {"type": Path, "default": Path("out"), "help": "folder of the results"}),
-    ):
-        parser.add(flag, **options)
+    parser.add_search("santos")
+    parser.add("--rate", type=float, default=20.0, help="steps/s at most, 0: no limit")
+    parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
     return parser.parse_args(argv)
 
 
@@ -297,11 +288,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run one mission; returns 0 at its end, found or not, 2 for bad input, 1 if it failed."""
     arguments = parse(argv)
     try:
-        check_seed(arguments.seed)
         specs(SimSettings)["step_rate"].check("rate", arguments.rate)
-        rules = profile(arguments.rules)
-        path = find_scenario(arguments.scenario)
-        scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones).resolve(rules)
+        path, scenario, rules = search_of(arguments)
         make_folder("out", arguments.out)
     except FieldError as error:
         return fail("run_mission", error)

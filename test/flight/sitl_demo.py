@@ -35,17 +35,15 @@ from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
 
 from dsse_ros.nodes.command_line import (  # noqa: E402
     Parser,
-    check_seed,
     fail,
-    find_scenario,
     make_folder,
+    search_of,
 )
 from dsse_ros.nodes.flight_settings import FlightSettings  # noqa: E402
 from dsse_ros.nodes.qos import COMPLETE, LATCHED  # noqa: E402
 from dsse_ros.nodes.run_mission import MissionFailed, check_running, process  # noqa: E402
 from dsse_ros.nodes.runtime import new_executor  # noqa: E402
-from dsse_ros.planners import PLANNERS  # noqa: E402
-from dsse_ros.search import PROFILES, FieldError, Scenario, profile  # noqa: E402
+from dsse_ros.search import FieldError  # noqa: E402
 from dsse_ros.search.fields import specs  # noqa: E402
 from msg_adapters.frames import GridFrame, cell_to_map  # noqa: E402
 from msg_adapters.geodesy import map_to_geodetic  # noqa: E402
@@ -265,17 +263,10 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
     parser = Parser(prog="sitl_demo", description="Fly a search with simulated autopilots.")
     dialects = specs(FlightSettings)["dialect"].choices
-    for flag, options in (
-        ("--scenario", {"default": "sitl", "help": "YAML file or name"}),
-        ("--rules", {"default": "paper", "choices": tuple(PROFILES), "help": "profile"}),
-        ("--planner", {"default": "greedy", "choices": tuple(PLANNERS), "help": "planner"}),
-        ("--drones", {"type": int, "help": "number of drones, by default the scenario's"}),
-        ("--seed", {"type": int, "default": 0, "help": "of sea, persons and planner"}),
-        ("--dialect", {"default": "ardupilot", "choices": dialects, "help": "whose autopilots"}),
-        ("--speedup", {"type": float, "default": 20.0, "help": "of vehicle time"}),
-        ("--out", {"type": Path, "default": Path("out"), "help": "folder of the results"}),
-    ):
-        parser.add(flag, **options)
+    parser.add_search("sitl")
+    parser.add("--dialect", default="ardupilot", choices=dialects, help="whose autopilots")
+    parser.add("--speedup", type=float, default=20.0, help="of vehicle time")
+    parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
     return parser.parse_args(argv)
 
 
@@ -295,11 +286,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run the demonstration; returns 0 if the person was found and every cell flown."""
     arguments = parse(argv)
     try:
-        check_seed(arguments.seed)
         check_speedup(arguments.speedup)
-        rules = profile(arguments.rules)
-        path = find_scenario(arguments.scenario)
-        scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones).resolve(rules)
+        path, scenario, rules = search_of(arguments)
         make_folder("out", arguments.out)
     except FieldError as error:
         return fail("sitl_demo", error)
