@@ -116,6 +116,7 @@ class Escort:
         at_end: What it does when its drone's search is over: return, land or hold.
         join_timeout_s: Time in which it must be able to take off.
         lost_timeout_s: Time without a heartbeat after which it is lost.
+        whole: Whether the search is flown as one mission, once it is over.
 
     Attributes:
         leg: What is to be done, None before the first step.
@@ -133,6 +134,8 @@ class Escort:
         at_end: str,
         join_timeout_s: float,
         lost_timeout_s: float,
+        *,
+        whole: bool = False,
     ) -> None:
         self._take_off = TakeOff(take_off_alt_m)
         self._fence = fence
@@ -140,6 +143,7 @@ class Escort:
         self._end = ends[at_end]
         self._join_timeout_s = join_timeout_s
         self._lost_timeout_s = lost_timeout_s
+        self._whole = whole
         self.begin()
 
     def begin(self, record: FlightRecord | None = None) -> None:
@@ -176,10 +180,21 @@ class Escort:
         """Whether it has nothing to do until the next step."""
         return self.leg is None or self.arrived or self.leg.over or bool(self.lost or self.refused)
 
-    def follow(self, leg: Leg, task: Result[Task]) -> None:
-        """Take a leg, and what there is to do for it, in place of the one before."""
+    @property
+    def has_task(self) -> bool:
+        """Whether it is known what there is to do for the leg, be it that it is refused."""
+        return self._task is not None or bool(self.refused)
+
+    def follow(self, leg: Leg, task: Result[Task] | None) -> None:
+        """Take a leg, and what there is to do for it, in place of the one before.
+
+        Args:
+            leg: The leg.
+            task: What there is to do, or why it may not be done; None if it is not known yet.
+        """
         before = self.leg
-        if before and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
+        known = self.has_task or task is None
+        if before and known and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
             # A step that is told again: its end alone may be new.
             self.leg = leg
             return
@@ -187,7 +202,7 @@ class Escort:
         self._task = task.value if isinstance(task, Accepted) else None
         self.refused = task.reason if isinstance(task, Rejected) else ""
         if before is None:
-            self._late = leg.over and (self.record.took_off or not self._flies_mission)
+            self._late = leg.over and (self.record.took_off or not self._whole)
 
     def hold(self) -> None:
         """Have it hold until the next leg."""
@@ -238,10 +253,6 @@ class Escort:
         self._done, self._failed_s = False, None
         return order
 
-    @property
-    def _flies_mission(self) -> bool:
-        return isinstance(self._task, FlyMission)
-
     def _stamped(self, order: Order) -> tuple[Order, int]:
         assert self.leg is not None
         return order, self.leg.stamp_ns if isinstance(order, Search) else 0
@@ -254,7 +265,7 @@ class Escort:
         if outcome.status == "failed" and self._failed_s is None:
             self._failed_s = now_s
             # A mission that is begun again would fly the whole search again.
-            last = self._tries >= TRIES or (self._flies_mission and self.record.took_off)
+            last = self._tries >= TRIES or (self._whole and self.record.took_off)
             if last and not self.lost:
                 self._lose(f"failed: {outcome.reason}")
         if self._done and self._task is not None and self._given == self._stamped(self._task):
@@ -299,7 +310,7 @@ class Escort:
     def _hindrance(self, state: VehicleState, outcome: Outcome, because: str) -> tuple[str, str]:
         """Return what keeps it from taking off, and why; empty if nothing does."""
         assert self.leg is not None
-        if state.armed or self.record.took_off or (self.leg.over and not self._flies_mission):
+        if state.armed or self.record.took_off or (self.leg.over and not self._whole):
             return "", ""
         if not state.mode:
             return "not heard", because
@@ -307,6 +318,8 @@ class Escort:
             return "", ""
         if not state.has_position:
             return "no position", because
+        if not self.has_task:
+            return "no home position", because
         if not state.ready:
             waits = takes_off_yet(state, outcome) and outcome.reason
             return "not ready", f": {outcome.reason}" if waits else because
@@ -321,7 +334,7 @@ class Escort:
         if not self.leg.over:
             return False
         at_rest = not state.armed and not state.flying and not takes_off_yet(state, outcome)
-        if self._flies_mission:
+        if self._whole:
             return self.arrived or (self._late and at_rest)
         return at_rest or (self._given is not None and self._given[0] == self._end and self._done)
 
@@ -330,11 +343,11 @@ class Escort:
         assert self.leg is not None
         takes_off = takes_off_yet(state, outcome)
         stop = Hold() if takes_off else None
-        if self._flies_mission and not self.lost:
+        if self._whole and not self.lost:
             # It has its own end, and goes on without us.
             if self.arrived or self._late or state.flying:
                 return None
-            return self._task if self._may_take_off(state) else stop
+            return self._task if self._task and self._may_take_off(state) else stop
         done = self.arrived or self._task is None or self.leg.crashed or self._late
         if self.lost or (self.leg.over and done):
             return self._end if state.flying or takes_off else None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.nodes.command_line import Parser, fail, search_of
 from dsse_ros.nodes.flight_settings import FlightSettings
-from dsse_ros.nodes.track_files import search_mission, write_missions
+from dsse_ros.nodes.track_files import layers, search_mission, write_missions
 from dsse_ros.planners import make_planner
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.fields import specs
@@ -76,7 +76,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     add("--dialect", default=defaults.dialect, choices=of_flight["dialect"].choices,
         help="whose missions")  # fmt: skip
     add("--every-cell", action="store_true", help="a waypoint in each cell of a straight leg")
-    for name in ("acceptance_radius", "search_altitude", "search_hold"):
+    for name in ("acceptance_radius", "search_altitude", "search_hold", "altitude_step"):
         spec = of_flight[name]
         add(f"--{name.replace('_', '-')}", type=float, default=getattr(defaults, name),
             help=f"{spec.doc.rstrip('.')}, {spec.unit}")  # fmt: skip
@@ -93,6 +93,7 @@ def main(argv: list[str] | None = None) -> int:
             acceptance_radius=arguments.acceptance_radius,
             search_altitude=arguments.search_altitude,
             search_hold=arguments.search_hold,
+            altitude_step=arguments.altitude_step,
         )
         home = _home(arguments.home) if arguments.home else None
         _, scenario, rules = search_of(arguments)
@@ -108,9 +109,13 @@ def main(argv: list[str] | None = None) -> int:
         origin_alt_m=resolved.origin_alt,
         alt_m=resolved.altitude,
     )
+    try:
+        frames = layers(frame, settings, len(env.possible_agents))
+    except FieldError as error:
+        return fail("export_mission", error)
     cells, searched, found = play(env, arguments.planner, arguments.seed)
     missions = {
-        name: search_mission(frame, cells[:, i], searched[:, i], settings, home)
+        name: search_mission(frames[i], cells[:, i], searched[:, i], settings, home)
         for i, name in enumerate(env.possible_agents)
     }
     try:

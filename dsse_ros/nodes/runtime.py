@@ -65,7 +65,10 @@ class AlarmNode(Node):
 
     Attributes:
         alarms: In seconds of wall time.
+        finished: Whether the node has done what it was started for, and its process ends.
     """
+
+    finished = False
 
     def __init__(self, name: str) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
@@ -117,7 +120,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
         # A node is left between two callbacks only, so none of them meets a context that is gone.
         on_signals(stop)
         # EventsExecutor.spin() of rclpy 7.1 burns a whole core once a timer exists.
-        while rclpy.ok() and not stop.wanted:
+        while rclpy.ok() and not (stop.wanted or node.finished):
             executor.spin_once(timeout_sec=min(node.alarms.wait_s(), _LOOK_S))
             node.alarms.ring()
     except FieldError as error:

@@ -43,7 +43,12 @@ from dsse_ros.nodes.publishers import MissionPublishers
 from dsse_ros.nodes.qos import RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
-from dsse_ros.nodes.track_files import acceptance_radius_m, search_mission, write_missions
+from dsse_ros.nodes.track_files import (
+    acceptance_radius_m,
+    layers,
+    search_mission,
+    write_missions,
+)
 from dsse_ros.search import FieldError, Scenario, SearchEnv, Snapshot, SnapshotError, profile
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
@@ -545,9 +550,14 @@ class SimNode(AlarmNode):
             name: self._track(i, settings.export_tracks)
             for i, name in enumerate(mission.env.possible_agents)
         }
+        try:
+            frames = layers(self.frame, settings, len(tracks))
+        except FieldError as error:
+            response.success, response.message = False, str(error)
+            return response
         missions = {
-            name: search_mission(self.frame, cells, searched, settings)
-            for name, (cells, searched) in tracks.items()
+            name: search_mission(frame, cells, searched, settings)
+            for frame, (name, (cells, searched)) in zip(frames, tracks.items(), strict=True)
         }
         try:
             write_missions(directory, missions, settings.dialect)

@@ -257,7 +257,7 @@ def fly_mission(led: Escort) -> None:
 
 
 def test_a_mission_that_waits_for_its_take_off_is_not_flown_by_who_was_lost() -> None:
-    led = escort()
+    led = escort(whole=True)
     vehicle = Vehicle(led)
     fly_mission(led)
     assert isinstance(vehicle.turn(), FlyMission)
@@ -302,20 +302,20 @@ def test_a_bridge_started_anew_has_nobody_take_off_who_is_out_of_the_search(
 
 def test_a_mission_that_was_begun_is_not_begun_again_by_a_bridge_started_anew() -> None:
     for state in (ON_GROUND, FLYING):
-        led = escort()
+        led = escort(whole=True)
         led.begin(FlightRecord(took_off=True))
         vehicle = Vehicle(led, state)
         fly_mission(led)
         assert [vehicle.turn() for _ in range(3)] == [None] * 3
         assert led.finished == (not state.flying) and not led.lost
-    led = escort()
+    led = escort(whole=True)
     vehicle = Vehicle(led)
     fly_mission(led)
     assert isinstance(vehicle.turn(), FlyMission) and not led.finished
 
 
 def test_a_mission_that_fails_in_the_air_is_not_begun_again() -> None:
-    led = escort()
+    led = escort(whole=True)
     vehicle = Vehicle(led)
     fly_mission(led)
     vehicle.turn()
@@ -577,7 +577,7 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     mission = search_mission(FRAME, [(0, 9), (1, 9), (1, 9)], [0, 0, 1], SETTINGS, home)
     task = mission_task(mission, FENCE, "ardupilot")
     assert isinstance(task, Accepted)
-    led = escort()
+    led = escort(whole=True)
     vehicle = Vehicle(led)
     led.follow(Leg(26, (1, 9), over=True), task)
     order = vehicle.turn()
@@ -588,3 +588,19 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     assert led.arrived_stamp_ns == 26 and vehicle.turn() is None
     far = mission_task(replace(mission, home=Home(0.0, 0.0, 0.0)), FENCE, "ardupilot")
     assert isinstance(far, Rejected)
+
+
+def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> None:
+    led = escort(whole=True, join_timeout_s=3.0)
+    vehicle = Vehicle(led)
+    leg = Leg(13, (1, 9), over=True)
+    led.follow(leg, None)
+    vehicle.turn()
+    assert led.blocked == "no home position" and not led.has_task
+    fly_mission(led)
+    assert isinstance(vehicle.turn(), FlyMission) and not led.blocked
+    other = escort(whole=True, join_timeout_s=3.0)
+    other.follow(leg, None)
+    for now_s in (0.0, 3.1):
+        assert other.advance(ON_GROUND, Outcome(), now_s) is None
+    assert other.lost == "no home position within 3 s"
