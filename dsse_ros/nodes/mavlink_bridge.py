@@ -17,7 +17,6 @@ from typing import Any, cast
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from msg_adapters.mission_report import mission_report_from_message
 from numpy.typing import NDArray
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
@@ -46,6 +45,7 @@ from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.fence import Fence
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Firmware, Home
+from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
@@ -225,6 +225,7 @@ class BridgeNode(AlarmNode):
             return
         if self._followed is not None and report["step"][0] < self._followed["step"][0]:
             # A simulation with a fixed run_id was started anew.
+            self._mission_report = None
             self._begin(info)
         self._followed = report
         self._idle_s, self._holding = None, False
@@ -293,37 +294,41 @@ class BridgeNode(AlarmNode):
         if self.fleet is not None:
             for name, vehicle in zip(self._names, self.fleet, strict=True):
                 self._watch_link(name, vehicle)
-            for i, (escort, vehicle) in enumerate(zip(self._escorts, self.fleet, strict=False)):
-                self._lead(i, escort, vehicle, now_s)
+            led = list(enumerate(zip(self._escorts, self.fleet, strict=False)))
+            orders = [self._next_order(i, *one, now_s) for i, one in led]
+            # Before anybody hears of it, a bridge that is started again must know it.
+            self._keep_records()
+            for (i, (escort, vehicle)), order in zip(led, orders, strict=True):
+                if order is not None:
+                    self._give(i, vehicle, order)
+                self._tell(i, escort, vehicle, now_s)
             if not self._escorts:
                 for i, vehicle in enumerate(self.fleet):
                     if takes_off_yet(vehicle.state, vehicle.outcome):
                         self._give(i, vehicle, Hold())
                     self._tell(i, None, vehicle, now_s)
-            self._keep_records()
             self._watch_planner(now_s)
         done = self._exported or (self._escorts and all(one.finished for one in self._escorts))
         if self.settings.exit_at_end and done:
             self.finished = True
 
-    def _lead(self, i: int, escort: Escort, vehicle: Vehicle, now_s: float) -> None:
-        state, outcome = vehicle.state, vehicle.outcome
+    def _next_order(self, i: int, escort: Escort, vehicle: Vehicle, now_s: float) -> Order | None:
+        """Return the order that is due for a vehicle, and log what is new about it."""
+        state, outcome, name = vehicle.state, vehicle.outcome, self._names[i]
         if self._tracks is not None and not escort.has_task:
             self._plan(i, escort, state.home)
         lost, refused, blocked = escort.lost, escort.refused, escort.blocked
         alive = self._search_alive and not self._foreign
         order = escort.advance(state, outcome, now_s, vehicle.trouble, search_alive=alive)
-        if order is not None:
-            self._give(i, vehicle, order)
         if escort.lost != lost:
-            self.get_logger().error(f"{self._names[i]} is lost: {escort.lost}")
+            self.get_logger().error(f"{name} is lost: {escort.lost}")
         if escort.refused != refused:
             self._report_refusal(escort)
         if escort.blocked != blocked and escort.blocked:
-            self.get_logger().info(f"{self._names[i]} cannot take off yet: {escort.blocked}")
+            self.get_logger().info(f"{name} cannot take off yet: {escort.blocked}")
         for text in vehicle.take_texts():
-            self.get_logger().info(f"{self._names[i]} says: {text.text}")
-        self._tell(i, escort, vehicle, now_s)
+            self.get_logger().info(f"{name} says: {text.text}")
+        return order
 
     def _keep_records(self) -> None:
         """Keep what is known of the vehicles for a bridge that is started again."""

@@ -225,8 +225,7 @@ def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
     waits = search == "running" and landed
     with autopilots(faults, ready_s=200.0 if waits else 10.0) as vehicles:
         sim = rig.sim(
-            SEARCHED
-            | {"drones_positions": [0, 5], "wait_for_vehicles": True, "timestep_limit": 1}
+            SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True, "timestep_limit": 1}
         )
         at_end = {"at_end": "return" if landed else "hold"}
         first = Bridge(rig, vehicles, **at_end)
@@ -335,9 +334,7 @@ def test_who_cannot_take_off_is_lost_with_the_reason_and_the_other_goes_on(
     given = {"key_file": key} if options.pop("key", False) else options
     with autopilots(()) as one, autopilots((), **given) as other:
         vehicles = [one[0], other[0]]
-        sim = rig.sim(
-            SEARCHED | {"drones_positions": [0, 5, 1, 5], "wait_for_vehicles": True}
-        )
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5], "wait_for_vehicles": True})
         bridge = Bridge(rig, vehicles, system_ids=[1, 1], join_timeout=3.0)
         rig.until(lambda: bridge.state(1).get("lost"), "the second is lost")
         assert why in bridge.state(1)["lost"]
