@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.messages import Address
 from dsse_ros.flight.signing import SigningClock
-from dsse_ros.flight.telegrams import HEARD_NAMES, Heard, Said, read, write
+from dsse_ros.flight.status_texts import StatusTexts
+from dsse_ros.flight.telegrams import HEARD_NAMES, Heard, Said, StatusText, read, write
 
 _MARKER = re.compile(rb"[\xfd\xfe]")
 _V2 = 0xFD
@@ -59,6 +60,7 @@ class Codec:
             self._mav.signing.timestamp = self._clock.now()
         self._rest = b""
         self._rest_since_s = 0.0
+        self._texts = StatusTexts()
 
     def encode(self, said: Said) -> bytes:
         """Return the bytes of a message, numbered and signed."""
@@ -89,7 +91,7 @@ class Codec:
             # What has not gone on for so long was no frame.
             self.counts["bad_data"] += 1
         buffer = self._rest[skip:] + data
-        heard = []
+        heard: list[Heard] = [*self._texts.overdue(now)]
         at, end = 0, len(buffer)
         while at < end:
             length = _frame_length(buffer, at)
@@ -98,7 +100,9 @@ class Codec:
             good = 0 < length <= end - at and _is_frame(buffer, at, length)
             if good:
                 message = self._take(buffer[at : at + length])
-                if message is not None:
+                if isinstance(message, StatusText):
+                    heard += self._texts.take(message, now)
+                elif message is not None:
                     heard.append(message)
                 at += length
                 continue

@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.messages import Address
 from dsse_ros.flight.modes import mode_parameters
+from dsse_ros.flight.paced_setpoint import PacedSetpoint
 from dsse_ros.flight.readback import Dialect
 from dsse_ros.flight.telegrams import (
     CommandAck,
@@ -16,27 +19,25 @@ from dsse_ros.flight.telegrams import (
     MissionSetCurrent,
     Said,
     SetPositionTarget,
-    degrees_e7,
 )
 from dsse_ros.flight.transfer import Exchange, Timeouts
 from dsse_ros.flight.vehicle_state import VehicleState
 
-DO_SET_MODE = 176
-DO_CHANGE_SPEED = 178
-ARM_DISARM, MISSION_START = 400, 300
+DO_SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
+DO_CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
+ARM_DISARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+MISSION_START = mavlink.MAV_CMD_MISSION_START
 
 _RESULTS = {
-    1: "TEMPORARILY_REJECTED",
-    2: "DENIED",
-    3: "UNSUPPORTED",
-    4: "FAILED",
-    6: "CANCELLED",
+    number: entry.name.removeprefix("MAV_RESULT_")
+    for number, entry in mavlink.enums["MAV_RESULT"].items()
 }
-_ACCEPTED, _IN_PROGRESS = 0, 5
+_ACCEPTED, _IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS
 _ACCEPTED_PATIENCE = 3.0
-_GROUND_SPEED = 1.0
+_GROUND_SPEED = float(mavlink.SPEED_TYPE_GROUNDSPEED)
 _UNCHANGED = -1.0
 _SPEED_TRIES = 5
+_PX4_NEEDS_HZ = 2
 _COMES_S = 3.0
 """Until a command shows in a heartbeat, even if it was delayed and a heartbeat lost."""
 _TARGET_DEG = 1e-5
@@ -91,7 +92,7 @@ class PilotSettings:
         for name, least, most in (
             ("alt_tolerance_m", 0.1, 1000),
             ("position_hz", 0.5, 50),
-            ("set_point_hz", 2, 200),
+            ("set_point_hz", math.nextafter(_PX4_NEEDS_HZ, math.inf), 200),
             ("link_lost_s", 0.1, 3600),
             ("command_s", 0.01, 3600),
             ("command_tries", 1, 1000),
@@ -121,7 +122,6 @@ class Helm:
         own_modes: Modes in which the vehicle is ours, None if it never was.
         exchange: Of missions, if there has been one.
         set_point: Where it is told to fly.
-        offboard_lost_s: When PX4 last said that it missed set-points.
     """
 
     def __init__(self, target: Address, settings: PilotSettings) -> None:
@@ -133,7 +133,7 @@ class Helm:
         self.own_modes: frozenset[str] | None = None
         self.exchange: Exchange | None = None
         self.set_point: SetPositionTarget | None = None
-        self.offboard_lost_s = -math.inf
+        self._paced: PacedSetpoint | None = None
         self._words: deque[tuple[float, str]] = deque(maxlen=3)
         self._set_point_since_s = 0.0
         self._set_point_due_s = -math.inf
@@ -207,8 +207,6 @@ class Helm:
     def words(self, text: str) -> None:
         """Take note of what it says in words."""
         self._words.append((self.now, text))
-        if "offboard" in text.lower() and "lost" in text.lower():
-            self.offboard_lost_s = self.now
 
     def said_lately(self) -> str:
         """Return what it has said in words lately, to be put behind a reason."""
@@ -291,9 +289,7 @@ class Helm:
 
     def aim(self, lat_deg: float, lon_deg: float, alt_m: float) -> None:
         """Have it fly to a place, and say so until it does."""
-        set_point = SetPositionTarget(
-            self.target, degrees_e7(lat_deg), degrees_e7(lon_deg), float(alt_m)
-        )
+        set_point = SetPositionTarget(self.target, lat_deg, lon_deg, float(alt_m))
         if self.set_point is None:
             self._streaming_since_s = self.now
         if set_point != self.set_point:
@@ -313,11 +309,11 @@ class Helm:
         target, set_point, state = self.state.target, self.set_point, self.state
         if target is None or set_point is None or state.target_s <= self._set_point_since_s:
             return False
-        alt_amsl_m = set_point.alt + state.alt_amsl_m - state.alt_m
+        alt_amsl_m = set_point.alt_m + state.alt_amsl_m - state.alt_m
         return (
             self.now - state.target_s < _TARGET_STALE_S
-            and abs(target[0] - set_point.lat_int * 1e-7) < _TARGET_DEG
-            and abs(target[1] - set_point.lon_int * 1e-7) < _TARGET_DEG
+            and abs(target[0] - set_point.lat_deg) < _TARGET_DEG
+            and abs(target[1] - set_point.lon_deg) < _TARGET_DEG
             and abs(target[2] - alt_amsl_m) < _TARGET_ALT_M
         )
 
@@ -344,7 +340,7 @@ class Helm:
         pause_s = 1 / self.settings.set_point_hz if self.px4 else self.settings.command_s
         self._set_point_due_s = self.now + pause_s
         if self.px4:
-            self.out.append(self.set_point)
+            self.out.append(self._for_px4(self.set_point))
         elif under_way and self.state.mode == self.guided:
             if self.confirmed:
                 self._set_point_tries = 0
@@ -353,6 +349,27 @@ class Helm:
                 raise OrderFailedError("the vehicle does not take up its target")
             self._set_point_tries += 1
             self.out.append(self.set_point)
+
+    def _for_px4(self, target: SetPositionTarget) -> SetPositionTarget:
+        """Return the setpoint by which PX4 flies to a target, at the speed that is asked for.
+
+        Its altitude is above the sea: PX4 takes one above home to be as far below the height of
+        home over the origin of its estimate as it should be above it.
+        """
+        state, speed_mps = self.state, self.settings.speed_mps
+        if not state.has_position:
+            return target
+        if speed_mps > 0:
+            if state.mode != self.guided:
+                # It stays where it is until it is seen to follow.
+                self._paced = None
+                target = replace(target, lat_deg=state.lat_deg, lon_deg=state.lon_deg)
+            else:
+                if self._paced is None or self._paced.target != target:
+                    self._paced = PacedSetpoint(target, speed_mps, state)
+                target = self._paced.advance(state)
+        alt_amsl_m = target.alt_m + state.alt_amsl_m - state.alt_m
+        return replace(target, alt_m=alt_amsl_m, above_sea=True)
 
     def keep_speed(self) -> None:
         """Ask for the speed; what it flies faster or slower than that is no failure."""

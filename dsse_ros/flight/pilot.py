@@ -23,7 +23,12 @@ Status = Literal["idle", "under_way", "done", "failed", "taken_over", "lost"]
 
 _MISSION_MESSAGES = get_args(messages.Message)
 _TICK_S = 0.2
-_OFFBOARD_LOST_S = 3.0
+_GIVES_BACK_S = 5.0
+"""How long PX4 may take to go back to OFFBOARD once it gets set-points again."""
+_OFFBOARD_LOSS_MODES = frozenset({"RTL", "HOLD", "LAND", "POSCTL", "ALTCTL", "STABILIZED"})
+"""What PX4 does when it misses set-points: parameter COM_OBL_RC_ACT."""
+_DISARMS_S = 3.0
+"""Until the mode that PX4 falls into by disarming shows in a heartbeat."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,8 @@ class Pilot:
         self._outcome = Outcome()
         self._suspect = False
         self._taken_over = False
+        self._missing_until_s: float | None = None
+        self._disarmed_s = -math.inf
         self._due_s = -math.inf
 
     @property
@@ -120,14 +127,14 @@ class Pilot:
         helm = self._helm
         helm.now = now
         was_lost, before = self._lost, helm.state
-        helm.state = observe(before, message, now, self._settings.dialect)
+        helm.state = self._judge(observe(before, message, now, self._settings.dialect))
         self._streams.heard(message, now)
         match message:
             case Heartbeat():
                 if was_lost:
                     self.counts["link_found"] += 1
                     helm.be_patient()
-                self._watch_mode(before.mode)
+                self._watch_mode(before)
             case StatusText(_, text):
                 helm.words(text)
             case CommandAck(_, _, system, component):
@@ -144,6 +151,7 @@ class Pilot:
         self._due_s = now + _TICK_S
         if helm.state.connected and now - helm.state.heard_s > self._settings.link_lost_s:
             helm.state = without_link(helm.state)
+            self._missing_until_s = None
             self.counts["link_lost"] += 1
         if self._may_act:
             if helm.exchange is not None:
@@ -176,6 +184,9 @@ class Pilot:
 
     def _advance(self) -> None:
         helm = self._helm
+        if self._misses_set_points:
+            self._give_set_points()
+            return
         if self._maneuver is not None:
             try:
                 self._wait(next(self._maneuver))
@@ -192,16 +203,75 @@ class Pilot:
         self._outcome = replace(self._outcome, status=status, reason=reason)
         self.counts[status] += 1
 
-    def _watch_mode(self, before: str) -> None:
+    # PX4 without set-points
+
+    def _judge(self, state: VehicleState) -> VehicleState:
+        """Return the state with the failsafe `offboard` where PX4 may be missing set-points.
+
+        It says so in no message that pymavlink knows. It has left OFFBOARD, or whatever it was in
+        before we were there, is critical, and does not say why: so it has missed ours, be it that
+        we were late, that they were lost on their way or that we have been restarted. To send
+        them is harmless, as in any other mode they have no effect.
+        """
+        helm = self._helm
+        if state.failsafe not in ("critical", "offboard"):
+            return state
+        wanted = helm.own_modes is None or helm.set_point is not None
+        elsewhere = state.mode not in (helm.own_modes or ())
+        missed = (
+            helm.px4
+            and not self._taken_over
+            and state.flying
+            and state.mode in _OFFBOARD_LOSS_MODES
+            and ((wanted and elsewhere) or self._misses_set_points)
+        )
+        return replace(state, failsafe="offboard" if missed else "critical")
+
+    @property
+    def _misses_set_points(self) -> bool:
+        return self._helm.px4 and self._helm.state.failsafe == "offboard"
+
+    def _give_set_points(self) -> None:
+        """Send set-points and command no mode: PX4 goes back to OFFBOARD by itself, or it is lost.
+
+        Raises:
+            NotOursError: If it has not for too long.
+        """
+        helm = self._helm
+        if self._maneuver is None and helm.set_point is None:
+            return
+        if helm.set_point is None:
+            if not helm.state.has_position:
+                self._wait("waits for the vehicle's position")
+                return
+            helm.aim(helm.state.lat_deg, helm.state.lon_deg, helm.state.alt_m)
+        if self._missing_until_s is None:
+            self._missing_until_s = helm.now + _GIVES_BACK_S
+            self.counts["offboard_lost"] += 1
+            if helm.own_modes is not None:
+                helm.own_modes |= {helm.guided}
+        if helm.now > self._missing_until_s:
+            raise NotOursError(helm.state.mode)
+        if self._maneuver is not None:
+            helm.be_patient()
+            self._wait(f"misses set-points: waits for {helm.guided}")
+        helm.keep_set_point(under_way=self._maneuver is not None)
+
+    def _watch_mode(self, before: VehicleState) -> None:
         """See whether the mode is another than what we and the autopilot have made it."""
         helm, mode = self._helm, self._helm.state.mode
+        if self._misses_set_points:
+            self._suspect = False
+            return
+        self._missing_until_s = None
+        if before.armed and not helm.state.armed:
+            self._disarmed_s = helm.now
         if self._taken_over or helm.own_modes is None or mode in helm.own_modes:
             self._suspect = False
             return
-        if helm.px4 and mode == "HOLD" and helm.now - helm.offboard_lost_s < _OFFBOARD_LOST_S:
-            # It missed set-points: nobody else wants it.
-            helm.own_modes |= {"HOLD"}
-            self.counts["offboard_lost"] += 1
+        if helm.px4 and not helm.state.armed and helm.now - self._disarmed_s < _DISARMS_S:
+            # By disarming it falls back into a mode that it was in before.
+            helm.own_modes |= {mode}
             return
         if helm.px4 and mode == "HOLD" and not helm.state.armed:
             helm.own_modes |= {"HOLD"}
@@ -213,7 +283,9 @@ class Pilot:
 
     def _take_over(self) -> None:
         self._taken_over = True
+        self._missing_until_s = None
         self._helm.let_go()
+        self._helm.state = self._judge(self._helm.state)
         self._end("taken_over", self._elsewhere())
 
     def _elsewhere(self) -> str:

@@ -13,6 +13,8 @@ from collections import Counter, deque
 from dataclasses import dataclass
 from pathlib import Path
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight.codec import Codec
 from dsse_ros.flight.link import parse_connection
 from dsse_ros.flight.messages import Address
@@ -28,8 +30,10 @@ _MAX_WAIT_S = 0.2
 _AFTER_ERROR_S = 0.1
 _CLOSE_S = 5.0
 _MAX_TEXTS = 100
-_ONBOARD_CONTROLLER, _NO_AUTOPILOT, _ACTIVE = 18, 8, 4
-_OURS = Heartbeat(_ONBOARD_CONTROLLER, _NO_AUTOPILOT, 0, 0, _ACTIVE)
+_OURS = Heartbeat(
+    mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0,
+    mavlink.MAV_STATE_ACTIVE,
+)  # fmt: skip
 
 _logger = logging.getLogger(__name__)
 

@@ -6,9 +6,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight.modes import mode_name
 from dsse_ros.flight.readback import Dialect
 from dsse_ros.flight.telegrams import (
+    BatteryStatus,
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
@@ -22,23 +25,52 @@ from dsse_ros.flight.telegrams import (
     SysStatus,
 )
 
-_ARMED = 128
-_STATE_ACTIVE, _STATE_CRITICAL, _STATE_EMERGENCY = 4, 5, 6
-_POSITION_GOOD, _POSITION_CONSTANT = 16, 128
-_PREARM_CHECK = 1 << 28
-_LANDED_ON_GROUND = 1
-_AIRBORNE = frozenset({2, 3, 4})
-_UNKNOWN_HEADING = 65535
-_GLOBAL_FRAMES = frozenset({0, 5})
-_RELATIVE_FRAMES = frozenset({3, 6})
+_ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+_STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE
+_CRITICAL = frozenset({mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY})
+_POSITION_GOOD = mavlink.EKF_POS_HORIZ_ABS
+_POSITION_CONSTANT = mavlink.EKF_CONST_POS_MODE
+_PREARM_CHECK = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+_LANDED_UNKNOWN = mavlink.MAV_LANDED_STATE_UNDEFINED
+_AIRBORNE = frozenset(
+    {
+        mavlink.MAV_LANDED_STATE_IN_AIR,
+        mavlink.MAV_LANDED_STATE_TAKEOFF,
+        mavlink.MAV_LANDED_STATE_LANDING,
+    }
+)
+_UNKNOWN_HEADING = 2**16 - 1
+_GLOBAL_FRAMES = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
+_RELATIVE_FRAMES = frozenset(
+    {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
+)
+_NO_POSITION = (
+    mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
+)
+_BATTERY_FAILSAFE = frozenset(
+    {
+        mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL,
+        mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY,
+        mavlink.MAV_BATTERY_CHARGE_STATE_FAILED,
+    }
+)
+"""At these PX4 acts; at LOW it only warns."""
+_SENSORS = {
+    mavlink.MAV_SYS_STATUS_AHRS: "ekf",
+    mavlink.MAV_SYS_STATUS_SENSOR_GPS: "gps",
+    mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS: "motors",
+}
+"""What may be the cause of a failsafe, by the bit of SYS_STATUS that says that it is not well."""
 _FAILSAFE_TEXTS = (
     ("battery", ("is low", "failsafe", "low battery", "is critical")),
     ("gcs", ("failsafe",)),
     ("radio", ("failsafe",)),
     ("ekf", ("failsafe",)),
-    ("offboard", ("signal lost",)),
 )
 _CLEARED = "cleared"
+_MISSION_COMPLETE = mavlink.MISSION_STATE_COMPLETE
 
 
 @dataclass(frozen=True)
@@ -60,8 +92,8 @@ class VehicleState:
         climb_mps: Upwards.
         home: Latitude, longitude in degrees and altitude above mean sea level.
         battery: 0 (empty) to 1.
-        failsafe: Empty, or which one has struck: `battery`, `gcs`, `radio`, `ekf`, `offboard`, or
-            `critical` if it does not say which.
+        failsafe: Empty, or which one has struck: `battery`, `gcs`, `radio`, `ekf`, `gps`, `motors`,
+            `offboard` (see `pilot`), or `critical` if it does not say which.
         item_current: Number of the mission item that is flown, or would be; -1 if none.
         item_reached: Number of the item reached last; -1 if none.
         mission_over: Whether it says that the mission has been flown to its end.
@@ -99,8 +131,10 @@ class VehicleState:
     # What it takes to know some of the above.
     _position_good: bool = False
     _checks_passed: bool = False
-    _landed_state: int = 0
+    _landed_state: int = _LANDED_UNKNOWN
     _alarm: str = ""
+    _battery_low: bool = False
+    _unwell: str = ""
 
     @property
     def has_position(self) -> bool:
@@ -122,11 +156,10 @@ def observe(state: VehicleState, heard: Heard, now: float, dialect: Dialect) -> 
             return _heartbeat(state, heard, now, dialect)
         case GlobalPosition():
             return _position(state, heard, now)
-        case SysStatus(health, remaining):
-            passed = bool(health & _PREARM_CHECK)
-            battery = remaining / 100 if 0 <= remaining <= 100 else math.nan
-            ready = passed and state._position_good
-            return replace(state, battery=battery, _checks_passed=passed, ready=ready)
+        case SysStatus():
+            return _sys_status(state, heard, dialect)
+        case BatteryStatus(charge):
+            return _failsafe(replace(state, _battery_low=charge in _BATTERY_FAILSAFE))
         case EkfStatus(flags):
             good = bool(flags & _POSITION_GOOD) and not flags & _POSITION_CONSTANT
             return replace(state, _position_good=good, ready=good and state._checks_passed)
@@ -137,7 +170,7 @@ def observe(state: VehicleState, heard: Heard, now: float, dialect: Dialect) -> 
         case PositionTarget():
             return replace(state, target=_target(state, heard), target_s=now)
         case MissionCurrent(seq, mission_state):
-            return replace(state, item_current=seq, mission_over=mission_state == 5)
+            return replace(state, item_current=seq, mission_over=mission_state == _MISSION_COMPLETE)
         case MissionItemReached(seq):
             return replace(state, item_reached=seq)
         case StatusText(_, text):
@@ -150,8 +183,33 @@ def without_link(state: VehicleState) -> VehicleState:
     return replace(state, connected=False, ready=False)
 
 
+def _sys_status(state: VehicleState, heard: SysStatus, dialect: Dialect) -> VehicleState:
+    health, remaining = heard.onboard_control_sensors_health, heard.battery_remaining
+    passed = bool(health & _PREARM_CHECK)
+    # PX4 has looked at its position estimate, of which it says CONST_POS_MODE wherever it rests.
+    placed = state.has_position if dialect == "px4" else state._position_good
+    missing = heard.onboard_control_sensors_enabled & ~health
+    return _failsafe(
+        replace(
+            state,
+            battery=remaining / 100 if 0 <= remaining <= 100 else math.nan,
+            ready=passed and placed,
+            _checks_passed=passed,
+            _unwell=next((name for bit, name in _SENSORS.items() if missing & bit), ""),
+        )
+    )
+
+
+def _failsafe(state: VehicleState) -> VehicleState:
+    """Name the failsafe that has struck, if one has, by what else is known."""
+    if not state.failsafe:
+        return state
+    battery = "battery" if state._battery_low else ""
+    return replace(state, failsafe=state._alarm or battery or state._unwell or "critical")
+
+
 def _heartbeat(state: VehicleState, heard: Heartbeat, now: float, dialect: Dialect) -> VehicleState:
-    critical = heard.system_status in (_STATE_CRITICAL, _STATE_EMERGENCY)
+    critical = heard.system_status in _CRITICAL
     armed = bool(heard.base_mode & _ARMED)
     known = replace(
         state,
@@ -159,17 +217,18 @@ def _heartbeat(state: VehicleState, heard: Heartbeat, now: float, dialect: Diale
         heard_s=now,
         armed=armed,
         mode=mode_name(heard.custom_mode, dialect),
-        failsafe=(state._alarm or "critical") if critical else "",
+        failsafe="critical" if critical else "",
         _alarm=state._alarm if critical else "",
     )
-    if state._landed_state == 0:
+    known = _failsafe(known)
+    if state._landed_state == _LANDED_UNKNOWN:
         # It has not said more exactly yet.
         return replace(known, flying=armed and heard.system_status >= _STATE_ACTIVE)
     return _flying(known)
 
 
 def _flying(state: VehicleState) -> VehicleState:
-    if state._landed_state == 0:
+    if state._landed_state == _LANDED_UNKNOWN:
         return state
     return replace(state, flying=state.armed and state._landed_state in _AIRBORNE)
 
@@ -194,7 +253,7 @@ def _position(state: VehicleState, heard: GlobalPosition, now: float) -> Vehicle
 
 
 def _target(state: VehicleState, heard: PositionTarget) -> tuple[float, float, float] | None:
-    if heard.type_mask & 0b111:
+    if heard.type_mask & _NO_POSITION:
         return None
     alt_amsl_m = heard.alt
     if heard.coordinate_frame in _RELATIVE_FRAMES:

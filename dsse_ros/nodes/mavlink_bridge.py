@@ -509,7 +509,7 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
     """
     if settings.mode == "export":
         return None
-    connections = settings.connections or default_connections(settings.vehicles)
+    connections = settings.connections or default_connections(settings.vehicles, settings.dialect)
     system_ids = settings.system_ids or range(1, settings.vehicles + 1)
     try:
         return Fleet(

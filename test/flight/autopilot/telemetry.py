@@ -64,13 +64,12 @@ def heartbeat(vehicle: Vehicle) -> Message:
     base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | vehicle.base_mode
     if vehicle.armed:
         base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-    state = mavlink.MAV_STATE_STANDBY if vehicle.landed else mavlink.MAV_STATE_ACTIVE
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_QUADROTOR,
         vehicle.autopilot,
         base_mode,
         vehicle.custom_mode,
-        mavlink.MAV_STATE_CRITICAL if vehicle.failsafes else state,
+        vehicle.system_status,
         3,
     )
 
@@ -184,6 +183,7 @@ def battery_status(vehicle: Vehicle) -> Message:
     return mavlink.MAVLink_battery_status_message(
         0, mavlink.MAV_BATTERY_FUNCTION_ALL, mavlink.MAV_BATTERY_TYPE_LIPO, 2500,
         [cell] * _CELLS + [65535] * (10 - _CELLS), 1500, -1, -1, round(100 * vehicle.battery),
+        charge_state=vehicle.charge_state,
     )  # fmt: skip
 
 

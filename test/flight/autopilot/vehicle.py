@@ -254,6 +254,18 @@ class Vehicle(ABC):
         """EKF_STATUS_REPORT.flags, or ESTIMATOR_STATUS.flags."""
 
     @property
+    def system_status(self) -> int:
+        """HEARTBEAT.system_status."""
+        if self.failsafes:
+            return mavlink.MAV_STATE_CRITICAL
+        return mavlink.MAV_STATE_STANDBY if self.landed else mavlink.MAV_STATE_ACTIVE
+
+    @property
+    def charge_state(self) -> int:
+        """BATTERY_STATUS.charge_state."""
+        return mavlink.MAV_BATTERY_CHARGE_STATE_OK
+
+    @property
     @abstractmethod
     def base_mode(self) -> int:
         """HEARTBEAT.base_mode, but for the flags that both autopilots have."""
