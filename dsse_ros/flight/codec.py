@@ -16,6 +16,7 @@ from dsse_ros.flight.messages import Address
 from dsse_ros.flight.signing import SigningClock
 from dsse_ros.flight.status_texts import StatusTexts
 from dsse_ros.flight.telegrams import HEARD_NAMES, Heard, Said, StatusText, read, write
+from dsse_ros.flight.validation import is_valid
 
 _MARKER = re.compile(rb"[\xfd\xfe]")
 _V2 = 0xFD
@@ -38,7 +39,8 @@ class Codec:
 
     Attributes:
         counts: `accepted`, and why others were not: `bad_data`, `wrong_sender`, `not_needed`,
-            `unsigned`, `forged` (or replayed).
+            `unsigned`, `forged` (or replayed), `invalid` (a place that is none).
+        trouble: What is wrong with the vehicle's signatures; empty if nothing is.
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class Codec:
         clock: SigningClock | None = None,
     ) -> None:
         self.counts: Counter[str] = Counter()
+        self.trouble = ""
         self._target = target
         self._clock = clock or SigningClock()
         self._mav = _Mav(None, srcSystem=source.system, srcComponent=source.component)
@@ -134,13 +137,18 @@ class Codec:
         number = frame[5] if old else int.from_bytes(frame[7:10], "little")
         if number not in _HEARD_NUMBERS:
             return self._refuse("not_needed")
-        if self._signing and (old or not frame[2] & _SIGNED):
+        signed = not old and bool(frame[2] & _SIGNED)
+        if self._signing and not signed:
+            self.trouble = "its messages are not signed"
             return self._refuse("unsigned")
         try:
             message = self._mav.decode(bytearray(frame))
             heard = read(message.get_type(), vars(message))
         except mavlink.MAVError:
-            return self._refuse("forged" if self._signing else "bad_data")
+            if not self._signing:
+                return self._refuse("bad_data")
+            self.trouble = "its messages are not signed with our key, or are of the past"
+            return self._refuse("forged")
         except Exception:
             # Whatever it is that generated code cannot cope with.
             return self._refuse("bad_data")
@@ -148,6 +156,11 @@ class Codec:
             return self._refuse("bad_data")
         if self._signing:
             self._clock.used(self._mav.signing.timestamp)
+        # Whoever signs obeys nobody who does not.
+        unanswered = signed and not self._signing
+        self.trouble = "its messages are signed, and no key is given" if unanswered else ""
+        if not is_valid(heard):
+            return self._refuse("invalid")
         self.counts["accepted"] += 1
         return heard
 

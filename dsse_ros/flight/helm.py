@@ -33,6 +33,15 @@ _RESULTS = {
     for number, entry in mavlink.enums["MAV_RESULT"].items()
 }
 _ACCEPTED, _IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS
+_HOPELESS = frozenset(
+    {
+        mavlink.MAV_RESULT_UNSUPPORTED,
+        mavlink.MAV_RESULT_COMMAND_INT_ONLY,
+        mavlink.MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME,
+    }
+)
+"""Results that are the same however often a command is sent."""
+_DENIED_TRIES = 3
 _ACCEPTED_PATIENCE = 3.0
 _GROUND_SPEED = float(mavlink.SPEED_TYPE_GROUNDSPEED)
 _UNCHANGED = -1.0
@@ -60,10 +69,9 @@ class PilotSettings:
         alt_tolerance_m: Difference in altitude at which the vehicle is there.
         position_hz: How often to ask for positions, in the vehicle's time.
         set_point_hz: How often PX4 is told where to fly; it needs more than 2 in its own time.
-        link_lost_s: Time without a heartbeat after which the vehicle counts as lost.
+        link_timeout_s: Time without a heartbeat after which the vehicle is silent.
         command_s: Time after which a command is sent again that has had no effect.
         command_tries: How often it is sent before the order fails.
-        ready_timeout_s: How long to wait until the vehicle can be armed.
         stall_s: How long an order may get no nearer to its end.
         transfer: How patient an upload is.
 
@@ -77,10 +85,9 @@ class PilotSettings:
     alt_tolerance_m: float = 3.0
     position_hz: float = 4.0
     set_point_hz: float = 5.0
-    link_lost_s: float = 5.0
+    link_timeout_s: float = 5.0
     command_s: float = 1.0
     command_tries: int = 15
-    ready_timeout_s: float = 300.0
     stall_s: float = 60.0
     transfer: Timeouts = Timeouts()
 
@@ -93,10 +100,9 @@ class PilotSettings:
             ("alt_tolerance_m", 0.1, 1000),
             ("position_hz", 0.5, 50),
             ("set_point_hz", math.nextafter(_PX4_NEEDS_HZ, math.inf), 200),
-            ("link_lost_s", 0.1, 3600),
+            ("link_timeout_s", 0.1, 3600),
             ("command_s", 0.01, 3600),
             ("command_tries", 1, 1000),
-            ("ready_timeout_s", 0.1, 1e6),
             ("stall_s", 0.1, 1e6),
         ):
             value = getattr(self, name)
@@ -105,7 +111,16 @@ class PilotSettings:
 
 
 class OrderFailedError(Exception):
-    """An order cannot be carried out."""
+    """An order cannot be carried out.
+
+    Args:
+        reason: One line for people.
+        final: Whether the same order would fail again.
+    """
+
+    def __init__(self, reason: str, *, final: bool = False) -> None:
+        super().__init__(reason)
+        self.final = final
 
 
 class NotOursError(Exception):
@@ -145,10 +160,10 @@ class Helm:
         self._command_due_s = -math.inf
         self._command_tries = 0
         self._refusal = ""
+        self._result: int | None = None
         self._best: tuple[object, float] = (None, math.inf)
         self._best_since_s = 0.0
         self._streaming_since_s = 0.0
-        self._ready_by_s = math.inf
         self._expected: dict[str, float] = {}
         self._arming_until_s = -math.inf
 
@@ -182,8 +197,10 @@ class Helm:
     def begin(self) -> None:
         """Forget what the last order was about."""
         self._command, self._asking = None, ""
-        self._refusal = ""
-        self._ready_by_s = math.inf
+        self._refusal, self._result = "", None
+        if not self.px4:
+            # PX4 needs a stream of them; others are told of each order's anew.
+            self.set_point = None
         self._speed_tries = _SPEED_TRIES if self.settings.speed_mps > 0 else 0
         self._best = (None, math.inf)
         self.be_patient()
@@ -215,10 +232,11 @@ class Helm:
 
     def acknowledged(self, ack: CommandAck) -> None:
         """Take note of an answer to a command; it proves nothing."""
-        if ack.command == DO_CHANGE_SPEED and ack.result == _ACCEPTED:
+        if ack.command == DO_CHANGE_SPEED and ack.result in (_ACCEPTED, *_HOPELESS):
             self._speed_tries = 0
         command = self._command
         if isinstance(command, CommandLong) and command.command == ack.command:
+            self._result = ack.result
             if ack.result in (_ACCEPTED, _IN_PROGRESS):
                 self._refusal = ""
                 # It takes a while until that shows.
@@ -239,17 +257,21 @@ class Helm:
             takes_s: How long its effect takes at least; again before that, it would begin anew.
 
         Raises:
-            OrderFailedError: If it was sent often enough.
+            OrderFailedError: If it was sent often enough, or the vehicle does not know it.
         """
         if what != self._asking:
             self._asking = what
             self._command_due_s = self.now
             self._command_tries = 0
-            self._refusal = ""
+            self._refusal, self._result = "", None
         self._command = said
+        if self._result in _HOPELESS:
+            raise OrderFailedError(f"{what}{self._refusal}", final=True)
         if self.now >= self._command_due_s:
-            if self._command_tries >= self.settings.command_tries:
-                tries = self.settings.command_tries
+            tries = self.settings.command_tries
+            if self._result == mavlink.MAV_RESULT_DENIED:
+                tries = min(tries, _DENIED_TRIES)
+            if self._command_tries >= tries:
                 raise OrderFailedError(f"{what}: no effect, asked {tries} times{self._refusal}")
             self._command_tries += 1
             self._command_due_s = self.now + max(self.settings.command_s, takes_s)
@@ -346,7 +368,10 @@ class Helm:
                 self._set_point_tries = 0
                 return
             if self._set_point_tries >= self.settings.command_tries:
-                raise OrderFailedError("the vehicle does not take up its target")
+                fence = ": its own geofence is enabled" if self.state.fenced else ""
+                raise OrderFailedError(
+                    f"the vehicle does not take up its target{fence}{self.said_lately()}"
+                )
             self._set_point_tries += 1
             self.out.append(self.set_point)
 
@@ -399,15 +424,3 @@ class Helm:
         elif self.now - self._best_since_s > self.settings.stall_s + patience_s:
             stalled_s = self.settings.stall_s + patience_s
             raise OrderFailedError(f"no progress for {stalled_s:g} s{self.said_lately()}")
-
-    def expect_ready(self) -> None:
-        """Watch that it does not take too long until it can be armed.
-
-        Raises:
-            OrderFailedError: If it does.
-        """
-        if self._ready_by_s == math.inf:
-            self._ready_by_s = self.now + self.settings.ready_timeout_s
-        if self.now > self._ready_by_s:
-            timeout_s = self.settings.ready_timeout_s
-            raise OrderFailedError(f"not ready within {timeout_s:g} s{self.said_lately()}")

@@ -281,8 +281,9 @@ def _mission_modes(
 
 def _until_known(helm: Helm) -> Maneuver:
     while not (helm.state.connected and helm.state.has_position and _saw_position(helm)):
-        helm.expect_ready()
-        yield "waits for the vehicle's position"
+        if helm.state.flying:
+            helm.expect_nearer("position", 0.0)
+        yield "waits for the vehicle's position" + _unready(helm)
 
 
 def _until_up_or_not(helm: Helm) -> Maneuver:
@@ -294,7 +295,7 @@ def _until_up_or_not(helm: Helm) -> Maneuver:
 
 def _saw_position(helm: Helm) -> bool:
     """Whether the position is one of the link that is up now."""
-    return helm.now - helm.state.position_s < helm.settings.link_lost_s
+    return helm.now - helm.state.position_s < helm.settings.link_timeout_s
 
 
 def _moving_mps(helm: Helm) -> float:
@@ -334,8 +335,7 @@ def _ready_for_take_off(helm: Helm) -> str:
             return helm.set_mode(helm.resting)
         return f"waits for {helm.resting}: it is in {state.mode}"
     if not state.armed and not state.ready:
-        helm.expect_ready()
-        return "waits until it is ready" + helm.said_lately()
+        return "waits until it is ready" + _unready(helm)
     if state.mode not in good_modes:
         if arm and not state.armed:
             return helm.set_mode(helm.resting)
@@ -349,6 +349,10 @@ def _ready_for_take_off(helm: Helm) -> str:
         helm.own_modes = None
         return "waits for somebody to arm it"
     return ""
+
+
+def _unready(helm: Helm) -> str:
+    return f" ({helm.state.unready})" if helm.state.unready else ""
 
 
 def _take_off_parameters(helm: Helm, alt_m: float) -> tuple[float, ...]:

@@ -24,6 +24,7 @@ from dsse_ros.flight.telegrams import (
     StatusText,
     SysStatus,
 )
+from dsse_ros.flight.validation import NO_POSITION
 
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE
@@ -39,16 +40,12 @@ _AIRBORNE = frozenset(
         mavlink.MAV_LANDED_STATE_LANDING,
     }
 )
-_UNKNOWN_HEADING = 2**16 - 1
+_MAX_HEADING = 36_000
 _GLOBAL_FRAMES = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
 _RELATIVE_FRAMES = frozenset(
     {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
 )
-_NO_POSITION = (
-    mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
-)
+_FENCE = mavlink.MAV_SYS_STATUS_GEOFENCE
 _BATTERY_FAILSAFE = frozenset(
     {
         mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL,
@@ -70,6 +67,10 @@ _FAILSAFE_TEXTS = (
     ("ekf", ("failsafe",)),
 )
 _CLEARED = "cleared"
+_CHECKS = ("prearm:", "arm:", "preflight fail:")
+"""How texts begin that say why it cannot be armed."""
+_REPEATED_S = 35.0
+"""They are repeated as long as they are true: by ArduPilot every 30 s."""
 _MISSION_COMPLETE = mavlink.MISSION_STATE_COMPLETE
 
 
@@ -92,6 +93,7 @@ class VehicleState:
         climb_mps: Upwards.
         home: Latitude, longitude in degrees and altitude above mean sea level.
         battery: 0 (empty) to 1.
+        fenced: Whether it says that a geofence of its own is enabled.
         failsafe: Empty, or which one has struck: `battery`, `gcs`, `radio`, `ekf`, `gps`, `motors`,
             `offboard` (see `pilot`), or `critical` if it does not say which.
         item_current: Number of the mission item that is flown, or would be; -1 if none.
@@ -119,6 +121,7 @@ class VehicleState:
     climb_mps: float = math.nan
     home: tuple[float, float, float] | None = None
     battery: float = math.nan
+    fenced: bool = False
     failsafe: str = ""
     item_current: int = -1
     item_reached: int = -1
@@ -135,6 +138,12 @@ class VehicleState:
     _alarm: str = ""
     _battery_low: bool = False
     _unwell: str = ""
+    _complaints: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def unready(self) -> str:
+        """What it has said lately of why it is not ready; empty if it is, or has not said."""
+        return "; ".join(text for text, _ in self._complaints)
 
     @property
     def has_position(self) -> bool:
@@ -162,7 +171,7 @@ def observe(state: VehicleState, heard: Heard, now: float, dialect: Dialect) -> 
             return _failsafe(replace(state, _battery_low=charge in _BATTERY_FAILSAFE))
         case EkfStatus(flags):
             good = bool(flags & _POSITION_GOOD) and not flags & _POSITION_CONSTANT
-            return replace(state, _position_good=good, ready=good and state._checks_passed)
+            return _ready(replace(state, _position_good=good), good and state._checks_passed)
         case ExtendedSysState(landed):
             return _flying(replace(state, _landed_state=landed))
         case HomePosition(lat, lon, alt):
@@ -174,7 +183,7 @@ def observe(state: VehicleState, heard: Heard, now: float, dialect: Dialect) -> 
         case MissionItemReached(seq):
             return replace(state, item_reached=seq)
         case StatusText(_, text):
-            return _status_text(state, text)
+            return _status_text(state, text, now)
     return state
 
 
@@ -189,15 +198,20 @@ def _sys_status(state: VehicleState, heard: SysStatus, dialect: Dialect) -> Vehi
     # PX4 has looked at its position estimate, of which it says CONST_POS_MODE wherever it rests.
     placed = state.has_position if dialect == "px4" else state._position_good
     missing = heard.onboard_control_sensors_enabled & ~health
-    return _failsafe(
+    state = _failsafe(
         replace(
             state,
             battery=remaining / 100 if 0 <= remaining <= 100 else math.nan,
-            ready=passed and placed,
+            fenced=bool(heard.onboard_control_sensors_enabled & _FENCE),
             _checks_passed=passed,
             _unwell=next((name for bit, name in _SENSORS.items() if missing & bit), ""),
         )
     )
+    return _ready(state, passed and placed)
+
+
+def _ready(state: VehicleState, ready: bool) -> VehicleState:
+    return replace(state, ready=ready, _complaints=() if ready else state._complaints)
 
 
 def _failsafe(state: VehicleState) -> VehicleState:
@@ -237,7 +251,7 @@ def _position(state: VehicleState, heard: GlobalPosition, now: float) -> Vehicle
     if heard.lat == 0 and heard.lon == 0:
         # So it says when it does not know.
         return state
-    heading_deg = math.nan if heard.hdg == _UNKNOWN_HEADING else heard.hdg / 100
+    heading_deg = heard.hdg / 100 if heard.hdg <= _MAX_HEADING else math.nan
     return replace(
         state,
         lat_deg=heard.lat * 1e-7,
@@ -253,7 +267,7 @@ def _position(state: VehicleState, heard: GlobalPosition, now: float) -> Vehicle
 
 
 def _target(state: VehicleState, heard: PositionTarget) -> tuple[float, float, float] | None:
-    if heard.type_mask & _NO_POSITION:
+    if heard.type_mask & NO_POSITION:
         return None
     alt_amsl_m = heard.alt
     if heard.coordinate_frame in _RELATIVE_FRAMES:
@@ -263,10 +277,12 @@ def _target(state: VehicleState, heard: PositionTarget) -> tuple[float, float, f
     return heard.lat_int * 1e-7, heard.lon_int * 1e-7, alt_amsl_m
 
 
-def _status_text(state: VehicleState, text: str) -> VehicleState:
+def _status_text(state: VehicleState, text: str, now: float) -> VehicleState:
     lower = text.lower()
-    if lower.startswith(("prearm:", "arm:")):
-        return state
+    if lower.startswith(_CHECKS):
+        complaints = dict(state._complaints) | {text: now}
+        latest = [(one, said_s) for one, said_s in complaints.items() if now - said_s < _REPEATED_S]
+        return replace(state, _complaints=tuple(latest))
     for name, signs in _FAILSAFE_TEXTS:
         if name in lower and any(sign in lower for sign in signs):
             alarm = "" if _CLEARED in lower else name

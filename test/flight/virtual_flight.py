@@ -118,7 +118,7 @@ class VirtualFlight:
     def fly(self, order: Order, limit_s: float = 600.0) -> Outcome:
         """Give an order, and return what has become of it in the end."""
         self.give(order)
-        self.until(lambda: self.outcome.status not in ("under_way", "lost"), limit_s)
+        self.until(lambda: self.outcome.status not in ("under_way", "silent"), limit_s)
         return self.outcome
 
     @property
