@@ -53,6 +53,7 @@ _TARGET_DEG = 1e-5
 _TARGET_ALT_M = 1.0
 _TARGET_STALE_S = 5.0
 _NEARER_M = 0.5
+_HOME_GAIN = 0.05
 _METRES_PER_DEGREE = 111_195.0
 # Words that explain a refusal come just before or after it.
 _WORDS_S = 5.0
@@ -149,6 +150,7 @@ class Helm:
         self.exchange: Exchange | None = None
         self.set_point: SetPositionTarget | None = None
         self._paced: PacedSetpoint | None = None
+        self._home_alt_m = math.nan
         self._words: deque[tuple[float, str]] = deque(maxlen=3)
         self._set_point_since_s = 0.0
         self._set_point_due_s = -math.inf
@@ -378,8 +380,9 @@ class Helm:
     def _for_px4(self, target: SetPositionTarget) -> SetPositionTarget:
         """Return the setpoint by which PX4 flies to a target, at the speed that is asked for.
 
-        Its altitude is above the sea: PX4 takes one above home to be as far below the height of
-        home over the origin of its estimate as it should be above it.
+        Its altitude is above the sea, since PX4 takes that above home with the wrong sign for the
+        height of home over the origin of its estimate. It moves its home by a metre up and down in
+        the first minutes of a flight, hence the mean.
         """
         state, speed_mps = self.state, self.settings.speed_mps
         if not state.has_position:
@@ -393,8 +396,11 @@ class Helm:
                 if self._paced is None or self._paced.target != target:
                     self._paced = PacedSetpoint(target, speed_mps, state)
                 target = self._paced.advance(state)
-        alt_amsl_m = target.alt_m + state.alt_amsl_m - state.alt_m
-        return replace(target, alt_m=alt_amsl_m, above_sea=True)
+        home_m = state.alt_amsl_m - state.alt_m
+        if not math.isfinite(self._home_alt_m):
+            self._home_alt_m = home_m
+        self._home_alt_m += _HOME_GAIN * (home_m - self._home_alt_m)
+        return replace(target, alt_m=target.alt_m + self._home_alt_m, above_sea=True)
 
     def keep_speed(self) -> None:
         """Ask for the speed; what it flies faster or slower than that is no failure."""

@@ -2,7 +2,8 @@
 """Long status texts, which come in chunks.
 
 https://mavlink.io/en/messages/common.html#STATUSTEXT: chunks of one text have the same id, which
-is not 0, and are numbered from 0; the last one is not full.
+is not 0, and are numbered from 0; the last one is not full. PX4 sends none unless it hears a
+ground station on the link, and marks those that it also sends as events by a tab at their end.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class _Text:
                 parts.append(self.chunks[seq])
             elif seq - 1 in self.chunks or seq == 0:
                 parts.append(_MISSING)
-        return StatusText(self.severity, "".join(parts))
+        return StatusText(self.severity, "".join(parts).rstrip())
 
     @property
     def whole(self) -> bool:
@@ -48,7 +49,7 @@ class StatusTexts:
     def take(self, chunk: StatusText, now: float) -> list[StatusText]:
         """Return the texts that are whole with this chunk, at most one of its own."""
         if chunk.id == 0:
-            return [chunk]
+            return [StatusText(chunk.severity, chunk.text.rstrip())]
         done = self._oldest() if len(self._open) >= _MAX_OPEN else []
         text = self._open.setdefault(chunk.id, _Text(chunk.severity, now))
         text.chunks[chunk.chunk_seq] = chunk.text

@@ -188,7 +188,7 @@ def test_a_message_of_another_dialect_is_passed_over() -> None:
             {"target_system": 7, "command": 176, "param1": 1.0, "param2": 4.0, "param7": 0.0},
         ),
         (
-            SetPositionTarget(VEHICLE, -240000000, -463000000, 120.0),
+            SetPositionTarget(VEHICLE, -24.0, -46.3, 120.0),
             "SET_POSITION_TARGET_GLOBAL_INT",
             {
                 "target_system": 7,

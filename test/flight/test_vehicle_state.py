@@ -107,7 +107,6 @@ def test_a_battery_that_is_not_measured_is_not_known() -> None:
         ("GCS Failsafe", "gcs"),
         ("Radio Failsafe - RTL", "radio"),
         ("EKF Failsafe: changed to LAND Mode", "ekf"),
-        ("Offboard signal lost", "offboard"),
         ("PreArm: Battery 1 low voltage failsafe", ""),
         ("Reached command #3", ""),
     ],

@@ -57,7 +57,8 @@ class VirtualFlight:
     ) -> None:
         options = {"ready_s": 5.0, **(vehicle or {})}
         self.vehicle = make_vehicle(Settings(dialect=dialect, seed=seed, **options))
-        self.pilot = Pilot(VEHICLE, OURSELVES, PilotSettings(dialect=dialect, **settings))
+        self._settings = PilotSettings(dialect=dialect, **settings)
+        self.pilot = Pilot(VEHICLE, OURSELVES, self._settings)
         self.now = 0.0
         self.loss, self.duplicate, self.delay_s = loss, duplicate, delay_s
         self.said: list[tuple[float, Said]] = []
@@ -101,6 +102,10 @@ class VirtualFlight:
         end_s = self.now + seconds
         while self.now < end_s:
             self.step()
+
+    def restart(self) -> None:
+        """Put a new pilot in place of the one there is, as when the program is restarted."""
+        self.pilot = Pilot(VEHICLE, OURSELVES, self._settings)
 
     def until(self, condition: Callable[[], Any], limit_s: float = 600.0) -> None:
         """Let time pass until something is true."""

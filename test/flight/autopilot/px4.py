@@ -9,7 +9,7 @@ from dataclasses import replace
 from enum import IntEnum
 from typing import ClassVar
 
-from .channel import Sender
+from .channel import Channel, Sender
 from .commands import ACCEPTED, TEMPORARILY_REJECTED, UNSUPPORTED, Command
 from .local_frame import Point
 from .maneuvers import GoTo, Hold, Land, Return, TakeOff, Track, Velocity
@@ -124,6 +124,7 @@ class Px4(Vehicle):
     def __init__(self, settings: Settings) -> None:
         self.mode = Mode.HOLD
         self.events: list[str] = []
+        self._stations: list[Channel] = []
         self._intended = self._after_disarming = Mode.HOLD
         self._failsafe_s = 0.0
         self._has_landed = False
@@ -204,6 +205,13 @@ class Px4(Vehicle):
             parameters["MPC_Z_VEL_MAX_UP"],
             parameters["MPC_Z_VEL_MAX_DN"],
             parameters["MPC_ACC_UP_MAX"],
+        )
+
+    def offboard_limits(self) -> Limits:
+        """Return the limits of OFFBOARD, which has no cruise speed."""
+        speed_mps = clamp(self.parameters["MPC_XY_VEL_MAX"], 0.1, 30.0)
+        return replace(
+            self.usual_limits(), speed_mps=speed_mps, acceleration_mps2=_OFFBOARD_MPS2
         )
 
     def take_off(self, up_m: float) -> TakeOff:
@@ -372,15 +380,9 @@ class Px4(Vehicle):
             target = self._target(message)
             self.maneuver = Hold()
             if target and target.within_reach:
-                # MAV_CMD_DO_CHANGE_SPEED and the cruise speed are for other modes.
-                limits = replace(
-                    self.usual_limits(),
-                    speed_mps=clamp(self.parameters["MPC_XY_VEL_MAX"], 0.1, 30.0),
-                    acceleration_mps2=_OFFBOARD_MPS2,
-                )
-                slow = message.type_mask & _IGNORE_VELOCITY
-                velocity = (0.0, 0.0) if slow else (message.vx, message.vy)
-                self.maneuver = Track(target, *velocity, limits)
+                stops = message.type_mask & _IGNORE_VELOCITY
+                velocity = (0.0, 0.0) if stops else (message.vx, message.vy)
+                self.maneuver = Track(target, *velocity, self.offboard_limits())
         elif not message.type_mask & _IGNORE_VELOCITY:
             self.maneuver = Velocity(message.vx, message.vy, -message.vz, _OPEN_ENDED_S)
         else:
@@ -428,13 +430,22 @@ class Px4(Vehicle):
                 self._fall_into(Mode.LAND)
 
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
-        """Send it as an EVENT, as PX4 does: a number without words, here one made of the text."""
+        """Send an EVENT, a number without words, here one made of the text.
+
+        The words go only where a ground station is heard, with a tab behind them.
+        """
         number = 0x811C9DC5
         for letter in text.encode():
             number = (number ^ letter) * 0x1000193 % 2**32
         self.events.append(text)
         time_ms, sequence = int(self.time_s * 1000), len(self.events)
         self.broadcast(Event(1 << 24 | number & 0xFFFFFF, time_ms, sequence, severity))
+        for channel in self._stations:
+            channel.send(mavlink.MAVLink_statustext_message(severity, f"{text}\t".encode()[:50]))
+
+    def heard_heartbeat(self, message: Message, sender: Sender) -> None:
+        if message.type == mavlink.MAV_TYPE_GCS and sender.channel not in self._stations:
+            self._stations.append(sender.channel)
 
     def _say_progress(self) -> None:
         if self.mission.current != self._last_current:
