@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -33,13 +33,7 @@ _RESULTS = {
     for number, entry in mavlink.enums["MAV_RESULT"].items()
 }
 _ACCEPTED, _IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS
-_HOPELESS = frozenset(
-    {
-        mavlink.MAV_RESULT_UNSUPPORTED,
-        mavlink.MAV_RESULT_COMMAND_INT_ONLY,
-        mavlink.MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME,
-    }
-)
+_HOPELESS = frozenset({mavlink.MAV_RESULT_UNSUPPORTED, mavlink.MAV_RESULT_COMMAND_INT_ONLY})
 """Results that are the same however often a command is sent."""
 _DENIED_TRIES = 3
 _ACCEPTED_PATIENCE = 3.0
@@ -72,7 +66,7 @@ class PilotSettings:
         set_point_hz: How often PX4 is told where to fly; it needs more than 2 in its own time.
         link_timeout_s: Time without a heartbeat after which the vehicle is silent.
         command_s: Time after which a command is sent again that has had no effect.
-        command_tries: How often it is sent before the order fails.
+        command_tries: How often it is sent for one order before that fails.
         stall_s: How long an order may get no nearer to its end.
         transfer: How patient an upload is.
 
@@ -160,9 +154,8 @@ class Helm:
         self._command: Said | None = None
         self._asking = ""
         self._command_due_s = -math.inf
-        self._command_tries = 0
-        self._refusal = ""
-        self._result: int | None = None
+        self._command_tries: Counter[str] = Counter()
+        self._answers: dict[str, tuple[int, str]] = {}
         self._best: tuple[object, float] = (None, math.inf)
         self._best_since_s = 0.0
         self._streaming_since_s = 0.0
@@ -199,7 +192,8 @@ class Helm:
     def begin(self) -> None:
         """Forget what the last order was about."""
         self._command, self._asking = None, ""
-        self._refusal, self._result = "", None
+        self._command_tries.clear()
+        self._answers.clear()
         if not self.px4:
             # PX4 needs a stream of them; others are told of each order's anew.
             self.set_point = None
@@ -238,15 +232,15 @@ class Helm:
             self._speed_tries = 0
         command = self._command
         if isinstance(command, CommandLong) and command.command == ack.command:
-            self._result = ack.result
+            refusal = ""
             if ack.result in (_ACCEPTED, _IN_PROGRESS):
-                self._refusal = ""
                 # It takes a while until that shows.
                 patient_s = self.now + _ACCEPTED_PATIENCE * self.settings.command_s
                 self._command_due_s = max(self._command_due_s, patient_s)
             else:
                 result = _RESULTS.get(ack.result, f"result {ack.result}")
-                self._refusal = f": {result}{self.said_lately()}"
+                refusal = f": {result}{self.said_lately()}"
+            self._answers[self._asking] = (ack.result, refusal)
 
     # Commands
 
@@ -264,23 +258,22 @@ class Helm:
         if what != self._asking:
             self._asking = what
             self._command_due_s = self.now
-            self._command_tries = 0
-            self._refusal, self._result = "", None
         self._command = said
-        if self._result in _HOPELESS:
-            raise OrderFailedError(f"{what}{self._refusal}", final=True)
+        result, refusal = self._answers.get(what, (None, ""))
+        if result in _HOPELESS:
+            raise OrderFailedError(f"{what}{refusal}", final=True)
         if self.now >= self._command_due_s:
             tries = self.settings.command_tries
-            if self._result == mavlink.MAV_RESULT_DENIED:
+            if result == mavlink.MAV_RESULT_DENIED:
                 tries = min(tries, _DENIED_TRIES)
-            if self._command_tries >= tries:
-                raise OrderFailedError(f"{what}: no effect, asked {tries} times{self._refusal}")
-            self._command_tries += 1
+            if self._command_tries[what] >= tries:
+                raise OrderFailedError(f"{what}: no effect, asked {tries} times{refusal}")
+            self._command_tries[what] += 1
             self._command_due_s = self.now + max(self.settings.command_s, takes_s)
             self.out.append(said)
             if isinstance(said, CommandLong) and said.command in (ARM_DISARM, MISSION_START):
                 self._arming_until_s = self.now + _COMES_S
-        return what + self._refusal
+        return what + refusal
 
     def command(self, number: int, what: str, *parameters: float, takes_s: float = 0.0) -> str:
         """Send a COMMAND_LONG as `ask` does."""

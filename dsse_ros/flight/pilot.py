@@ -331,7 +331,7 @@ class Pilot:
         self._missing_until_s = None
         self._helm.let_go()
         self._helm.state = self._judge(self._helm.state)
-        self._end("taken_over", self._elsewhere())
+        self._end("taken_over", self._elsewhere() + self._helm.said_lately())
 
     def _elsewhere(self) -> str:
         state = self._helm.state

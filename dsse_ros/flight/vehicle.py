@@ -88,10 +88,10 @@ class VehicleSnapshot:
         counts: How often what happened; see `Vehicle.counts`.
     """
 
-    state: VehicleState = VehicleState()
-    outcome: Outcome = Outcome()
-    trouble: str = ""
-    counts: Mapping[str, int] = MappingProxyType(Counter())
+    state: VehicleState
+    outcome: Outcome
+    trouble: str
+    counts: Mapping[str, int]
 
 
 class Vehicle:
@@ -132,7 +132,7 @@ class Vehicle:
         self._reopen_s = 0.0
         self._heartbeat_s = 0.0
         # What threads share.
-        self._snapshot = VehicleSnapshot()
+        self._snapshot = self._look()
         self._orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
         self._given = Outcome()
         self._giving = threading.Lock()
@@ -256,17 +256,16 @@ class Vehicle:
             self._counts["errors"] += 1
             self._defects.log(error)
             time.sleep(_AFTER_ERROR_S)
-        self._publish()
+        self._snapshot = self._look()
 
-    def _publish(self) -> None:
+    def _look(self) -> VehicleSnapshot:
         counts = self._counts + self._codec.counts + self._link.counts + self._pilot.counts
         state = self._pilot.state
         trouble = self._trouble or (self._clock.trouble if self._clock else "")
         if not trouble and not (self._clock and state.connected):
             # Whoever else signs badly does no harm as long as the vehicle is heard.
             trouble = self._codec.trouble
-        outcome = self._pilot.outcome
-        self._snapshot = VehicleSnapshot(state, outcome, trouble, MappingProxyType(counts))
+        return VehicleSnapshot(state, self._pilot.outcome, trouble, MappingProxyType(counts))
 
     def _turn(self) -> None:
         """Wait for what comes next, and deal with it."""

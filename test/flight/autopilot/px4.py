@@ -210,9 +210,7 @@ class Px4(Vehicle):
     def offboard_limits(self) -> Limits:
         """Return the limits of OFFBOARD, which has no cruise speed."""
         speed_mps = clamp(self.parameters["MPC_XY_VEL_MAX"], 0.1, 30.0)
-        return replace(
-            self.usual_limits(), speed_mps=speed_mps, acceleration_mps2=_OFFBOARD_MPS2
-        )
+        return replace(self.usual_limits(), speed_mps=speed_mps, acceleration_mps2=_OFFBOARD_MPS2)
 
     def take_off(self, up_m: float) -> TakeOff:
         climb_mps = clamp(self.parameters["MPC_TKO_SPEED"], 0.1, self.limits.climb_mps)

@@ -80,8 +80,9 @@ def sys_status(vehicle: Vehicle) -> Message:
         health &= ~_POSITION
     if not vehicle.ready:
         health &= ~_PREARM
+    fence = mavlink.MAV_SYS_STATUS_GEOFENCE if vehicle.fenced else 0
     return mavlink.MAVLink_sys_status_message(
-        _SENSORS, _SENSORS, health, 100, _millivolts(vehicle), 1500,
+        _SENSORS | fence, _SENSORS | fence, health | fence, 100, _millivolts(vehicle), 1500,
         round(100 * vehicle.battery), 0, 0, 0, 0, 0, 0,
     )  # fmt: skip
 

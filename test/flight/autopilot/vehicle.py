@@ -100,6 +100,8 @@ class Vehicle(ABC):
             bytewise=self.bytewise_parameters,
             broadcast=self.broadcast,
         )
+        for name, value in settings.parameters:
+            self.parameters[name] = value
         self.parameters.changed = self._parameter_changed
         self.limits = self._make_limits()
         self.missions = self.mission_service(self)
@@ -259,6 +261,11 @@ class Vehicle(ABC):
         if self.failsafes:
             return mavlink.MAV_STATE_CRITICAL
         return mavlink.MAV_STATE_STANDBY if self.landed else mavlink.MAV_STATE_ACTIVE
+
+    @property
+    def fenced(self) -> bool:
+        """Whether SYS_STATUS says that a geofence is enabled."""
+        return False
 
     @property
     def charge_state(self) -> int:
