@@ -285,8 +285,17 @@ class Helm:
 
     def claim(self, *modes: str) -> None:
         """Have these modes be ours, and those that a command sent just now still brings about."""
-        coming = [mode for mode, until_s in self._expected.items() if self.now < until_s]
-        self.own_modes = frozenset([*modes, *coming])
+        self.own_modes = frozenset(modes) | self.coming
+
+    @property
+    def coming(self) -> frozenset[str]:
+        """Modes that a command brings about which was sent so lately that they need not show."""
+        return frozenset(mode for mode, until_s in self._expected.items() if self.now < until_s)
+
+    @property
+    def rests(self) -> bool:
+        """Whether it is in the mode in which it waits for us, and is not about to leave it."""
+        return self.state.mode == self.resting and not self.coming - {self.resting}
 
     @property
     def arming(self) -> bool:

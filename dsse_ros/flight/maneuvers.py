@@ -135,8 +135,8 @@ def _hold(helm: Helm) -> Maneuver:
     if not helm.state.flying:
         return
     if helm.px4:
-        while helm.state.mode != "HOLD" or not _moving_mps(helm) < _STANDING_MPS:
-            if helm.state.mode != "HOLD":
+        while not helm.rests or not _moving_mps(helm) < _STANDING_MPS:
+            if not helm.rests:
                 _expect_ours(helm)
                 yield helm.set_mode("HOLD")
                 continue

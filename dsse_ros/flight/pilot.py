@@ -179,7 +179,10 @@ class Pilot:
         helm, outcome = self._helm, self._outcome
         climbs = isinstance(outcome.order, TakeOff) and outcome.status == "under_way"
         ours = self._may_act and helm.own_modes is not None and helm.state.flying
-        if not ours or helm.state.mode != helm.guided or (climbs and not helm.px4):
+        modes = helm.coming or {helm.state.mode}
+        if not ours or helm.guided not in modes or modes - helm.handed_over:
+            return []
+        if climbs and not helm.px4:
             return []
         self._parting = True
         return self.give(Hold(), now)
@@ -190,7 +193,7 @@ class Pilot:
         helm = self._helm
         if not (self._parting and self._may_act and self._outcome.status == "under_way"):
             return False
-        return helm.state.mode == helm.guided and (helm.px4 or not helm.confirmed)
+        return not (helm.rests and (helm.px4 or helm.confirmed))
 
     @property
     def _may_act(self) -> bool:
