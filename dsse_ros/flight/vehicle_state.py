@@ -174,7 +174,7 @@ def observe(state: VehicleState, heard: Heard, now: float, dialect: Dialect) -> 
         case MissionItemReached(seq):
             return replace(state, item_reached=seq)
         case StatusText(_, text):
-            return _status_text(state, text)
+            return _status_text(state, text, dialect)
     return state
 
 
@@ -263,12 +263,15 @@ def _target(state: VehicleState, heard: PositionTarget) -> tuple[float, float, f
     return heard.lat_int * 1e-7, heard.lon_int * 1e-7, alt_amsl_m
 
 
-def _status_text(state: VehicleState, text: str) -> VehicleState:
+def _status_text(state: VehicleState, text: str, dialect: Dialect) -> VehicleState:
     lower = text.lower()
     if lower.startswith(("prearm:", "arm:")):
         return state
     for name, signs in _FAILSAFE_TEXTS:
         if name in lower and any(sign in lower for sign in signs):
             alarm = "" if _CLEARED in lower else name
+            if dialect == "px4":
+                # It says the same where it only warns.
+                return _failsafe(replace(state, _alarm=alarm))
             return replace(state, failsafe=alarm, _alarm=alarm)
     return state

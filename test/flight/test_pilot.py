@@ -22,7 +22,9 @@ from dsse_ros.flight.pilot import Pilot, PilotSettings
 from dsse_ros.flight.telegrams import (
     CommandAck,
     CommandLong,
+    GlobalPosition,
     Heartbeat,
+    PositionTarget,
     SetPositionTarget,
     StatusText,
 )
@@ -218,6 +220,17 @@ def test_messages_are_asked_for_until_they_come() -> None:
     asked = len(flight.commands(INTERVAL))
     flight.wait(30.0)
     assert len(flight.commands(INTERVAL)) == asked
+
+
+def test_places_and_targets_are_asked_for_at_the_rate_that_is_set() -> None:
+    flight = flying(position_hz=8.0)
+    flight.give(go_to(flight, 900.0, 0.0))
+    flight.wait(10.0)
+    for kind in (GlobalPosition, PositionTarget):
+        before = sum(isinstance(m, kind) for m in flight.heard)
+        flight.wait(5.0)
+        heard = sum(isinstance(m, kind) for m in flight.heard) - before
+        assert heard == pytest.approx(40, abs=3)
 
 
 def test_messages_that_stop_to_come_are_asked_for_again() -> None:

@@ -210,9 +210,7 @@ class Px4(Vehicle):
     def offboard_limits(self) -> Limits:
         """Return the limits of OFFBOARD, which has no cruise speed."""
         speed_mps = clamp(self.parameters["MPC_XY_VEL_MAX"], 0.1, 30.0)
-        return replace(
-            self.usual_limits(), speed_mps=speed_mps, acceleration_mps2=_OFFBOARD_MPS2
-        )
+        return replace(self.usual_limits(), speed_mps=speed_mps, acceleration_mps2=_OFFBOARD_MPS2)
 
     def take_off(self, up_m: float) -> TakeOff:
         climb_mps = clamp(self.parameters["MPC_TKO_SPEED"], 0.1, self.limits.climb_mps)
@@ -425,9 +423,9 @@ class Px4(Vehicle):
         elif self.failsafes == {"offboard"} and self._has_stream:
             self.failsafes.clear()
             self._fall_into(Mode.OFFBOARD)
-        if "battery" in self.failsafes and self.mode is Mode.HOLD:
-            if self.time_s >= self._failsafe_s:
-                self._fall_into(Mode.LAND)
+        holds = "battery" in self.failsafes and self.mode is Mode.HOLD
+        if holds and self.time_s >= self._failsafe_s:
+            self._fall_into(Mode.LAND)
 
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
         """Send an EVENT, a number without words, here one made of the text.
