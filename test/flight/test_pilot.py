@@ -555,6 +555,15 @@ def test_px4_on_the_ground_is_ready_although_its_position_is_constant() -> None:
     assert flight.fly(TakeOff(10.0)).status == "done"
 
 
+def test_px4_flies_above_home_wherever_the_origin_of_its_estimate_is() -> None:
+    flight = flying("px4")
+    assert isinstance(flight.vehicle, Px4)
+    flight.vehicle.home_above_origin_m = 5.0
+    assert flight.fly(go_to(flight, 40.0, 0.0, 30.0)).status == "done"
+    flight.wait(5.0)
+    assert flight.vehicle.craft.up_m == pytest.approx(30.0, abs=0.5)
+
+
 def test_who_may_not_arm_says_that_px4_has_to_leave_offboard() -> None:
     flight = VirtualFlight("px4")
     flight.wait(10.0)

@@ -13,7 +13,7 @@ from .channel import Channel, Sender
 from .commands import ACCEPTED, TEMPORARILY_REJECTED, UNSUPPORTED, Command
 from .local_frame import Point
 from .maneuvers import GoTo, Hold, Land, Return, TakeOff, Track, Velocity
-from .mission_items import GLOBAL_FRAMES, Item, height_m
+from .mission_items import GLOBAL_FRAMES, RELATIVE_FRAMES, Item, height_m
 from .mission_run import MissionRun
 from .parameters import Number
 from .point_mass import Limits
@@ -63,6 +63,7 @@ class Px4(Vehicle):
     Attributes:
         mode: The one that it is in, be it by a failsafe.
         events: In words, what it has sent as events.
+        home_above_origin_m: Height of home over the origin of the position estimate.
     """
 
     autopilot = mavlink.MAV_AUTOPILOT_PX4
@@ -124,6 +125,7 @@ class Px4(Vehicle):
     def __init__(self, settings: Settings) -> None:
         self.mode = Mode.HOLD
         self.events: list[str] = []
+        self.home_above_origin_m = 0.0
         self._stations: list[Channel] = []
         self._intended = self._after_disarming = Mode.HOLD
         self._failsafe_s = 0.0
@@ -392,7 +394,11 @@ class Px4(Vehicle):
         if message.coordinate_frame not in GLOBAL_FRAMES:
             return None
         place = self.frame.horizontal(message.lat_int * 1e-7, message.lon_int * 1e-7)
-        return Point(*place, height_m(message.alt, message.coordinate_frame, self.frame))
+        up_m = height_m(message.alt, message.coordinate_frame, self.frame)
+        if message.coordinate_frame in RELATIVE_FRAMES:
+            # mavlink_receiver.cpp has a wrong sign there.
+            up_m -= 2 * self.home_above_origin_m
+        return Point(*place, up_m)
 
     # Missions
 
