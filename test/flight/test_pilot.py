@@ -460,7 +460,7 @@ def test_a_failsafe_is_a_take_over_and_is_named(dialect: str) -> None:
 def px4_without_set_points(action: int, seconds: float) -> VirtualFlight:
     """Return a flight of which the set-points have been lost for a while."""
     flight = flying("px4")
-    flight.vehicle.parameters._values["COM_OBL_RC_ACT"] = action
+    flight.vehicle.parameters["COM_OBL_RC_ACT"] = action
     flight.fly(go_to(flight, 20.0, 0.0))
     flight.give(go_to(flight, 200.0, 0.0))
     flight.wait(3.0)

@@ -48,6 +48,10 @@ class Parameters:
     def __getitem__(self, name: str) -> Number:
         return self._values[name]
 
+    def __setitem__(self, name: str, value: Number) -> None:
+        self._values[name] = value
+        self.changed(name)
+
     def tick(self) -> None:
         """Send some more of the lists that were asked for."""
         for _ in range(min(_BURST, len(self._queue))):

@@ -145,6 +145,10 @@ class Px4(Vehicle):
             }
         )
 
+    def run_at(self, speedup: float) -> None:
+        # As its start script does in simulation: the sender's time does not go faster.
+        self.parameters["COM_OF_LOSS_T"] = max(speedup, 1.0)
+
     def _own_parameters(self) -> Mapping[str, Number]:
         return {"MAV_SYS_ID": self.settings.system}
 
