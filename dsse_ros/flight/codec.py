@@ -19,9 +19,11 @@ from dsse_ros.flight.telegrams import HEARD_NAMES, Heard, Said, StatusText, read
 from dsse_ros.flight.validation import is_valid
 
 _MARKER = re.compile(rb"[\xfd\xfe]")
-_V2 = 0xFD
-_HEADER_V2, _HEADER_V1, _CHECKSUM, _SIGNATURE = 10, 6, 2, 13
-_SIGNED = 1
+_V2 = mavlink.PROTOCOL_MARKER_V2
+_HEADER_V2, _HEADER_V1 = mavlink.HEADER_LEN_V2, mavlink.HEADER_LEN_V1
+_CHECKSUM = 2
+_SIGNATURE = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN
+_SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 _STALE_S = 0.5
 _HEARD_NUMBERS = frozenset(
     number for number, kind in mavlink.mavlink_map.items() if kind.msgname in HEARD_NAMES

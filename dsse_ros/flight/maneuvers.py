@@ -330,7 +330,7 @@ def _ready_for_take_off(helm: Helm) -> str:
     state, arm = helm.state, helm.settings.arm
     good_modes = helm.handed_over | {"TAKEOFF"} if helm.px4 else helm.handed_over
     if helm.px4 and not state.armed and state.mode != helm.resting:
-        # Its checks are those of its mode, and in OFFBOARD without set-points they fail.
+        # Its checks are those of its mode, and in OFFBOARD without setpoints they fail.
         if arm or (helm.own_modes is not None and state.mode in helm.own_modes):
             return helm.set_mode(helm.resting)
         return f"waits for {helm.resting}: it is in {state.mode}"

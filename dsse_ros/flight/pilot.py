@@ -26,9 +26,9 @@ Status = Literal["idle", "under_way", "done", "failed", "taken_over", "silent"]
 _MISSION_MESSAGES = get_args(messages.Message)
 _TICK_S = 0.2
 _GIVES_BACK_S = 5.0
-"""How long PX4 may take to go back to OFFBOARD once it gets set-points again."""
+"""How long PX4 may take to go back to OFFBOARD once it gets setpoints again."""
 _OFFBOARD_LOSS_MODES = frozenset({"RTL", "HOLD", "LAND", "POSCTL", "ALTCTL", "STABILIZED"})
-"""What PX4 does when it misses set-points: parameter COM_OBL_RC_ACT."""
+"""What PX4 does when it misses setpoints: parameter COM_OBL_RC_ACT."""
 _DISARMS_S = 3.0
 """Until the mode that PX4 falls into by disarming shows in a heartbeat."""
 
@@ -251,10 +251,10 @@ class Pilot:
         self._outcome = replace(self._outcome, status=status, reason=reason, final=final)
         self.counts[status] += 1
 
-    # PX4 without set-points
+    # PX4 without setpoints
 
     def _judge(self, state: VehicleState) -> VehicleState:
-        """Return the state with the failsafe `offboard` where PX4 may be missing set-points.
+        """Return the state with the failsafe `offboard` where PX4 may be missing setpoints.
 
         It says so in no message that pymavlink knows. It has left OFFBOARD, or whatever it was in
         before we were there, is critical, and does not say why: so it has missed ours, be it that
@@ -280,7 +280,7 @@ class Pilot:
         return self._helm.px4 and self._helm.state.failsafe == "offboard"
 
     def _give_set_points(self) -> None:
-        """Send set-points and command no mode: PX4 goes back to OFFBOARD by itself, or it is lost.
+        """Send setpoints and command no mode: PX4 goes back to OFFBOARD by itself, or it is lost.
 
         Raises:
             NotOursError: If it has not for too long.
@@ -302,7 +302,7 @@ class Pilot:
             raise NotOursError(helm.state.mode)
         if self._maneuver is not None:
             helm.be_patient()
-            self._wait(f"misses set-points: waits for {helm.guided}")
+            self._wait(f"misses setpoints: waits for {helm.guided}")
         helm.keep_set_point(under_way=self._maneuver is not None)
 
     def _watch_mode(self, before: VehicleState) -> None:

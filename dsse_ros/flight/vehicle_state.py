@@ -183,7 +183,7 @@ def observe(state: VehicleState, heard: Heard, now: float, dialect: Dialect) -> 
         case MissionItemReached(seq):
             return replace(state, item_reached=seq)
         case StatusText(_, text):
-            return _status_text(state, text, now)
+            return _status_text(state, text, now, dialect)
     return state
 
 
@@ -277,7 +277,7 @@ def _target(state: VehicleState, heard: PositionTarget) -> tuple[float, float, f
     return heard.lat_int * 1e-7, heard.lon_int * 1e-7, alt_amsl_m
 
 
-def _status_text(state: VehicleState, text: str, now: float) -> VehicleState:
+def _status_text(state: VehicleState, text: str, now: float, dialect: Dialect) -> VehicleState:
     lower = text.lower()
     if lower.startswith(_CHECKS):
         complaints = dict(state._complaints) | {text: now}
@@ -286,5 +286,8 @@ def _status_text(state: VehicleState, text: str, now: float) -> VehicleState:
     for name, signs in _FAILSAFE_TEXTS:
         if name in lower and any(sign in lower for sign in signs):
             alarm = "" if _CLEARED in lower else name
+            if dialect == "px4":
+                # It says the same where it only warns.
+                return _failsafe(replace(state, _alarm=alarm))
             return replace(state, failsafe=alarm, _alarm=alarm)
     return state

@@ -71,6 +71,45 @@ SAMPLES = [
 ]
 
 
+def chunks(number: int, text: bytes) -> list[bytes]:
+    speaker = Speaker(7)
+    parts = [text[at : at + 50] for at in range(0, len(text) + 1, 50)]
+    return [
+        bytes(speaker.encode(mavlink.MAVLink_statustext_message(4, part, number, seq)))
+        for seq, part in enumerate(parts)
+    ]
+
+
+LONG = "RTL: start return at 31 m (30 m above destination), " * 3
+
+
+@both
+@given(data=st.data())
+def test_a_long_text_is_joined_in_whatever_order_it_comes(datagram: bool, data: Any) -> None:
+    one, other = LONG[: data.draw(st.integers(1, 150))].rstrip(), LONG[7:].rstrip()
+    frames = data.draw(st.permutations(chunks(3, one.encode()) + chunks(4, other.encode())))
+    ear, heard = codec(), []
+    for frame in frames:
+        heard += ear.decode(frame, 0.0, datagram=datagram)
+    assert sorted(heard, key=repr) == sorted([StatusText(4, one), StatusText(4, other)], key=repr)
+
+
+def test_a_text_with_a_chunk_missing_is_heard_with_a_gap() -> None:
+    frames, ear = chunks(9, LONG.encode()), codec()
+    for frame in (frames[0], frames[2]):
+        assert ear.decode(frame, 0.0, datagram=True) == []
+    (text,) = ear.decode(b"", 3.0, datagram=True)
+    assert text == StatusText(4, f"{LONG[:50]}...{LONG[100:150]}".rstrip())
+
+
+def test_texts_that_never_end_do_not_pile_up() -> None:
+    ear = codec()
+    heard = [
+        m for n in range(1, 200) for m in ear.decode(chunks(n, b"x" * 60)[0], 0.0, datagram=True)
+    ]
+    assert len(heard) > 180
+
+
 @both
 def test_what_the_vehicle_says_is_understood(datagram: bool) -> None:
     data = b"".join(heartbeats(3) + heartbeats(2, old=True))

@@ -22,7 +22,9 @@ from dsse_ros.flight.pilot import Pilot, PilotSettings
 from dsse_ros.flight.telegrams import (
     CommandAck,
     CommandLong,
+    GlobalPosition,
     Heartbeat,
+    PositionTarget,
     SetPositionTarget,
     StatusText,
 )
@@ -218,6 +220,17 @@ def test_messages_are_asked_for_until_they_come() -> None:
     asked = len(flight.commands(INTERVAL))
     flight.wait(30.0)
     assert len(flight.commands(INTERVAL)) == asked
+
+
+def test_places_and_targets_are_asked_for_at_the_rate_that_is_set() -> None:
+    flight = flying(position_hz=8.0)
+    flight.give(go_to(flight, 900.0, 0.0))
+    flight.wait(10.0)
+    for kind in (GlobalPosition, PositionTarget):
+        before = sum(isinstance(m, kind) for m in flight.heard)
+        flight.wait(5.0)
+        heard = sum(isinstance(m, kind) for m in flight.heard) - before
+        assert heard == pytest.approx(40, abs=3)
 
 
 def test_messages_that_stop_to_come_are_asked_for_again() -> None:
@@ -464,7 +477,7 @@ def test_a_failsafe_is_a_take_over_and_is_named(dialect: str) -> None:
 def px4_without_set_points(action: int, seconds: float) -> VirtualFlight:
     """Return a flight of which the set-points have been lost for a while."""
     flight = flying("px4")
-    flight.vehicle.parameters._values["COM_OBL_RC_ACT"] = action
+    flight.vehicle.parameters["COM_OBL_RC_ACT"] = action
     flight.fly(go_to(flight, 20.0, 0.0))
     flight.give(go_to(flight, 200.0, 0.0))
     flight.wait(3.0)
@@ -557,6 +570,15 @@ def test_px4_on_the_ground_is_ready_although_its_position_is_constant() -> None:
     flight.until(lambda: flight.state.ready, limit_s=20.0)
     assert flight.vehicle.ekf_flags == 1023
     assert flight.fly(TakeOff(10.0)).status == "done"
+
+
+def test_px4_flies_above_home_wherever_the_origin_of_its_estimate_is() -> None:
+    flight = flying("px4")
+    assert isinstance(flight.vehicle, Px4)
+    flight.vehicle.home_above_origin_m = 5.0
+    assert flight.fly(go_to(flight, 40.0, 0.0, 30.0)).status == "done"
+    flight.wait(5.0)
+    assert flight.vehicle.craft.up_m == pytest.approx(30.0, abs=0.5)
 
 
 def test_who_may_not_arm_says_that_px4_has_to_leave_offboard() -> None:

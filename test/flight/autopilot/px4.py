@@ -13,7 +13,7 @@ from .channel import Channel, Sender
 from .commands import ACCEPTED, TEMPORARILY_REJECTED, UNSUPPORTED, Command
 from .local_frame import Point
 from .maneuvers import GoTo, Hold, Land, Return, TakeOff, Track, Velocity
-from .mission_items import GLOBAL_FRAMES, Item, height_m
+from .mission_items import GLOBAL_FRAMES, RELATIVE_FRAMES, Item, height_m
 from .mission_run import MissionRun
 from .parameters import Number
 from .point_mass import Limits
@@ -63,6 +63,7 @@ class Px4(Vehicle):
     Attributes:
         mode: The one that it is in, be it by a failsafe.
         events: In words, what it has sent as events.
+        home_above_origin_m: Height of home over the origin of the position estimate.
     """
 
     autopilot = mavlink.MAV_AUTOPILOT_PX4
@@ -124,6 +125,7 @@ class Px4(Vehicle):
     def __init__(self, settings: Settings) -> None:
         self.mode = Mode.HOLD
         self.events: list[str] = []
+        self.home_above_origin_m = 0.0
         self._stations: list[Channel] = []
         self._intended = self._after_disarming = Mode.HOLD
         self._failsafe_s = 0.0
@@ -142,6 +144,10 @@ class Px4(Vehicle):
                 mavlink.MAV_CMD_MISSION_START: self._mission_start,
             }
         )
+
+    def run_at(self, speedup: float) -> None:
+        # As its start script does in simulation: the sender's time does not go faster.
+        self.parameters["COM_OF_LOSS_T"] = max(speedup, 1.0)
 
     def _own_parameters(self) -> Mapping[str, Number]:
         return {"MAV_SYS_ID": self.settings.system}
@@ -392,7 +398,11 @@ class Px4(Vehicle):
         if message.coordinate_frame not in GLOBAL_FRAMES:
             return None
         place = self.frame.horizontal(message.lat_int * 1e-7, message.lon_int * 1e-7)
-        return Point(*place, height_m(message.alt, message.coordinate_frame, self.frame))
+        up_m = height_m(message.alt, message.coordinate_frame, self.frame)
+        if message.coordinate_frame in RELATIVE_FRAMES:
+            # mavlink_receiver.cpp has a wrong sign there.
+            up_m -= 2 * self.home_above_origin_m
+        return Point(*place, up_m)
 
     # Missions
 
@@ -423,9 +433,9 @@ class Px4(Vehicle):
         elif self.failsafes == {"offboard"} and self._has_stream:
             self.failsafes.clear()
             self._fall_into(Mode.OFFBOARD)
-        if "battery" in self.failsafes and self.mode is Mode.HOLD:
-            if self.time_s >= self._failsafe_s:
-                self._fall_into(Mode.LAND)
+        holds = "battery" in self.failsafes and self.mode is Mode.HOLD
+        if holds and self.time_s >= self._failsafe_s:
+            self._fall_into(Mode.LAND)
 
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
         """Send an EVENT, a number without words, here one made of the text.

@@ -184,6 +184,9 @@ class Vehicle(ABC):
         tick_s = (self._steps // _TICK_STEPS + 1) * TICK_S
         return min(tick_s, *(channel.due_s for channel in self._channels), math.inf)
 
+    def run_at(self, speedup: float) -> None:  # noqa: B027
+        """Be told how much faster than the wall clock its time goes."""
+
     def advance(self, to_s: float) -> None:
         """Let vehicle time pass."""
         while (self._steps + 1) * STEP_S <= to_s + 1e-9:
