@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -604,3 +605,26 @@ def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> 
     for now_s in (0.0, 3.1):
         assert other.advance(ON_GROUND, Outcome(), now_s) is None
     assert other.lost == "no home position within 3 s"
+
+
+def test_an_order_that_would_fail_again_is_given_once() -> None:
+    led = escort()
+    vehicle = Vehicle(led)
+    follow(led, 0, 3, 4)
+    assert vehicle.turn() == TakeOff(120.0)
+    vehicle.turn(status="failed", reason="takes off: UNSUPPORTED", final=True)
+    assert led.lost == "failed: takes off: UNSUPPORTED"
+    assert vehicle.orders == [TakeOff(120.0)]
+
+
+@pytest.mark.parametrize("where", [{}, {"lat_deg": math.nan, "lon_deg": math.nan}])
+def test_what_a_vehicle_says_of_its_checks_is_why_it_cannot_take_off(where: Any) -> None:
+    led = escort()
+    said = (("PreArm: GPS 1: Bad fix", 0.0),)
+    vehicle = Vehicle(led, replace(ON_GROUND, ready=False, _complaints=said, **where))
+    follow(led, 0, 3, 4)
+    vehicle.turn()
+    vehicle.turn(reason="")
+    assert led.blocked.startswith("no position" if where else "not ready")
+    if where:
+        assert led.blocked == "no position: PreArm: GPS 1: Bad fix"
