@@ -68,7 +68,7 @@ def find_scenario(name: str) -> Path:
     Raises:
         FieldError: If there is none.
     """
-    if Path(name).is_file():
+    if Path(name).exists() and not Path(name).is_dir():
         return Path(name).resolve()
     # An environment may never have been told to ament; a source tree has no share.
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]

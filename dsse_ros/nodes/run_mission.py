@@ -34,9 +34,10 @@ from dsse_ros.nodes.command_line import (
     make_folder,
     search_of,
 )
+from dsse_ros.nodes.interrupts import Stop, on_signals
 from dsse_ros.nodes.mission_log import MissionRecord, read_log
 from dsse_ros.nodes.qos import LATCHED
-from dsse_ros.nodes.runtime import Stop, new_executor, on_signals
+from dsse_ros.nodes.runtime import new_executor
 from dsse_ros.nodes.settings import SimSettings
 from dsse_ros.search import FieldError, Rules, Scenario
 from dsse_ros.search.fields import specs

@@ -20,7 +20,7 @@ class SimSettings(FlightSettings):
         FieldError: If a value is not allowed.
     """
 
-    scenario: str = field("str", "Path of the scenario's YAML file; empty for the defaults.", "")
+    scenario: str = field("str", "YAML file or name of a scenario of the package; empty for none.", "")
     rules: str = field("str", "Profile of the rules.", "paper", choices=tuple(PROFILES))
     step_mode: str = field(
         "str",
@@ -53,6 +53,9 @@ class SimSettings(FlightSettings):
     )
     auto_reset: bool = field(
         "bool", "Whether a mission that is over is followed by one with the next seed.", False
+    )
+    exit_at_end: bool = field(
+        "bool", "Whether the node ends with a mission that no other follows.", False
     )
     real_time_factor: float = field(
         "float", "Realtime: simulated seconds per second of wall time.", 1.0, above=0, high=1e6
@@ -112,7 +115,7 @@ class SimSettings(FlightSettings):
 
 RUN_TIME_SETTINGS = frozenset(
     {
-        "step_mode", "step_rate", "command_timeout", "missing_action", "auto_reset",
+        "step_mode", "step_rate", "command_timeout", "missing_action", "auto_reset", "exit_at_end",
         "real_time_factor", "seed", "grid_scaling", "reveal_person", "odom_rate",
         "export_directory", "export_tracks", "dialect", "acceptance_radius", "search_altitude",
         "search_hold", "merge_legs",

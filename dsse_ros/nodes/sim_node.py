@@ -24,11 +24,13 @@ from nav_msgs.msg import Path
 from nav_msgs.srv import GetMap
 from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from std_msgs.msg import Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.nodes import simulation_interfaces
+from dsse_ros.nodes.command_line import find_scenario
 from dsse_ros.nodes.mission import Mission
 from dsse_ros.nodes.mission_log import MissionLog
 from dsse_ros.nodes.pace import Pace
@@ -45,6 +47,7 @@ from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
 from dsse_ros.nodes.track_files import acceptance_radius_m, search_mission, write_missions
 from dsse_ros.search import FieldError, Scenario, SearchEnv, Snapshot, SnapshotError, profile
+from dsse_ros.search.compiler import prepare
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
@@ -76,6 +79,10 @@ _OF_PACE = {"step_mode", "step_rate", "real_time_factor", "odom_rate", "command_
 
 HISTORY_PERIOD_S = 0.5
 DIAGNOSTICS_PERIOD_S = 1.0
+EXIT_S = 1.5
+"""Wall time from the end of the mission to that of the node: tracks and diagnostics go out once."""
+ACKNOWLEDGED_S = 5.0
+"""Wall time that a listener has to acknowledge what it was sent."""
 
 
 class SimNode(AlarmNode):
@@ -125,6 +132,7 @@ class SimNode(AlarmNode):
         self._step_alarm = self.alarms.make(self._on_step_alarm)
         self._timeout_alarm = self.alarms.make(self._on_timeout)
         self._odom_alarm = self.alarms.make(self._publish_odometry)
+        self._exit_alarm = self.alarms.make(self._exit)
         self.alarms.make(self._publish_history).repeat(HISTORY_PERIOD_S)
         self.alarms.make(self._publish_diagnostics).repeat(DIAGNOSTICS_PERIOD_S)
         self.add_on_set_parameters_callback(self._check_change)
@@ -144,7 +152,9 @@ class SimNode(AlarmNode):
 
         settings = SimSettings(**of(SETTINGS_SPECS))
         rules = profile(settings.rules, **of(RULES_SPECS))
-        scenario = Scenario.of(settings.scenario or None).override(**of(SCENARIO_SPECS))
+        path = find_scenario(settings.scenario) if settings.scenario else None
+        scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
+        prepare(self.get_logger().info)
         env = SearchEnv(scenario, rules)
         declare(self, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
         declare(self, SCENARIO_SPECS, _in_force(env.scenario))
@@ -165,7 +175,7 @@ class SimNode(AlarmNode):
             self._publish_odometry()
         if "grid_scaling" in changes:
             self.publishers_.publish_grid(self.stamp(), self.settings.grid_scaling)
-        if "auto_reset" in changes:
+        if changes.keys() & {"auto_reset", "exit_at_end"}:
             self._follow_on()
 
     # Wiring
@@ -222,6 +232,7 @@ class SimNode(AlarmNode):
         )
         self._places.clear()
         self._lost.clear()
+        self._exit_alarm.cancel()
         self.publishers_.publish_agents()
         self._publish()
         self._first_stamp = self._report_stamp
@@ -248,6 +259,17 @@ class SimNode(AlarmNode):
         given_up = mission.aborted or mission.all_lost
         if self.settings.auto_reset and mission.over and not given_up:
             self.reset(mission.seed + 1)
+        elif self.settings.exit_at_end and mission.over:
+            self._exit_alarm.set(EXIT_S)
+
+    def _exit(self) -> None:
+        """End the node when every listener has all that was published."""
+        deadline_s = time.monotonic() + ACKNOWLEDGED_S
+        for publisher in self.publishers:
+            left_s = max(deadline_s - time.monotonic(), 0.0)
+            publisher.wait_for_all_acked(Duration(seconds=left_s))
+        self.get_logger().info("exit_at_end: the node ends with its mission")
+        self.ended = True
 
     def try_step(self) -> str:
         """Do one step if nothing speaks against it; returns what does, or nothing."""
