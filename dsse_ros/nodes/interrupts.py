@@ -18,7 +18,7 @@ _GRACE_S = 0.2
 """Wall time that the main thread has to run its handler before the watching thread leaves."""
 
 _leaving = threading.RLock()
-_clean_up: Callable[[], None] = lambda: None
+_clean_up: list[Callable[[], object]] = []
 _watched = False
 
 
@@ -42,7 +42,7 @@ def on_signals(handler: Handler | signal.Handlers) -> None:
         signal.signal(number, handler)
 
 
-def leave_on_signals(clean_up: Callable[[], None] = lambda: None) -> None:
+def leave_on_signals(*clean_up: Callable[[], object]) -> None:
     """Have both end the process at once, with the code a shell has for the signal.
 
     Python runs a handler when the main thread is back from C, and LLVM may optimise one function
@@ -51,8 +51,8 @@ def leave_on_signals(clean_up: Callable[[], None] = lambda: None) -> None:
     Args:
         clean_up: Called before; may raise.
     """
-    global _clean_up, _watched
-    _clean_up = clean_up
+    global _watched
+    _clean_up[:] = clean_up
     if not _watched:
         _watched = True
         read, write = os.pipe()
@@ -75,6 +75,7 @@ def _leave(number: int, frame: FrameType | None) -> None:
         on_signals(signal.SIG_IGN)
     # Never released: whoever comes second waits for the end.
     _leaving.acquire()
-    with contextlib.suppress(Exception):
-        _clean_up()
+    for clean_up in _clean_up:
+        with contextlib.suppress(Exception):
+            clean_up()
     os._exit(128 + number)

@@ -164,8 +164,8 @@ MISSION: Mapping[str, Argument] = {
         "true", _SIM,
     ),
     "use_sim_time": Argument(
-        "bool", "Whether planner and RViz take their time from /clock; by default as publish_clock.",
-        "true", ("planner_node", "rviz2"),
+        "bool", "Whether planner and RViz take their time from /clock; by default if it is "
+        "published.", "true", ("planner_node", "rviz2"),
     ),
     "params_file": Argument(
         "str", "File of parameters of any of the nodes; arguments that are given win over it."

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, List  # noqa: UP035  launch_ros knows no list[...].
+from typing import Any, List  # noqa: UP035
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription
@@ -14,6 +14,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from dsse_ros.nodes.launch_arguments import Argument, Start, starts
+
 
 def describe(arguments: Mapping[str, Argument]) -> LaunchDescription:
     """Return the description of `MISSION` or `FLIGHT`: arguments, then nodes."""
@@ -65,4 +66,7 @@ def _typed(parameters: Mapping[str, Any]) -> dict[str, ParameterValue]:
 
 
 def _type(value: Any) -> Any:
-    return List[type(value[0])] if isinstance(value, list) else type(value)
+    # launch_ros takes list[int] for another type than List[int].
+    if isinstance(value, list):
+        return List[int] if isinstance(value[0], int) else List[str]  # noqa: UP006
+    return type(value)

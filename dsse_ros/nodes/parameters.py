@@ -18,6 +18,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from dsse_ros.nodes.command_line import OF_EVERY_NODE
 from dsse_ros.nodes.ros_arguments import from_ros
 from dsse_ros.search.fields import FieldError, Spec, check_known, shown
 
@@ -40,7 +41,6 @@ _TYPES = {
 QOS_PREFIX = "qos_overrides."
 """Opens the names of the parameters that override the QoS of a topic."""
 
-_OF_ROS = ("use_sim_time", "start_type_description_service")
 # rclpy's own subscription when use_sim_time is set.
 _CLOCK_PREFIX = f"{QOS_PREFIX}/clock.subscription."
 _NESTED_LIST = re.compile(r"\s*\[[^'\"]*\[")
@@ -54,7 +54,7 @@ def declarable(
     Raises:
         FieldError: If a parameter that every node has is not true or false.
     """
-    if name in _OF_ROS:
+    if name in OF_EVERY_NODE:
         value = Spec("bool", "").check(name, [] if value is None else value)
     made = descriptor or ParameterDescriptor()
     if value is None:
@@ -78,7 +78,7 @@ def take_overrides(
         # What has no type was given as an empty list.
         name: [] if (value := node.get_parameter(name).value) is None else value
         for name in node.get_parameters_by_prefix("")
-        if name not in _OF_ROS and not name.startswith(_CLOCK_PREFIX)
+        if name not in OF_EVERY_NODE and not name.startswith(_CLOCK_PREFIX)
     }
     for name in given:
         node.undeclare_parameter(name)

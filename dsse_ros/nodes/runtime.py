@@ -148,6 +148,16 @@ def _destroy_nodes() -> None:
             Node.destroy_node(node)
 
 
+def init_ros(arguments: list[str]) -> None:
+    """Start rclpy with a command line, the program's name first.
+
+    Raises:
+        FieldError: If an argument is not allowed.
+    """
+    with _as_field_error():
+        _init(arguments)
+
+
 def _init(arguments: list[str]) -> None:
     """Start rclpy without its signal handlers, which end the context in the midst of a callback.
 

@@ -20,7 +20,9 @@ class SimSettings(FlightSettings):
         FieldError: If a value is not allowed.
     """
 
-    scenario: str = field("str", "YAML file or name of a scenario of the package; empty for none.", "")
+    scenario: str = field(
+        "str", "YAML file, or name of a scenario of the package; empty for the defaults.", ""
+    )
     rules: str = field("str", "Profile of the rules.", "paper", choices=tuple(PROFILES))
     step_mode: str = field(
         "str",
