@@ -11,6 +11,9 @@ from std_msgs.msg import String
 from msg_adapters.frames import GridFrame
 from msg_adapters.json_keys import Keys, parse_json
 
+MAX_ID = 2**32 - 1
+"""Largest run_id and mission: uint32 in the reports."""
+
 
 @dataclass(frozen=True)
 class Origin:
@@ -37,7 +40,10 @@ class AgentsInfo:
         map_frame: Name of the map frame.
         origin: Where the map frame lies on the Earth.
         alt_m: Flight altitude above the map plane.
-        mission: Number of the mission; grows by one with each reset.
+        mission: Number of the mission; grows by one with each reset. A mission that is resumed
+            from a snapshot keeps its own.
+        run_id: Identity of the simulation since its start, 1 to 2**32 - 1: with the mission it
+            tells any two searches apart.
     """
 
     agents: tuple[str, ...]
@@ -52,6 +58,7 @@ class AgentsInfo:
     origin: Origin
     alt_m: float
     mission: int
+    run_id: int
 
     @property
     def frame(self) -> GridFrame:
@@ -98,7 +105,8 @@ def agents_from_message(message: String) -> AgentsInfo:
             alt_m=origin.number("alt_m"),
         ),
         alt_m=keys.number("alt_m"),
-        mission=keys.integer("mission", 0),
+        mission=keys.integer("mission", 0, MAX_ID),
+        run_id=keys.integer("run_id", 1, MAX_ID),
     )
     try:
         _ = info.frame

@@ -104,6 +104,7 @@ def parse_path(message: Path, frame: GridFrame) -> Result[tuple[Cell, ...]]:
 
 def parse_joint_action(
     message: Int32MultiArray,
+    mission: int,
     step: int,
     num_drones: int,
     actions: Sequence[str],
@@ -112,27 +113,34 @@ def parse_joint_action(
     """Return the actions of a `joint_action`, for all drones or for none.
 
     Args:
-        message: Its data are [step, a0, a1, ...].
-        step: Number of the step that is to come.
+        message: Its data are [mission, step, a0, a1, ...] or [step, a0, a1, ...]: the length
+            tells.
+        mission: Number of the mission.
+        step: Number of the step that the actions must be for: that of the last report.
         num_drones: Number of drones, N.
         actions: Legend of the rules.
         live: For each drone whether it takes part; the others' entries are ignored.
 
     Returns:
-        N action numbers, `NO_ACTION` where a drone is not live, or `wrong_size`, `stale_step` or
-        `unknown_action`.
+        N action numbers, `NO_ACTION` where a drone is not live, or `wrong_size`, `stale_mission`,
+        `stale_step` or `unknown_action`.
     """
     data = message.data
-    if len(data) != 1 + num_drones:
+    head = len(data) - num_drones
+    if head not in (1, 2):
         return Rejected(
             "wrong_size",
-            f"data: {len(data)} numbers are not allowed; "
-            f"{1 + num_drones}: the step and {num_drones} actions",
+            f"data: {len(data)} numbers are not allowed; {1 + num_drones} or {2 + num_drones}: "
+            f"the mission, which may be left out, the step and {num_drones} actions",
         )
-    if data[0] != step:
-        return Rejected("stale_step", f"data[0]: step {data[0]} is not allowed; {step} is")
+    if head == 2 and data[0] != mission:
+        return Rejected("stale_mission", f"data[0]: mission {data[0]} is not allowed; {mission} is")
+    if data[head - 1] != step:
+        return Rejected(
+            "stale_step", f"data[{head - 1}]: step {data[head - 1]} is not allowed; {step} is"
+        )
     chosen = []
-    for index, (action, takes_part) in enumerate(zip(data[1:], live, strict=True), start=1):
+    for index, (action, takes_part) in enumerate(zip(data[head:], live, strict=True), start=head):
         if not takes_part:
             chosen.append(NO_ACTION)
         elif 0 <= action < len(actions):
@@ -159,15 +167,18 @@ def action_name_message(name: str) -> String:
     return String(data=name)
 
 
-def joint_action_message(step: int, actions: Sequence[int]) -> Int32MultiArray:
-    """Return a `joint_action`: [step, a0, a1, ...].
+def joint_action_message(
+    step: int, actions: Sequence[int], mission: int | None = None
+) -> Int32MultiArray:
+    """Return a `joint_action`: [mission, step, a0, a1, ...], or [step, a0, a1, ...].
 
     Args:
         step: Number of the step that the actions are for.
         actions: N action numbers in the order of the agents; any for a drone that is not live.
+        mission: Number of the mission; without it the actions fit that step of any mission.
     """
-    data = array.array("i", [int(step), *(int(action) for action in actions)])
-    return Int32MultiArray(data=data)
+    head = [step] if mission is None else [mission, step]
+    return Int32MultiArray(data=array.array("i", [int(number) for number in (*head, *actions)]))
 
 
 def _goal_cell(field: str, pose: Pose, frame: GridFrame) -> Result[Cell]:

@@ -28,7 +28,6 @@ from dsse_ros.nodes.escort import Escort, Leg, leg_task, mission_task, takes_off
 from dsse_ros.nodes.flight_settings import BridgeSettings
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
-from dsse_ros.nodes.restarts import may_be_restarted, same_cells
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.search_record import SearchRecord
 from dsse_ros.nodes.track_files import search_mission, write_missions
@@ -120,8 +119,6 @@ class BridgeNode(AlarmNode):
             self._escorts = []
         elif before is None or before.frame != self._info.frame or not self._escorts:
             self._meet(self._info.frame)
-        elif self._report is not None and may_be_restarted(before, self._info, self._report[0]):
-            self._begin()
         if self._report is not None:
             self._follow(*self._report)
 
@@ -147,7 +144,7 @@ class BridgeNode(AlarmNode):
         if len(report):
             stamp_ns = to_nanoseconds(message.header.stamp)
             before, self._report = self._report, (stamp_ns, report)
-            if before is None or _begins_anew(*before, stamp_ns, report):
+            if before is None or _search_of(before[1]) != _search_of(report):
                 self._begin()
             self._follow(stamp_ns, report)
 
@@ -421,18 +418,15 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
 
 def _fits(info: AgentsInfo, report: NDArray[Any]) -> bool:
     """Return whether both can be of the same search."""
-    if len(report) != len(info.agents):
+    if len(report) != len(info.agents) or _search_of(report) != (info.run_id, info.mission):
         return False
     centres = np.stack(cell_to_map(info.frame, report["col"] * 1.0, report["row"] * 1.0))
     return np.allclose(centres, [report["x"], report["y"]], rtol=1e-5, atol=0.1)
 
 
-def _begins_anew(before_ns: int, before: NDArray[Any], stamp_ns: int, report: NDArray[Any]) -> bool:
-    """Return whether a report is of another search than the one before it."""
-    step, last = int(report["step"][0]), int(before["step"][0])
-    if step != last:
-        return step < last
-    return step == 0 and (stamp_ns != before_ns or not same_cells(before, report))
+def _search_of(report: NDArray[Any]) -> tuple[int, int]:
+    """Return run_id and mission of a report."""
+    return int(report["run_id"][0]), int(report["mission"][0])
 
 
 def _legs(stamp_ns: int, report: NDArray[Any], search: int) -> list[Leg]:

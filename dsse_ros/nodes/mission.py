@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,8 @@ class StepResult:
 
     Attributes:
         step: Steps done, 0 right after a reset.
-        stamp_ns: Mission time in nanoseconds; it never runs backwards.
+        stamp_ns: Mission time in nanoseconds, at least one step's: a stamp of 0 means "no time" in
+            ROS. It never runs backwards.
         cells: (N, 2) int64 (col, row).
         actions: (N,) int8, `HOLD` for none.
         rewards: (N,) float64.
@@ -44,6 +46,12 @@ class StepResult:
     held: NDArray[np.bool_]
     probabilities: NDArray[np.float64]
 
+
+HISTORY_DTYPE = np.dtype(
+    [("reward", "<f8"), ("col", "<i2"), ("row", "<i2"), ("action", "i1"), ("terminated", "u1"),
+     ("truncated", "u1"), ("found", "u1"), ("held", "u1")]
+)  # fmt: skip
+"""What is kept of a drone in each step, packed: a mission may have millions of steps."""
 
 _OF_RESULT = ("actions", "held", "probabilities")
 _OF_MISSION = ("seed", "number", "not_found", "aborted", "tracks", "searches", "lost", "_stamp_ns")
@@ -76,8 +84,9 @@ class Mission:
         self.tracks: list[list[Cell]] = []
         self.searches: list[list[int]] = []
         self.lost: list[int] = []
+        self._past = bytearray()
         self._step_ns = max(round(env.scenario.step_duration_s * 1e9), 1)
-        self._stamp_ns = -self._step_ns
+        self._stamp_ns = 0
         self._search = env.rules.actions.index("search")
         self.result = self.reset(seed)
 
@@ -85,7 +94,7 @@ class Mission:
         """Start a new mission; mission time goes on, or starts anew every 34 years."""
         self.env.reset(seed=seed)
         if self._stamp_ns > END_NS // 2:
-            self._stamp_ns = -self._step_ns
+            self._stamp_ns = 0
         self.seed = seed
         self.number += 1
         self.not_found = 1.0
@@ -95,6 +104,7 @@ class Mission:
         self.tracks = [[] for _ in range(count)]
         self.searches = [[] for _ in range(count)]
         self.lost = []
+        self._past.clear()
         nobody = np.zeros(count, bool)
         self.result = self._result(np.full(count, HOLD, np.int8), nobody, np.zeros(count))
         return self.result
@@ -103,6 +113,20 @@ class Mission:
     def over(self) -> bool:
         """Whether no step can be done before a reset."""
         return self.aborted or not self.env.agents or self._stamp_ns + self._step_ns >= END_NS
+
+    @property
+    def steps(self) -> int:
+        """Steps done within the limit: the step that finds the time out is one more."""
+        return min(self.result.step, int(self.env.scenario.timestep_limit or 0))
+
+    @property
+    def history(self) -> NDArray[Any]:
+        """Every step so far, (step + 1, N) of `HISTORY_DTYPE`; row 0 is the start."""
+        return np.vstack([self._rows_before(), _packed(self.result)])
+
+    def _rows_before(self) -> NDArray[Any]:
+        """Return the history (step, N) without the last result, which may still change."""
+        return np.frombuffer(bytes(self._past), HISTORY_DTYPE).reshape(-1, len(self.tracks))
 
     @property
     def all_lost(self) -> bool:
@@ -183,6 +207,7 @@ class Mission:
         cells = map(tuple, self.result.cells[searchers].tolist())
         searched = dict(zip(cells, probabilities[searchers].tolist(), strict=True))
         self.env.advance(joint)
+        self._past += _packed(self.result).tobytes()
         pod = self.env.scenario.probability_of_detection
         self.not_found *= 1.0 - min(pod * sum(searched.values()), 1.0)
         self.result = self._result(joint, live & (joint == HOLD), probabilities)
@@ -197,7 +222,11 @@ class Mission:
         extra = {name: getattr(self, name) for name in _OF_MISSION}
         return Snapshot(
             of_world.identity,
-            {**of_world.arrays, **{f"result_{name}": a.copy() for name, a in arrays.items()}},
+            {
+                **of_world.arrays,
+                **{f"result_{name}": a.copy() for name, a in arrays.items()},
+                "history": self._rows_before(),
+            },
             # Through JSON nothing of it stays shared.
             json.loads(json.dumps({**extra, "commands": self.commands.memory()})),
         )
@@ -210,13 +239,14 @@ class Mission:
                 mission under way stays as it is.
         """
         extra, arrays = snapshot.extra, snapshot.arrays
-        if not {*_OF_MISSION, "commands"} <= extra.keys():
+        if not {*_OF_MISSION, "commands"} <= extra.keys() or "history" not in arrays:
             raise SnapshotError("the snapshot is of a world, not of a mission")
         self.env.restore(snapshot)
         for name in _OF_MISSION:
             setattr(self, name, extra[name])
         self.tracks = [[(col, row) for col, row in track] for track in extra["tracks"]]
         self.commands.remember(extra["commands"])
+        self._past = bytearray(arrays["history"].tobytes())
         self._stamp_ns -= self._step_ns
         self.result = self._result(*(arrays[f"result_{name}"] for name in _OF_RESULT))
         return self.result
@@ -260,3 +290,13 @@ class Mission:
             held=held,
             probabilities=probabilities,
         )
+
+
+def _packed(result: StepResult) -> NDArray[Any]:
+    """Return what the history keeps of a step, (N,) of `HISTORY_DTYPE`."""
+    row = np.zeros(len(result.cells), HISTORY_DTYPE)
+    row["col"], row["row"] = result.cells.T
+    row["action"], row["reward"] = result.actions, result.rewards
+    for flag in ("terminated", "truncated", "found", "held"):
+        row[flag] = getattr(result, flag)
+    return row

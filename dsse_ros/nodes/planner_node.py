@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -16,7 +15,6 @@ from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, Endpoints
-from dsse_ros.nodes.restarts import may_be_restarted, same_cells
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import Planner, make_planner
@@ -28,12 +26,18 @@ from msg_adapters.images import image_to_probability
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
+Step = tuple[int, int, int]
+"""run_id, mission and step of a report: no two steps have all alike."""
+
+_RUNS = 10
+"""Runs whose `agents` are kept: more than there are simulations in a namespace by mistake."""
+
 
 class PlannerNode(AlarmNode):
     """Answers every step with a joint action.
 
-    A step is answered when its report and its map are both here, which their common stamp tells.
-    A report of an earlier step than the last one opens a new mission and gets a new planner.
+    A step is answered when its report, its map and the `agents` of its run are all here; report and
+    map have the same stamp. Another mission gets a new planner.
 
     Raises:
         FieldError: If a parameter is not allowed.
@@ -45,13 +49,12 @@ class PlannerNode(AlarmNode):
         given, qos = take_overrides(self, known)
         self.settings = PlannerSettings(**given)
         declare(self, known, vars(self.settings))
-        self._info: AgentsInfo | None = None
+        self._infos: dict[int, AgentsInfo] = {}  # by run_id, the latest last
         self._map: tuple[int, NDArray[np.float32]] | None = None
         self._report: tuple[int, NDArray[Any]] | None = None
         self._planner: Planner | None = None
-        self._answered: tuple[int, int] | None = None  # (stamp, step)
-        self._used: tuple[object, object] = (None, None)  # the map and the report answered
-        self._ahead: object = None  # a report of a simulation whose agents are still to come
+        self._answered: Step | None = None
+        self._map_used: object = None
         self._answer: Int32MultiArray | None = None
         endpoints = Endpoints(self, qos)
         self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", RELIABLE)
@@ -73,23 +76,17 @@ class PlannerNode(AlarmNode):
             self.warn(topic, f"{topic}: {error}")
 
     def _on_agents(self, message: String) -> None:
-        before, self._info = self._info, agents_from_message(message)
-        if before is not None and _search_of(before) != _search_of(self._info):
-            # Another simulation has taken over; its first step may have come before this.
-            self._answered = None
-        elif before is not None and self._answered is not None:
-            restarted = may_be_restarted(before, self._info, self._answered[0])
-            if restarted and self._report is not self._ahead:
-                self._forget()
+        info = agents_from_message(message)
+        self._infos.pop(info.run_id, None)
+        self._infos[info.run_id] = info
+        if len(self._infos) > _RUNS:
+            del self._infos[next(iter(self._infos))]
+        self._leave_search(info.run_id, info.mission)
 
-    def _forget(self) -> None:
-        """Take back the answer, and leave what it was about; what has come since is news."""
-        self._answered = self._answer = None
-        self._resend_alarm.cancel()
-        if self._map is self._used[0]:
-            self._map = None
-        if self._report is self._used[1]:
-            self._report = None
+    def _leave_search(self, run_id: int, mission: int) -> None:
+        """Send no answer again that was for another search than this, which is heard of."""
+        if self._answered is not None and self._answered[:2] != (run_id, mission):
+            self._forget_answer()
 
     def _on_map(self, message: Image) -> None:
         self._map = (to_nanoseconds(message.header.stamp), image_to_probability(message))
@@ -97,11 +94,12 @@ class PlannerNode(AlarmNode):
     def _on_report(self, message: PointCloud2) -> None:
         report = step_report_from_message(message)
         if len(report):
-            before, self._report = self._report, (to_nanoseconds(message.header.stamp), report)
-            if before and _key(before) == _key(self._report) and not same_cells(before[1], report):
-                # The same step, and elsewhere: it is of another simulation.
-                self._forget()
-                self._ahead = self._report
+            before = self._report and _step_of(self._report[1])
+            self._report = (to_nanoseconds(message.header.stamp), report)
+            step = _step_of(report)
+            self._leave_search(*step[:2])
+            if before and before[:2] == step[:2] and step[2] > before[2] + 1:
+                self.get_logger().debug(f"steps {before[2] + 1} to {step[2] - 1} were not heard")
 
     def _plan(self) -> None:
         """Answer the step if it is not answered yet and all about it is here.
@@ -109,25 +107,31 @@ class PlannerNode(AlarmNode):
         Raises:
             ValueError: If no planner can be made for these actions.
         """
-        if self._info is None or self._map is None or self._report is None:
+        if self._map is None or self._report is None:
             return
         (stamp, report), (map_stamp, probability) = self._report, self._map
-        key = _key(self._report)
-        step = key[1]
-        if stamp != map_stamp or key == self._answered:
+        step, last = _step_of(report), self._answered
+        info = self._infos.get(step[0])
+        if info is None or stamp != map_stamp or not _fits(info, report, probability):
             return
-        if not _fits(self._info, report, probability):
+        # A map has no run_id: one that was used for another run may have this stamp too.
+        if last is not None and last[0] != step[0] and self._map is self._map_used:
             return
         live = ~((report["terminated"] | report["truncated"]).astype(bool))
-        if self._planner is None or self._answered is None or step <= self._answered[1]:
+        if step == last:
+            if not live.any():
+                # The last drone was lost since: there is nobody to command any more.
+                self._forget_answer()
+            return
+        if last is None or step[:2] != last[:2] or step[2] < last[2]:
             settings = self.settings
-            self._planner = make_planner(settings.planner, self._info.actions, seed=settings.seed)
-        self._answered, self._used = key, (self._map, self._report)
-        self._answer = None
-        self._resend_alarm.cancel()
+            self._planner = make_planner(settings.planner, info.actions, seed=settings.seed)
+        assert self._planner is not None
+        self._answered, self._map_used = step, self._map
+        self._forget_answer()
         if not live.any():
             return
-        agents = {name: i for i, name in enumerate(self._info.agents) if live[i]}
+        agents = {name: i for i, name in enumerate(info.agents) if live[i]}
         cells = np.stack([report["col"], report["row"]], axis=1).astype(np.int64)
         masks = report["action_mask"].astype(np.int8)
         actions = self._planner(
@@ -137,8 +141,12 @@ class PlannerNode(AlarmNode):
         joint = [HOLD] * len(report)
         for name, action in actions.items():
             joint[agents[name]] = int(action)
-        self._answer = joint_action_message(step, joint)
+        self._answer = joint_action_message(step[2], joint, mission=step[1])
         self._send()
+
+    def _forget_answer(self) -> None:
+        self._answer = None
+        self._resend_alarm.cancel()
 
     def _send(self) -> None:
         if self._answer is not None:
@@ -146,14 +154,9 @@ class PlannerNode(AlarmNode):
             self._resend_alarm.set(self.settings.resend_period)
 
 
-def _key(report: tuple[int, NDArray[Any]]) -> tuple[int, int]:
-    """Return stamp and step of a report."""
-    return report[0], int(report[1]["step"][0])
-
-
-def _search_of(info: AgentsInfo) -> AgentsInfo:
-    """Return what stays the same from mission to mission."""
-    return dataclasses.replace(info, mission=0, seed=None)
+def _step_of(report: NDArray[Any]) -> Step:
+    run_id, mission, step = (int(report[name][0]) for name in ("run_id", "mission", "step"))
+    return run_id, mission, step
 
 
 def _fits(info: AgentsInfo, report: NDArray[Any], probability: NDArray[np.float32]) -> bool:

@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from dsse_ros.nodes.mission import Mission, StepResult
-from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR, Endpoints
+from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
 from dsse_ros.search import kernels
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.diagnostics import diagnostic_array
@@ -26,6 +26,7 @@ from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
 from msg_adapters.markers import marker_array
+from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.poses import (
     nav_sat_fix,
@@ -56,17 +57,22 @@ class MissionPublishers:
         endpoints: Makes the publishers.
         mission: What is published.
         frame: Where the grid lies.
+        run_id: Identity of the simulation since its start.
     """
 
-    def __init__(self, endpoints: Endpoints, mission: Mission, frame: GridFrame) -> None:
+    def __init__(
+        self, endpoints: Endpoints, mission: Mission, frame: GridFrame, run_id: int
+    ) -> None:
         self._mission = mission
+        self._run_id = run_id
         self._frame = frame
         self._names = mission.env.possible_agents
         self._publisher = endpoints.publisher
         self._grid = self._publisher(OccupancyGrid, "probability_grid", LATCHED)
         self._image = self._publisher(Image, "probability", LATCHED)
         self._drones = self._publisher(PoseArray, "drones", LATCHED)
-        self._report = self._publisher(PointCloud2, "step_report", LATCHED)
+        self._report = self._publisher(PointCloud2, "step_report", REPORTS)
+        self._mission_report = self._publisher(PointCloud2, "mission_report", LATCHED)
         self._agents = self._publisher(String, "agents", LATCHED)
         self._markers = self._publisher(MarkerArray, "markers", LATCHED)
         self._clock = self._publisher(Clock, "/clock", RELIABLE)
@@ -107,6 +113,7 @@ class MissionPublishers:
             origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
             alt_m=frame.alt_m,
             mission=self._mission.number,
+            run_id=self._run_id,
         )
         self._agents.publish(agents_message(info))
 
@@ -138,6 +145,8 @@ class MissionPublishers:
         frame, env = self._frame, self._mission.env
         report = make_step_report(
             frame,
+            run_id=self._run_id,
+            mission=self._mission.number,
             step=result.step,
             cells=result.cells,
             actions=result.actions,
@@ -149,6 +158,14 @@ class MissionPublishers:
             action_mask=env.action_masks(),
         )
         self._report.publish(step_report_message(frame, report, stamp, self._report_of_step))
+
+    def publish_mission_report(self, stamp: Time) -> None:
+        """Publish every step of the mission at once."""
+        mission = self._mission
+        report = make_mission_report(
+            self._frame, run_id=self._run_id, mission=mission.number, history=mission.history
+        )
+        self._mission_report.publish(mission_report_message(self._frame, report, stamp))
 
     def _publish_fixes(self, result: StepResult, stamp: Time) -> None:
         for i, cell in enumerate(result.cells.tolist()):

@@ -25,6 +25,12 @@ LATCHED = QoSProfile(
 )
 """The last message waits for whoever joins late."""
 
+REPORTS = QoSProfile(
+    depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+"""Of the step reports' publisher: a listener that must see each step may fall behind or come late
+by that many."""
+
 COMPLETE = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )

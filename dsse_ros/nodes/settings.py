@@ -10,6 +10,7 @@ from dsse_ros.nodes.flight_settings import FlightSettings
 from dsse_ros.planners import PLANNERS
 from dsse_ros.search.fields import FieldError, check_all, field
 from dsse_ros.search.rules import PROFILES
+from msg_adapters.agents import MAX_ID
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +66,13 @@ class SimSettings(FlightSettings):
     seed: int = field(
         "int", "Seed of the mission that a reset starts; -1 draws one.", -1, low=-1, high=2**62
     )
+    run_id: int = field(
+        "int",
+        "Identity of this start of the node in agents and in the reports, not 0; -1 draws one.",
+        -1,
+        low=-1,
+        high=MAX_ID,
+    )
     publish_clock: bool = field(
         "bool", "Whether mission time goes out on /clock and stamps the messages.", True
     )
@@ -109,6 +117,8 @@ class SimSettings(FlightSettings):
 
     def __post_init__(self) -> None:
         check_all(self)
+        if self.run_id == 0:
+            raise FieldError(f"run_id: 0 is not allowed; -1 or 1 to {MAX_ID}")
         if not self.map_frame:
             raise FieldError("map_frame: '' is not allowed; a name")
         if self.resume and not self.snapshot_file:

@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import math
 import os
+import secrets
 import sys
 import tempfile
 import time
@@ -51,6 +52,7 @@ from dsse_ros.search.compiler import prepare
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
+from msg_adapters.agents import MAX_ID
 from msg_adapters.commands import (
     parse_action,
     parse_action_name,
@@ -114,7 +116,11 @@ class SimNode(AlarmNode):
             _check_snapshot_file(self.settings.snapshot_file)
         if self.settings.resume:
             self._resume()
-        self.publishers_ = MissionPublishers(endpoints, self.mission, self.frame)
+        # From outside the mission's random numbers: the same seed stays the same mission.
+        self.run_id = (
+            self.settings.run_id if self.settings.run_id > 0 else 1 + secrets.randbelow(MAX_ID)
+        )
+        self.publishers_ = MissionPublishers(endpoints, self.mission, self.frame, self.run_id)
         self.paused = False
         self.rejected: Counter[str] = Counter()
         self.timeouts = 0
@@ -138,7 +144,9 @@ class SimNode(AlarmNode):
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._on_changed)
         self._publish_start()
-        self._follow_on()
+        if self.mission.over:
+            # It was resumed from a snapshot of its end.
+            self._end()
 
     # Parameters
 
@@ -248,9 +256,10 @@ class SimNode(AlarmNode):
     def _end(self) -> None:
         mission = self.mission
         self.get_logger().info(
-            f"mission {mission.number} over after {_counted(mission.result.step, 'step')}: "
+            f"mission {mission.number} over after {_counted(mission.steps, 'step')}: "
             f"{mission.outcome}"
         )
+        self.publishers_.publish_mission_report(self._report_stamp)
         self._follow_on()
 
     def _follow_on(self) -> None:
@@ -431,6 +440,7 @@ class SimNode(AlarmNode):
             self.get_logger().error(f"mission aborted: no command from {self._names(missing)}")
             self.mission.abort()
             self._arm()
+            self._end()
         else:
             self.step()
 
@@ -480,7 +490,12 @@ class SimNode(AlarmNode):
         mission = self.mission
         live = mission.env.world.drones["alive"][0].tolist()
         parsed = parse_joint_action(
-            message, mission.result.step, len(live), mission.env.rules.actions, live
+            message,
+            mission.number,
+            mission.result.step,
+            len(live),
+            mission.env.rules.actions,
+            live,
         )
         actions = self._take("joint_action", None, parsed)
         if actions is not None:
@@ -625,6 +640,7 @@ class SimNode(AlarmNode):
         values: dict[str, object] = {
             "step": mission.result.step,
             "mission": mission.number,
+            "run_id": self.run_id,
             "seed": mission.seed,
             "step_mode": self.settings.step_mode,
             "drones_in_flight": len(mission.live),

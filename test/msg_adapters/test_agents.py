@@ -30,7 +30,8 @@ INFOS = st.builds(
         Origin, lat_deg=st.floats(-90, 90), lon_deg=st.floats(-180, 180), alt_m=NUMBERS
     ),
     alt_m=NUMBERS,
-    mission=st.integers(0),
+    mission=st.integers(0, 2**32 - 1),
+    run_id=st.integers(1, 2**32 - 1),
 )
 INFO = AgentsInfo(
     agents=("drone0", "drone1"),
@@ -45,6 +46,7 @@ INFO = AgentsInfo(
     origin=Origin(-24.04, -46.17, 0.0),
     alt_m=120.0,
     mission=1,
+    run_id=4_000_000_000,
 )
 
 
@@ -104,6 +106,9 @@ def test_a_missing_key_is_named(field):
         (["cell_size_m"], 10**400),
         (["timestep_limit"], -1),
         (["mission"], None),
+        (["mission"], 2**32),
+        (["run_id"], 0),
+        (["run_id"], 2**32),
         (["origin", "lat_deg"], "south"),
         (["origin"], []),
     ],

@@ -155,51 +155,69 @@ def test_a_path_of_no_or_of_too_many_goals_is_refused():
     assert isinstance(result, Rejected) and result.code == "path_too_long"
 
 
-@given(st.integers(0, 2**31 - 1), st.lists(st.integers(0, 4), max_size=8))
-def test_a_joint_action_comes_back(step, actions):
-    message = commands.joint_action_message(step, actions)
+@given(
+    st.integers(0, 2**31 - 1),
+    st.lists(st.integers(0, 4), max_size=8),
+    st.none() | st.integers(1, 2**31 - 1),
+)
+def test_a_joint_action_comes_back(step, actions, mission):
+    message = commands.joint_action_message(step, actions, mission)
     live = [True] * len(actions)
-    result = commands.parse_joint_action(message, step, len(actions), ACTIONS, live)
+    result = commands.parse_joint_action(message, mission or 7, step, len(actions), ACTIONS, live)
     assert result == Accepted(tuple(actions))
 
 
 @given(
     st.lists(st.integers(0, 6) | INT32, max_size=6),
+    st.integers(1, 2),
     st.integers(0, 3),
     st.lists(st.booleans(), max_size=4),
 )
-def test_any_joint_action_is_for_all_live_drones_or_for_none(data, step, live):
+def test_any_joint_action_is_for_all_live_drones_or_for_none(data, mission, step, live):
     message = Int32MultiArray(data=array.array("i", data))
-    result = commands.parse_joint_action(message, step, len(live), ACTIONS, live)
-    if check(result, {"wrong_size", "stale_step", "unknown_action"}):
-        assert data[0] == step and len(data) == len(result.value) + 1
-        for value, sent, takes_part in zip(result.value, data[1:], live, strict=True):
-            assert value == (sent if takes_part else commands.NO_ACTION)
+    result = commands.parse_joint_action(message, mission, step, len(live), ACTIONS, live)
+    if check(result, {"wrong_size", "stale_mission", "stale_step", "unknown_action"}):
+        head, sent = data[: -len(live) or None], data[len(data) - len(live) :]
+        assert head in ([step], [mission, step]) and len(sent) == len(result.value)
+        for value, number, takes_part in zip(result.value, sent, live, strict=True):
+            assert value == (number if takes_part else commands.NO_ACTION)
             assert not takes_part or 0 <= value < len(ACTIONS)
 
 
+def parsed(message, live=(True, True)):
+    """Parse for step 5 of mission 3."""
+    return commands.parse_joint_action(message, 3, 5, 2, ACTIONS, live)
+
+
+@pytest.mark.parametrize("mission", [None, 3])
 @pytest.mark.parametrize("step", [4, 6, -1])
-def test_a_stale_or_future_joint_action_is_refused(step):
-    message = commands.joint_action_message(step, [0, 1])
-    result = commands.parse_joint_action(message, 5, 2, ACTIONS, [True, True])
+def test_a_stale_or_future_joint_action_is_refused(step, mission):
+    result = parsed(commands.joint_action_message(step, [0, 1], mission))
     assert isinstance(result, Rejected) and result.code == "stale_step"
     assert f"step {step} " in result.reason and "; 5 is" in result.reason
 
 
-@pytest.mark.parametrize("actions", [[], [0], [0, 0, 0]])
+@pytest.mark.parametrize("mission", [2, 4, 0])
+def test_a_joint_action_of_another_mission_is_refused_whatever_its_step(mission):
+    for step in (4, 5):
+        result = parsed(commands.joint_action_message(step, [0, 1], mission))
+        assert isinstance(result, Rejected) and result.code == "stale_mission"
+        assert f"mission {mission} " in result.reason and "; 3 is" in result.reason
+
+
+@pytest.mark.parametrize("actions", [[], [0], [0, 0, 0, 0]])
 def test_a_joint_action_of_the_wrong_length_is_refused(actions):
-    message = commands.joint_action_message(5, actions)
-    result = commands.parse_joint_action(message, 5, 2, ACTIONS, [True, True])
+    result = parsed(commands.joint_action_message(5, actions))
     assert isinstance(result, Rejected) and result.code == "wrong_size"
 
 
-def test_an_unknown_action_refuses_all_but_only_of_a_live_drone():
-    message = commands.joint_action_message(5, [0, 9])
-    refused = commands.parse_joint_action(message, 5, 2, ACTIONS, [True, True])
+@pytest.mark.parametrize(("mission", "place"), [(None, 2), (3, 3)])
+def test_an_unknown_action_refuses_all_but_only_of_a_live_drone(mission, place):
+    message = commands.joint_action_message(5, [0, 9], mission)
+    refused = parsed(message)
     assert isinstance(refused, Rejected) and refused.code == "unknown_action"
-    assert refused.reason.startswith("data[2]: action 9 ")
-    accepted = commands.parse_joint_action(message, 5, 2, ACTIONS, [True, False])
-    assert accepted == Accepted((0, commands.NO_ACTION))
+    assert refused.reason.startswith(f"data[{place}]: action 9 ")
+    assert parsed(message, (True, False)) == Accepted((0, commands.NO_ACTION))
 
 
 @given(st.integers(0, 4))

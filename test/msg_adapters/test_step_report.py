@@ -33,6 +33,8 @@ REPORTS = st.integers(1, 9).flatmap(
 def small_report():
     return make_step_report(
         FRAME,
+        run_id=4_000_000_000,
+        mission=2,
         step=7,
         cells=np.array([(0, 7), (7, 0), (3, 4)]),
         actions=[1, 4, -1],
@@ -51,6 +53,8 @@ def test_a_report_has_all_that_it_was_made_of():
     assert report["x"].tolist() == x_m.tolist() and report["y"].tolist() == y_m.tolist()
     assert report["z"].tolist() == [120.0] * 3
     assert report["step"].tolist() == [7] * 3
+    assert report["run_id"].tolist() == [4_000_000_000] * 3
+    assert report["mission"].tolist() == [2] * 3
     assert report["col"].tolist() == [0, 7, 3] and report["row"].tolist() == [7, 0, 4]
     assert report["action"].tolist() == [1, 4, -1]
     assert report["reward"].tolist() == [1.0, 10000.1, -100000.0]
@@ -63,6 +67,8 @@ def test_a_report_has_all_that_it_was_made_of():
 
 def test_a_report_of_shapes_that_do_not_match_is_refused():
     arguments = {
+        "run_id": 1,
+        "mission": 1,
         "step": 0,
         "cells": [(0, 0), (1, 1)],
         "actions": [0, 0],
@@ -170,6 +176,7 @@ def test_a_cloud_that_a_relay_laid_out_anew_is_read_the_same(bigendian):
         (lambda m: setattr(m.fields[-1], "count", 0), "^num_actions: 0"),
         (lambda m: setattr(m.fields[-1], "count", 2**32 - 1), "^num_actions: 4294967295"),
         (lambda m: setattr(m.fields[-1], "count", 6), "^fields: offset .* of action_mask"),
+        (lambda m: m.fields.append(m.fields[-1]), "^fields: two of the name action_mask"),
     ],
 )
 def test_a_malformed_cloud_is_refused_by_its_fault(change, words):

@@ -17,6 +17,7 @@ from msg_adapters import (
     geodesy,
     images,
     markers,
+    mission_report,
     occupancy,
     poses,
     stamps,
@@ -38,6 +39,8 @@ MATRIX = np.arange(16, dtype=np.float32).reshape(4, 4)
 def report():
     return step_report.make_step_report(
         FRAME,
+        run_id=np.uint32(4_000_000_000),
+        mission=np.int64(2),
         step=1,
         cells=CELLS,
         actions=np.array([0, 4]),
@@ -64,6 +67,7 @@ def info():
         origin=agents.Origin(-24.04, -46.17, 0.0),
         alt_m=120.0,
         mission=0,
+        run_id=1,
     )
 
 
@@ -83,7 +87,10 @@ def all_messages():
     yield commands.action_message(np.int64(4))
     yield commands.action_name_message("search")
     yield commands.joint_action_message(np.int64(3), np.array([0, -1]))
+    yield commands.joint_action_message(np.int64(3), np.array([0, -1]), mission=np.int64(2))
     yield step_report.step_report_message(FRAME, report(), STAMP)
+    whole = np.zeros((3, 2), mission_report.MISSION_REPORT_DTYPE)
+    yield mission_report.mission_report_message(FRAME, whole, STAMP)
     yield agents.agents_message(info())
     yield markers.marker_array(
         FRAME,

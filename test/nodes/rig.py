@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import array
 import contextlib
 import fcntl
 import json
@@ -17,7 +16,7 @@ import tempfile
 import time
 import warnings
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -44,6 +43,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
+from msg_adapters.commands import joint_action_message
 from msg_adapters.step_report import step_report_from_message
 
 with warnings.catch_warnings():
@@ -337,6 +337,11 @@ class Sim:
         return int(self.report["step"][0])
 
     @property
+    def search(self) -> tuple[int, int]:
+        """run_id and mission of the last report."""
+        return int(self.report["run_id"][0]), int(self.report["mission"][0])
+
+    @property
     def cells(self) -> list[tuple[int, int]]:
         """Where the drones are, as (col, row)."""
         return cells(self.report)
@@ -358,11 +363,11 @@ class Sim:
         """Return a publisher to a topic of the node."""
         return self.rig.talk(kind, self.topic(topic))
 
-    def joint(self, *actions: int, step: int | None = None) -> None:
-        """Command all drones, by default for the step to come."""
+    def joint(self, *actions: int, step: int | None = None, mission: int | None = None) -> None:
+        """Command all drones, by default for the step to come of whichever mission."""
         step = self.step_number if step is None else step
         publisher = self.talk(Int32MultiArray, "joint_action")
-        publisher.publish(Int32MultiArray(data=array.array("i", [step, *actions])))
+        publisher.publish(joint_action_message(step, actions, mission))
 
     def fly(self, *actions: int) -> NDArray[Any]:
         """Command all drones and return the report of the step."""
@@ -492,6 +497,14 @@ def content(message: Any) -> tuple[Any, ...]:
         message.is_bigendian, message.point_step, message.row_step, message.is_dense,
         bytes(message.data),
     )  # fmt: skip
+
+
+def steps_of(messages: Iterable[Any]) -> list[bytes]:
+    """Return what step reports say of the drones, whichever run and mission they are of."""
+    reports = [step_report_from_message(message) for message in messages]
+    for report in reports:
+        report["run_id"] = report["mission"] = 0
+    return [report.tobytes() for report in reports]
 
 
 def occupancy(grid: Any) -> NDArray[np.int8]:

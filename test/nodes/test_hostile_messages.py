@@ -17,7 +17,7 @@ from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetMap
 from rig import Rig, Sim, cells, content
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import Image
 from std_msgs.msg import Int8, Int32MultiArray, String
 
 from dsse_ros.nodes.mission import Mission
@@ -86,7 +86,9 @@ def hostile(draw: random.Random) -> Iterator[Hostile]:
             yield f"{name}/command_path", path(*[pose()] * 10_001), "path_too_long"
         step = draw.choice([0, 2, 3, -1, 2**31 - 1, -(2**31)])
         yield "joint_action", joint(step, SEARCH, SEARCH, SEARCH), "stale_step"
-        size = draw.choice([0, 1, 2, 3, 5, 100_000])
+        other = draw.choice([0, 2, -1, 2**31 - 1, -(2**31)])
+        yield "joint_action", joint(other, 1, SEARCH, SEARCH, SEARCH), "stale_mission"
+        size = draw.choice([0, 1, 2, 3, 6, 100_000])
         yield "joint_action", joint(*[1] * size), "wrong_size"
         bad = draw.choice([-1, 5, 127, 256, 2**31 - 1, -(2**31)])
         pair = [SEARCH, bad] if turn % 2 else [bad, SEARCH]
@@ -146,7 +148,7 @@ def test_a_thousand_hostile_messages_change_nothing_and_each_is_counted(
     for name in ("step", "mission", "missing_drones", "drones_in_flight", "pos_cumulative"):
         assert health[name] == before[name]
     assert len(sim.reports) == seen
-    assert content(sim.rig.first(PointCloud2, "step_report")) == report
+    assert content(sim.reports.last) == report
     assert sim.call(GetMap, "get_map").map == grid
     assert sim.rig.first(Image, "probability") == image
     assert list(sim.rig.first(PoseArray, "drones").poses) == poses

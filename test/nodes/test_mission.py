@@ -63,7 +63,46 @@ def test_a_reset_repeats_the_mission_and_time_goes_on(seed: int, actions: list[l
         assert same(before, after, but=("stamp_ns",))
     stamps = [result.stamp_ns for result in results + again]
     assert np.diff(stamps).tolist() == [13 * 10**9] * (len(stamps) - 1)
-    assert stamps[0] == 0
+    # A stamp of 0 means "no time" in ROS.
+    assert stamps[0] == 13 * 10**9
+
+
+@given(seeds, joints, st.integers(0, 14), st.integers(0, 2))
+def test_the_history_is_every_step_with_the_drones_lost_since(
+    seed: int, actions: list[list[int]], lost_at: int, drone: int
+) -> None:
+    flown = mission(seed)
+    results = [flown.result]
+    for step, joint in enumerate(actions):
+        if step == lost_at:
+            flown.lose(drone)
+            results[-1] = flown.result
+        if not flown.over:
+            results.append(fly(flown, joint))
+    history = flown.history
+    assert history.shape == (len(results), 3)
+    for row, result in zip(history, results, strict=True):
+        assert np.array_equal(np.stack([row["col"], row["row"]], axis=1), result.cells)
+        assert np.array_equal(row["action"], result.actions)
+        assert np.array_equal(row["reward"], result.rewards)
+        for flag in ("terminated", "truncated", "found", "held"):
+            assert np.array_equal(row[flag].astype(bool), getattr(result, flag))
+    flown.reset(seed)
+    assert flown.history.shape == (1, 3)
+
+
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
+def test_the_steps_of_a_mission_out_of_time_are_its_limit(rules: str) -> None:
+    flown = Mission(
+        parallel_env(rules=rules, grid_size=7, num_drones=1, timestep_limit=5,
+                     person_initial_position=(6, 6), person_pod_multipliers=[0.0]),
+        seed=0,
+    )  # fmt: skip
+    while not flown.over:
+        flown.command_all([flown.env.rules.actions.index("search")])
+        flown.advance("hold")
+    assert flown.outcome == "out of time" and flown.steps == 5
+    assert flown.history.shape == (flown.result.step + 1, 1)
 
 
 @given(joints)
@@ -169,4 +208,4 @@ def test_mission_time_never_leaves_what_a_stamp_holds() -> None:
         to_stamp(result.stamp_ns)
     assert flown.live
     assert flown.result.stamp_ns + 10**8 * 10**9 >= END_NS
-    assert flown.reset(0).stamp_ns == 0
+    assert flown.reset(0).stamp_ns == 10**8 * 10**9

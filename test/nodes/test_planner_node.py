@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -27,6 +28,7 @@ class Stage:
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
+        self._runs: dict[Mission, int] = {}
         self.answers: Inbox = rig.listen(Int32MultiArray, "joint_action")
         self._topics = {
             name: rig.node.create_publisher(kind, name, LATCHED)
@@ -35,7 +37,8 @@ class Stage:
         self._topics["step_report"] = rig.node.create_publisher(PointCloud2, "step_report", LATCHED)
 
     def show(self, mission: Mission, *topics: str) -> None:
-        """Publish where the mission stands, by default on all topics."""
+        """Publish where the mission stands, by default on all topics; each one is a run."""
+        run_id = self._runs.setdefault(mission, len(self._runs) + 1)
         env, result = mission.env, mission.result
         scenario = env.scenario
         info = AgentsInfo(
@@ -43,11 +46,12 @@ class Stage:
             seed=mission.seed, grid_size=env.world.grid_size, cell_size_m=scenario.cell_size,
             timestep_limit=scenario.timestep_limit, step_duration_s=scenario.step_duration_s,
             map_frame="map", origin=Origin(0.0, 0.0, 0.0), alt_m=120.0, mission=mission.number,
+            run_id=run_id,
         )  # fmt: skip
         stamp = to_stamp(result.stamp_ns)
         report = make_step_report(
-            info.frame, step=result.step, cells=result.cells, actions=result.actions,
-            rewards=result.rewards, terminated=result.terminated, truncated=result.truncated,
+            info.frame, run_id=run_id, mission=mission.number, step=result.step,
+            cells=result.cells, actions=result.actions, rewards=result.rewards, terminated=result.terminated, truncated=result.truncated,
             found=result.found, held=result.held, action_mask=env.action_masks(),
         )  # fmt: skip
         messages = {
@@ -64,16 +68,16 @@ class Stage:
 
     def answer(self, mission: Mission) -> list[int]:
         """Return the first answer to the mission's step."""
-        step, size = mission.result.step, 1 + mission.env.world.num_drones
+        step, size = mission.result.step, 2 + mission.env.world.num_drones
         self.rig.until(
             lambda: (
                 self.answers
-                and self.answers.last.data[0] == step
+                and list(self.answers.last.data[:2]) == [mission.number, step]
                 and len(self.answers.last.data) == size
             ),
             f"an answer to step {step}",
         )
-        return list(self.answers.last.data[1:])
+        return list(self.answers.last.data[2:])
 
 
 def mission(seed: int = 0, drones: int = 3, grid: int = 6, **options: Any) -> Mission:
@@ -132,14 +136,14 @@ def test_an_unanswered_command_is_sent_again(quiet: Stage) -> None:
     actions = quiet.answer(flown)
     quiet.answers.clear()
     quiet.rig.until(lambda: len(quiet.answers) >= 3, "the command again and again")
-    assert {tuple(m.data) for m in quiet.answers} == {(0, *actions)}
+    assert {tuple(m.data) for m in quiet.answers} == {(1, 0, *actions)}
     flown.command_all(actions)
     flown.advance("hold")
     quiet.show(flown)
     quiet.answer(flown)
     quiet.answers.clear()
     quiet.rig.until(lambda: len(quiet.answers) >= 2)
-    assert {m.data[0] for m in quiet.answers} == {1}
+    assert {m.data[1] for m in quiet.answers} == {1}
 
 
 def test_a_report_is_answered_with_the_map_of_its_step(quiet: Stage) -> None:
@@ -168,7 +172,43 @@ def test_nobody_is_commanded_when_the_mission_is_over(quiet: Stage) -> None:
     other.advance("hold")
     quiet.show(other)
     quiet.answer(other)
-    assert {m.data[0] for m in quiet.answers} == {0, 2}
+    assert {m.data[1] for m in quiet.answers} == {0, 2}
+
+
+def test_nobody_is_commanded_any_more_when_all_drones_are_lost(quiet: Stage) -> None:
+    flown = mission()
+    quiet.show(flown)
+    quiet.answer(flown)
+    for drone in range(3):
+        flown.lose(drone)
+        quiet.show(flown, "step_report")
+    other = mission(drones=2)
+    other.advance("hold")
+    # What it has sent before it heard of the loss may still come.
+    quiet.rig.until(lambda: not quiet.answers.clear() and quiet_for_resends(quiet))
+    quiet.show(other)
+    quiet.answer(other)
+    assert {len(m.data) for m in quiet.answers} == {4}
+
+
+def quiet_for_resends(stage: Stage) -> bool:
+    """Return whether no answer comes for as long as three would."""
+    end = time.monotonic() + 0.3
+    while time.monotonic() < end:
+        stage.rig.executor.spin_once(timeout_sec=0.02)
+    return not stage.answers
+
+
+def test_a_foreign_simulation_that_comes_and_goes_leaves_the_mission_answered(quiet: Stage) -> None:
+    flown, foreign = mission(), mission(seed=4)
+    quiet.show(flown)
+    actions = quiet.answer(flown)
+    quiet.show(foreign)
+    quiet.answer(foreign)
+    flown.command_all(actions)
+    flown.advance("hold")
+    quiet.show(flown, "probability", "step_report")
+    assert len(quiet.answer(flown)) == 3
 
 
 def test_a_simulation_of_another_size_is_answered_whatever_comes_first(quiet: Stage) -> None:
@@ -195,16 +235,18 @@ def test_a_simulation_restarted_before_its_first_step_is_answered_for_where_its_
     quiet: Stage, topics: tuple[str, ...]
 ) -> None:
     killed = mission()
-    restarted = mission(seed=9, drones_positions=[(5, 5), (5, 4), (4, 5)])
+    restarted = mission(
+        seed=9, drones_positions=[(5, 5), (5, 4), (4, 5)], person_initial_position=(1, 4)
+    )
     quiet.show(killed)
     quiet.answer(killed)
     wanted = expected(restarted, make_planner(PLANNER, restarted.env.rules.actions))
     for topic in topics:
         quiet.show(restarted, topic)
-    quiet.rig.until(lambda: list(quiet.answers.last.data) == [0, *wanted], "the new answer")
+    quiet.rig.until(lambda: list(quiet.answers.last.data) == [1, 0, *wanted], "the new answer")
     quiet.answers.clear()
     quiet.rig.until(lambda: len(quiet.answers) >= 3, "the answer again and again")
-    assert {tuple(m.data) for m in quiet.answers} == {(0, *wanted)}
+    assert {tuple(m.data) for m in quiet.answers} == {(1, 0, *wanted)}
 
 
 def test_messages_that_make_no_sense_are_survived(quiet: Stage) -> None:

@@ -28,6 +28,7 @@ def sims(rig: Rig, **seeds: int) -> list[Sim]:
                 **SCENARIO,
                 "num_drones": 6,
                 "seed": seed,
+                "run_id": 9,
                 "record_file": str(rig.folder / f"{name}.csv"),
                 f"qos_overrides./{name}/step_report.publisher.history": "keep_all",
             },

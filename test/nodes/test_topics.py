@@ -15,7 +15,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from nav_msgs.srv import GetMap
 from rig import BEST_EFFORT, LATCHED, RELIABLE, Inbox, Rig, Sim, occupancy, stamp_ns
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Image, NavSatFix, PointCloud2
+from sensor_msgs.msg import Image, NavSatFix
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
@@ -147,7 +147,7 @@ def test_all_messages_of_a_step_have_one_stamp(sim: Sim) -> None:
         first(Image, "/sea/probability"),
         first(PoseStamped, "/sea/drone0/pose"),
         first(PoseArray, "/sea/fleet"),
-        first(PointCloud2, "/sea/step_report"),
+        sim.reports.last,
     ]
     assert {stamp_ns(message) for message in latched} == {stamp}
     clock, odom = sim.rig.listen(Clock, "/clock"), sim.rig.listen(Odometry, "/sea/drone0/odom")
@@ -168,6 +168,7 @@ def test_names_follow_the_namespace_and_the_remaps(sim: Sim) -> None:
         "/sea/drone3/path": "nav_msgs/msg/Path",
         "/sea/fleet": "geometry_msgs/msg/PoseArray",
         "/sea/step_report": "sensor_msgs/msg/PointCloud2",
+        "/sea/mission_report": "sensor_msgs/msg/PointCloud2",
         "/sea/agents": "std_msgs/msg/String",
         "/sea/markers": "visualization_msgs/msg/MarkerArray",
         "/clock": "rosgraph_msgs/msg/Clock",
@@ -200,9 +201,9 @@ def test_the_qos_is_that_of_the_interface_but_where_it_is_overridden(sim: Sim) -
     latched, reliable = ("RELIABLE", "TRANSIENT_LOCAL"), ("RELIABLE", "VOLATILE")
     best_effort = ("BEST_EFFORT", "VOLATILE")
     assert of("/sea/drone1/pose") == best_effort
-    for topic in ("drone0/pose", "drone2/pose", "drone1/path", "step_report", "agents", "fleet"):
+    for topic in ("drone0/pose", "drone2/pose", "drone1/path", "agents", "fleet"):
         assert of(f"/sea/{topic}") == latched
-    for topic in ("probability_grid", "probability", "markers"):
+    for topic in ("probability_grid", "probability", "markers", "step_report", "mission_report"):
         assert of(f"/sea/{topic}") == latched
     assert of("/sea/drone1/odom") == of("/clock") == of("/diagnostics") == reliable
     assert of("/sea/drone1/fix") == best_effort

@@ -34,6 +34,7 @@ def quality(qos: QoSProfile) -> str:
     reliable = qos.reliability == ReliabilityPolicy.RELIABLE
     words = {
         (True, True, 1): "latched",
+        (True, True, 100): "latched, 100",
         (True, True, 1000): "latched, 1000",
         (False, False, 5): "sensor data",
     }
