@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
-from rig import LATCHED, Inbox, Rig
+from rig import LATCHED, Inbox, Process, Rig
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
@@ -293,3 +294,76 @@ def test_a_planner_that_was_restarted_goes_on_with_the_mission(rig: Rig) -> None
             assert health["step"] == str(sim.step_number) and step >= until
     # One more: the action after the last.
     assert sim.step_number >= 60
+
+
+FAILING = """
+import sys
+from dsse_ros.nodes import planner_node
+
+class Failing:
+    asked = 0
+
+    def __call__(self, observations, infos):
+        self.asked += 1
+        step = self.asked
+        if step == 2:
+            raise KeyError("of the\\nsecond time")
+        if step == 4:
+            return {"nobody": 0}
+        return dict.fromkeys(observations, 4)
+
+planner = Failing()
+planner_node.make_planner = lambda *arguments, **options: planner
+sys.exit(planner_node.main())
+"""
+
+
+@pytest.mark.parametrize("level", ["info", "debug"])
+def test_a_planner_that_fails_is_told_on_a_line_and_asked_again(
+    rig: Rig, level: str, tmp_path: Path
+) -> None:
+    script = tmp_path / "failing.py"
+    script.write_text(FAILING)
+    sim = rig.sim({"num_drones": 2, "grid_size": 6, "probability_of_detection": 0.0},
+                  namespace=f"/{level}")  # fmt: skip
+    options = [
+        "--ros-args",
+        "-r",
+        f"__ns:=/{level}",
+        "--log-level",
+        f"{level}.dsse_planner:={level}",
+    ]
+    process = Process([str(script), *options], tmp_path / "planner.log", rig.domain)
+    rig.processes.append(process)
+    # Each of the two failures holds the step up, and the next try answers it.
+    rig.until(lambda: sim.step_number >= 5, "the steps after both")
+    errors = [line for line in process.output.splitlines() if "[ERROR]" in line]
+    assert [line.partition("has failed in ")[2] for line in errors] == [
+        "step 1 of mission 1: KeyError: 'of the\\nsecond time'",
+        "step 2 of mission 1: KeyError: 'nobody'",
+    ]
+    assert process.output.count("Traceback") == (2 if level == "debug" else 0)
+    process.kill()
+
+
+def test_the_planner_says_what_it_waits_for(rig: Rig) -> None:
+    planner = rig.start("planner_node", {"resend_period": 0.1}, "-r", "__ns:=/wait")
+
+    def says(*words: str) -> bool:
+        return any(all(word in line for word in words) for line in planner.output.splitlines())
+
+    rig.until(
+        lambda: says("waiting for", "/wait/agents", "/wait/probability", "/wait/step_report"),
+        "what it waits for",
+    )
+    sim = rig.sim(
+        {"num_drones": 2, "grid_size": 6, "probability_of_detection": 0.0, "timestep_limit": 5},
+        namespace="/wait",
+    )
+    rig.until(lambda: not sim.flying, "the end")
+    rig.until(lambda: says("waiting for a new mission", "mission 1 is over"), "that it is over")
+    sim.pause(True)
+    sim.reset()
+    rig.until(lambda: says("waiting for step 1 of mission 2"), "the step that does not come")
+    sim.process.stop()
+    rig.until(lambda: says("waiting for a simulation that listens to /wait/joint_action"))
