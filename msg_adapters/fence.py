@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import geodetic_to_map
+from msg_adapters.geodesy import geodetic_to_map, on_near_side
 from msg_adapters.mission_items import (
     FRAME_GLOBAL,
     FRAME_GLOBAL_RELATIVE_ALT,
@@ -29,8 +29,6 @@ from msg_adapters.result import Accepted, Rejected, Result
 
 _PLACED = (NAV_WAYPOINT, NAV_LOITER_TIME, NAV_LAND, NAV_TAKEOFF)
 _MAX_PARAMETER = 1e6
-# Seen from the origin, the far side of the Earth has the same x and y once more.
-_NEAR_SIDE_M = -6e6
 
 
 @dataclass(frozen=True)
@@ -170,10 +168,10 @@ def _check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected 
                 "not_on_earth", f"{name}: {value!r} is not allowed; {-limit:g} to {limit:g}"
             )
     frame, margin_m = fence.frame, fence.margin_m
-    x_m, y_m, z_m = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m)
+    x_m, y_m, _ = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m)
     side_m = frame.grid_size * frame.cell_size_m
     in_area = all(-margin_m <= value <= side_m + margin_m for value in (x_m, y_m))
-    if z_m > _NEAR_SIDE_M and (in_area or _near_home(x_m, y_m, fence)):
+    if on_near_side(frame, lat_deg, lon_deg) and (in_area or _near_home(x_m, y_m, fence)):
         return None
     return Rejected(
         "outside_fence",

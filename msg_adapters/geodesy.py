@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Map frame to WGS84 and back, exact: ENU at the grid's south-west corner through ECEF.
+"""Map frame to WGS84 and back: ENU at the grid's south-west corner through ECEF, by pymap3d.
 
-Flat-Earth formulas are off by metres within a few kilometres, hence pymap3d.
+x and y are those of ENU, exact where flat-Earth formulas are off by metres within a few kilometres.
+z is the height above the sea at the place itself, as altimeters and autopilots have it: the tangent
+plane at the origin is 196 m above the ellipsoid 50 km away.
 """
 
 from __future__ import annotations
@@ -17,6 +19,12 @@ from numpy.typing import NDArray
 from msg_adapters.frames import GridFrame, cell_to_map
 
 Floats = NDArray[np.float64]
+
+_SURFACE_M = 1e-6
+"""How close to the surface its point is looked for."""
+_MAX_TURNS = 20
+_NEAR_SIDE_M = -6e6
+"""Seen from the origin, the far side of the Earth has the same x and y once more."""
 
 
 @overload
@@ -34,9 +42,18 @@ def map_to_geodetic(frame: GridFrame, x_m: Any, y_m: Any, z_m: Any) -> tuple[Any
         frame: The grid; its origin is the point (0, 0, 0).
         x_m: Metres east, a number or an array.
         y_m: Metres north.
-        z_m: Metres above the plane that touches the ellipsoid's parallel surface at the origin.
+        z_m: Metres above the surface that is as high above the ellipsoid as the origin.
     """
-    return _through_ecef(pymap3d.enu2geodetic, frame, x_m, y_m, z_m)
+    # The surface curves away from the plane; its point below (x, y) is found in two or three turns.
+    up_m = np.zeros(np.broadcast_shapes(*(np.shape(value) for value in (x_m, y_m, z_m))))
+    for _ in range(_MAX_TURNS):
+        lat_deg, lon_deg, alt_m = _through_ecef(pymap3d.enu2geodetic, frame, x_m, y_m, up_m)
+        above_m = np.asarray(alt_m) - frame.origin_alt_m
+        if not np.any(np.abs(above_m) > _SURFACE_M):
+            break
+        up_m = up_m - above_m
+    height_m = frame.origin_alt_m + np.asarray(z_m, dtype=np.float64) + np.zeros_like(up_m)
+    return lat_deg, lon_deg, height_m if height_m.ndim else float(height_m)
 
 
 @overload
@@ -58,7 +75,25 @@ def geodetic_to_map(
         lon_deg: WGS84 longitude.
         alt_m: Height above the ellipsoid.
     """
-    return _through_ecef(pymap3d.geodetic2enu, frame, lat_deg, lon_deg, alt_m)
+    x_m, y_m, _ = _surface_point(frame, lat_deg, lon_deg)
+    z_m = np.asarray(alt_m, dtype=np.float64) - frame.origin_alt_m + np.zeros_like(x_m)
+    return x_m, y_m, z_m if z_m.ndim else float(z_m)
+
+
+def on_near_side(frame: GridFrame, lat_deg: float, lon_deg: float) -> bool:
+    """Return whether a place is on the origin's side of the Earth, where x and y tell places apart.
+
+    Args:
+        frame: The grid.
+        lat_deg: WGS84 latitude.
+        lon_deg: WGS84 longitude.
+    """
+    return bool(_surface_point(frame, lat_deg, lon_deg)[2] > _NEAR_SIDE_M)
+
+
+def _surface_point(frame: GridFrame, lat_deg: Any, lon_deg: Any) -> tuple[Any, Any, Any]:
+    """Return east, north and up of a place at the origin's height above the ellipsoid."""
+    return _through_ecef(pymap3d.geodetic2enu, frame, lat_deg, lon_deg, frame.origin_alt_m)
 
 
 @overload
@@ -76,7 +111,7 @@ def cell_to_geodetic(frame: GridFrame, col: Any, row: Any, z_m: Any) -> tuple[An
         frame: The grid.
         col: Column, a number or an array; a fraction lies between cells.
         row: Row.
-        z_m: Metres above the map plane.
+        z_m: Metres above the surface: see `map_to_geodetic`.
     """
     x_m, y_m = cell_to_map(frame, col, row)
     return map_to_geodetic(frame, x_m, y_m, z_m)

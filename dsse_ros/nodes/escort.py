@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a drone's vehicle is to do next, without ROS, links and clocks."""
+"""What a drone's vehicle is to do next, without ROS, links and clocks.
+
+A vehicle takes off once in a mission at the most, for a search that is going on and a drone that is
+still in it. What must be known of that when the program is started again is its `FlightRecord`.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +28,21 @@ TRIES = 3
 RETRY_S = 5.0
 
 Task = GoTo | Search | FlyMission
+
+
+@dataclass(frozen=True)
+class FlightRecord:
+    """What must be known of a vehicle for as long as the mission lasts.
+
+    Attributes:
+        took_off: Whether it has been in the air.
+        lost: Why it does not follow its drone any more; empty if it does.
+        taken_over: Whether that is because a pilot or another program has it; nothing is sent then.
+    """
+
+    took_off: bool = False
+    lost: str = ""
+    taken_over: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,7 +103,7 @@ def mission_task(mission: Mission, fence: Fence, firmware: Firmware) -> Result[T
 
 def takes_off_yet(state: VehicleState, outcome: Outcome) -> bool:
     """Whether a vehicle on the ground is going to take off, be it when it is heard again."""
-    pending = outcome.status in ("under_way", "lost")
+    pending = outcome.status not in ("idle", "done", "failed", "taken_over")
     return not state.flying and pending and isinstance(outcome.order, TakeOff | FlyMission)
 
 
@@ -95,39 +114,61 @@ class Escort:
         take_off_alt_m: Altitude above home to take off to.
         fence: Where the vehicle may be, and take off.
         at_end: What it does when its drone's search is over: return, land or hold.
-        join_timeout_s: Time in which it must be heard for the first time.
+        join_timeout_s: Time in which it must be able to take off.
+        lost_timeout_s: Time without a heartbeat after which it is lost.
+        whole: Whether the search is flown as one mission, once it is over.
 
     Attributes:
         leg: What is to be done, None before the first step.
         arrived: Whether all of it is done.
-        lost: Why the vehicle does not follow its drone any more; empty if it does.
+        record: What must be known of it when it is led by another program.
         refused: Why the task, or the take-off, is refused; empty if it is not.
+        blocked: What keeps it from taking off now, empty if nothing does or it need not.
+        finished: Whether nothing is left to do in this mission.
     """
 
     def __init__(
-        self, take_off_alt_m: float, fence: Fence, at_end: str, join_timeout_s: float
+        self,
+        take_off_alt_m: float,
+        fence: Fence,
+        at_end: str,
+        join_timeout_s: float,
+        lost_timeout_s: float,
+        *,
+        whole: bool = False,
     ) -> None:
         self._take_off = TakeOff(take_off_alt_m)
         self._fence = fence
         ends: dict[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
         self._end = ends[at_end]
         self._join_timeout_s = join_timeout_s
+        self._lost_timeout_s = lost_timeout_s
+        self._whole = whole
         self.begin()
 
-    def begin(self) -> None:
-        """Start anew with a new mission: who was lost may be there again."""
+    def begin(self, record: FlightRecord | None = None) -> None:
+        """Start with a mission, of which this is known; with a new one all may be there again."""
         self.leg: Leg | None = None
         self.arrived = False
-        self.lost = ""
+        self.record = record or FlightRecord()
         self.refused = ""
+        self.blocked = ""
+        self.finished = False
         self._task: Task | None = None
         self._holding = False
+        # The search was over, or the mission was being flown, when this began.
+        self._late = False
         # The order given last, with the stamp of its leg if it is to be done for each leg anew.
         self._given: tuple[Order, int] | None = None
         self._done = False
         self._tries = 0
         self._failed_s: float | None = None
-        self._since_s: float | None = None
+        self._blocked_since_s: float | None = None
+
+    @property
+    def lost(self) -> str:
+        """Why the vehicle does not follow its drone any more; empty if it does."""
+        return self.record.lost
 
     @property
     def arrived_stamp_ns(self) -> int:
@@ -139,42 +180,67 @@ class Escort:
         """Whether it has nothing to do until the next step."""
         return self.leg is None or self.arrived or self.leg.over or bool(self.lost or self.refused)
 
-    def follow(self, leg: Leg, task: Result[Task]) -> None:
-        """Take a leg, and what there is to do for it, in place of the one before."""
+    @property
+    def has_task(self) -> bool:
+        """Whether it is known what there is to do for the leg, be it that it is refused."""
+        return self._task is not None or bool(self.refused)
+
+    def follow(self, leg: Leg, task: Result[Task] | None) -> None:
+        """Take a leg, and what there is to do for it, in place of the one before.
+
+        Args:
+            leg: The leg.
+            task: What there is to do, or why it may not be done; None if it is not known yet.
+        """
         before = self.leg
-        if before and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
+        known = self.has_task or task is None
+        if before and known and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
             # A step that is told again: its end alone may be new.
             self.leg = leg
             return
         self.leg, self._holding, self.arrived = leg, False, False
         self._task = task.value if isinstance(task, Accepted) else None
         self.refused = task.reason if isinstance(task, Rejected) else ""
+        if before is None:
+            self._late = leg.over and (self.record.took_off or not self._whole)
 
     def hold(self) -> None:
         """Have it hold until the next leg."""
         self._holding = True
 
     def advance(
-        self, state: VehicleState, outcome: Outcome, now_s: float, trouble: str = ""
+        self,
+        state: VehicleState,
+        outcome: Outcome,
+        now_s: float,
+        trouble: str = "",
+        *,
+        search_alive: bool = True,
     ) -> Order | None:
         """Return the order to give now, None if there is nothing new to say.
 
         Args:
             state: What the vehicle says of itself.
             outcome: What has become of the order given last.
-            now_s: Time on a steady clock.
+            now_s: Time on a steady clock, the one of `state.heard_s`.
             trouble: What is wrong with its link; empty if nothing.
+            search_alive: Whether the search is there; without it nothing takes off.
         """
         if self.leg is None:
             return Hold() if takes_off_yet(state, outcome) else None
-        self._since_s = now_s if self._since_s is None else self._since_s
         self._look(outcome, now_s)
-        self.lost = self.lost or self._drop_out(state, outcome, now_s, trouble)
-        if outcome.status == "taken_over" and self._given is not None:
+        if state.flying and not self.record.took_off:
+            self.record = replace(self.record, took_off=True)
+        if not self.lost:
+            self._watch(state, outcome, now_s, trouble)
+        self.finished = self._is_finished(state, outcome)
+        if self.record.taken_over:
             return None
         # As soon as it is heard again it would take off: that is stopped before.
         stopped = bool(self.lost) and takes_off_yet(state, outcome)
-        order = self._wanted(state, outcome) if state.connected or stopped else None
+        if not (state.connected or stopped):
+            return None
+        order = self._wanted(state, outcome, search_alive)
         if order is None:
             return None
         stamped = self._stamped(order)
@@ -198,52 +264,105 @@ class Escort:
         self._done = outcome.status == "done"
         if outcome.status == "failed" and self._failed_s is None:
             self._failed_s = now_s
-            if self._tries >= TRIES:
-                self.lost = self.lost or f"failed: {outcome.reason}"
+            # A mission that is begun again would fly the whole search again.
+            last = self._tries >= TRIES or (self._whole and self.record.took_off)
+            if last and not self.lost:
+                self._lose(f"failed: {outcome.reason}")
         if self._done and self._task is not None and self._given == self._stamped(self._task):
             self.arrived = True
 
-    def _drop_out(self, state: VehicleState, outcome: Outcome, now_s: float, trouble: str) -> str:
-        """Return why the vehicle cannot go on with its drone, empty if it can."""
-        assert self.leg is not None and self._since_s is not None
-        if self.leg.over and self.arrived:
-            return ""
-        because = f": {trouble}" if trouble else ""
-        if not state.mode and now_s - self._since_s > self._join_timeout_s:
-            return f"not heard within {self._join_timeout_s:g} s{because}"
-        if outcome.status == "lost":
-            return f"link lost: {outcome.reason}{because}"
-        if self._given is None:
-            return ""
-        if outcome.status == "taken_over":
-            return f"taken over: {outcome.reason}"
-        # From missed set-points the pilot recovers by itself.
-        return f"{state.failsafe} failsafe" if state.failsafe not in ("", "offboard") else ""
+    def _lose(self, why: str, *, taken_over: bool = False) -> None:
+        self.record = replace(self.record, lost=why, taken_over=taken_over)
 
-    def _wanted(self, state: VehicleState, outcome: Outcome) -> Order | None:
+    def _watch(self, state: VehicleState, outcome: Outcome, now_s: float, trouble: str) -> None:
+        """See whether the vehicle cannot go on with its drone."""
+        assert self.leg is not None
+        if self.leg.over and self.arrived:
+            return
+        because = f": {trouble}" if trouble else ""
+        if state.mode and not state.connected and now_s - state.heard_s >= self._lost_timeout_s:
+            self._lose(f"link lost: no heartbeat for {self._lost_timeout_s:g} s{because}")
+        elif self._given is not None and outcome.status == "taken_over":
+            self._lose(f"taken over: {outcome.reason}", taken_over=True)
+        elif self._given is not None and state.failsafe not in ("", "offboard"):
+            # From missed setpoints the controller recovers by itself.
+            self._lose(f"{state.failsafe} failsafe")
+        elif self.record.took_off and state.connected and not state.flying and not state.armed:
+            if not self.leg.over:
+                self._lose("on the ground again before the end of the search")
+        else:
+            self._await_take_off(state, outcome, now_s, because)
+
+    def _await_take_off(
+        self, state: VehicleState, outcome: Outcome, now_s: float, because: str
+    ) -> None:
+        """Wait until it could take off, for as long as it may take."""
+        what, why = self._hindrance(state, outcome, because)
+        self.blocked = what + why
+        if not what:
+            self._blocked_since_s = None
+            return
+        if self._blocked_since_s is None:
+            self._blocked_since_s = now_s
+        if now_s - self._blocked_since_s > self._join_timeout_s:
+            self._lose(f"{what} within {self._join_timeout_s:g} s{why}")
+
+    def _hindrance(self, state: VehicleState, outcome: Outcome, because: str) -> tuple[str, str]:
+        """Return what keeps it from taking off, and why; empty if nothing does."""
+        assert self.leg is not None
+        if state.armed or self.record.took_off or (self.leg.over and not self._whole):
+            return "", ""
+        if not state.mode:
+            return "not heard", because
+        if not state.connected:
+            return "", ""
+        if not state.has_position:
+            return "no position", because
+        if not self.has_task:
+            return "no home position", because
+        if not state.ready:
+            waits = takes_off_yet(state, outcome) and outcome.reason
+            return "not ready", f": {outcome.reason}" if waits else because
+        if self.refused and self._task is not None:
+            return "no take-off", f": {self.refused}"
+        return "", ""
+
+    def _is_finished(self, state: VehicleState, outcome: Outcome) -> bool:
+        assert self.leg is not None
+        if self.lost:
+            return True
+        if not self.leg.over:
+            return False
+        at_rest = not state.armed and not state.flying and not takes_off_yet(state, outcome)
+        if self._whole:
+            return self.arrived or (self._late and at_rest)
+        return at_rest or (self._given is not None and self._given[0] == self._end and self._done)
+
+    def _wanted(self, state: VehicleState, outcome: Outcome, search_alive: bool) -> Order | None:
         """Return what the vehicle should be doing, None for nothing that it has to be told."""
         assert self.leg is not None
         takes_off = takes_off_yet(state, outcome)
         stop = Hold() if takes_off else None
-        if isinstance(self._task, FlyMission) and not self.lost:
-            # It has its own end.
-            if self.arrived:
+        if self._whole and not self.lost:
+            # It has its own end, and goes on without us.
+            if self.arrived or self._late or state.flying:
                 return None
-            return self._task if self._may_take_off(state) else stop
-        done = self.arrived or self._task is None or self.leg.crashed
+            return self._task if self._task and self._may_take_off(state) else stop
+        done = self.arrived or self._task is None or self.leg.crashed or self._late
         if self.lost or (self.leg.over and done):
             return self._end if state.flying or takes_off else None
         if self._task is None or self._holding:
             return Hold() if state.flying else stop
-        # A place to fly to would end the climb.
-        climbs = self._given is not None and self._given[0] == self._take_off and not self._done
-        if state.flying and not climbs:
-            return self._task
-        return self._take_off if self._may_take_off(state) else stop
+        if state.flying:
+            # A place to fly to would end the climb.
+            climbs = self._given is not None and self._given[0] == self._take_off and not self._done
+            return self._take_off if climbs else self._task
+        going_on = search_alive and not self.leg.over
+        return self._take_off if going_on and self._may_take_off(state) else stop
 
     def _may_take_off(self, state: VehicleState) -> bool:
-        """Return whether the vehicle's place is known and in the fence."""
-        if not state.has_position:
+        """Return whether the vehicle has not flown yet and its place is in the fence."""
+        if not state.has_position or self.record.took_off:
             return False
         alt_m = self._take_off.alt_m
         checked = check_place(state.lat_deg, state.lon_deg, alt_m, self._fence)

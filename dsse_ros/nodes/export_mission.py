@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.nodes.command_line import Parser, fail, search_of
 from dsse_ros.nodes.flight_settings import FlightSettings
-from dsse_ros.nodes.track_files import search_mission, write_missions
+from dsse_ros.nodes.track_files import layers, search_mission, write_missions
 from dsse_ros.planners import make_planner
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.compiler import prepare
@@ -20,7 +20,7 @@ from dsse_ros.search.fields import specs
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Home
 
-LENGTHS = ("acceptance_radius", "search_altitude", "search_hold")
+LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
 """Parameters of the flight that are options of the same name."""
 
 
@@ -99,6 +99,7 @@ def main(argv: list[str] | None = None) -> int:
             acceptance_radius=arguments.acceptance_radius,
             search_altitude=arguments.search_altitude,
             search_hold=arguments.search_hold,
+            altitude_step=arguments.altitude_step,
         )
         home = _home(arguments.home) if arguments.home else None
         _, scenario, rules = search_of(arguments)
@@ -115,9 +116,13 @@ def main(argv: list[str] | None = None) -> int:
         origin_alt_m=resolved.origin_alt,
         alt_m=resolved.altitude,
     )
+    try:
+        frames = layers(frame, settings, len(env.possible_agents))
+    except FieldError as error:
+        return fail("export_mission", error)
     cells, searched, found = play(env, arguments.planner, arguments.seed)
     missions = {
-        name: search_mission(frame, cells[:, i], searched[:, i], settings, home)
+        name: search_mission(frames[i], cells[:, i], searched[:, i], settings, home)
         for i, name in enumerate(env.possible_agents)
     }
     try:

@@ -35,6 +35,11 @@ class FlightSettings:
     search_hold: float = field(
         "float", "How long a vehicle holds there.", 5.0, low=0, high=600, unit="s"
     )
+    altitude_step: float | None = field(
+        "float", "How much lower each vehicle flies than the one before it, so that paths do not "
+        "cross; by default 5, or less where there is not room for that; 0 for all at one "
+        "altitude.", None, low=0, high=1000, unit="m",
+    )  # fmt: skip
     merge_legs: bool = field(
         "bool", "Whether missions fly a straight leg in one, without a waypoint in each cell.", True
     )
@@ -83,8 +88,9 @@ class BridgeSettings(FlightSettings):
         low=0, high=100, unit="m/s",
     )  # fmt: skip
     altitudes: tuple[float, ...] = field(
-        "floats", "Flight altitudes above home, one for all or one for each vehicle; by default "
-        "the search's.", (), low=1, high=20000, unit="m",
+        "floats", "Flight altitudes above home, one for each vehicle, or that of the first one, "
+        "below which the others fly by altitude_step; by default the search's.", (),
+        low=1, high=20000, unit="m",
     )  # fmt: skip
     fence_margin: float = field(
         "float", "How far around the search area vehicles may be, home included.", 500.0,
@@ -106,12 +112,16 @@ class BridgeSettings(FlightSettings):
         "to hold; 0 for never.", 30.0, low=0, high=1e6, unit="s",
     )  # fmt: skip
     link_timeout: float = field(
-        "float", "Wall time without a heartbeat after which a vehicle is lost.", 5.0,
-        low=1, high=3600, unit="s",
+        "float", "Wall time without a heartbeat after which a vehicle is silent: nothing but "
+        "heartbeats is sent to it until it is heard again.", 5.0, low=1, high=3600, unit="s",
+    )  # fmt: skip
+    lost_timeout: float = field(
+        "float", "Wall time without a heartbeat after which a vehicle is lost for the rest of the "
+        "mission; at least link_timeout.", 30.0, low=1, high=3600, unit="s",
     )  # fmt: skip
     join_timeout: float = field(
-        "float", "Wall time in which a vehicle must be heard for the first time and be ready to be "
-        "armed.", 300.0, low=1, high=1e6, unit="s",
+        "float", "Wall time in which a vehicle must be heard, know its position, be in the fence "
+        "and be ready to be armed.", 300.0, low=1, high=1e6, unit="s",
     )  # fmt: skip
     set_point_rate: float = field(
         "float", "PX4: rate of position targets in wall time, of which the vehicle needs more than "
@@ -122,6 +132,14 @@ class BridgeSettings(FlightSettings):
         above=0, high=50, unit="Hz",
     )  # fmt: skip
     export_directory: str = field("str", "Where mode export writes its files.", ".")
+    state_directory: str = field(
+        "str", "Where is kept which vehicles have taken off or were lost in a mission, for a "
+        "bridge that is started again; by default dsse_ros in ROS_HOME, or in ~/.ros.", "",
+    )  # fmt: skip
+    exit_at_end: bool = field(
+        "bool", "Whether the bridge ends once the search is over and its vehicles have done what "
+        "at_end says, or the files are written.", False,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -135,6 +153,11 @@ class BridgeSettings(FlightSettings):
             raise FieldError(
                 f"min_altitude: {self.min_altitude:g} is not allowed; at most max_altitude, "
                 f"{self.max_altitude:g} m"
+            )
+        if self.lost_timeout < self.link_timeout:
+            raise FieldError(
+                f"lost_timeout: {self.lost_timeout:g} is not allowed; at least link_timeout, "
+                f"{self.link_timeout:g} s"
             )
 
     @property

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -24,20 +24,28 @@ from std_msgs.msg import String
 from dsse_ros.flight.fleet import Fleet, default_connections
 from dsse_ros.flight.orders import Hold, Order
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
-from dsse_ros.nodes.escort import Escort, Leg, leg_task, mission_task, takes_off_yet
+from dsse_ros.nodes.escort import (
+    Escort,
+    FlightRecord,
+    Leg,
+    leg_task,
+    mission_task,
+    takes_off_yet,
+)
+from dsse_ros.nodes.flight_records import FlightRecords, default_directory
 from dsse_ros.nodes.flight_settings import BridgeSettings
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
-from dsse_ros.nodes.search_record import SearchRecord
-from dsse_ros.nodes.track_files import search_mission, write_missions
+from dsse_ros.nodes.track_files import layers, search_mission, write_missions
 from dsse_ros.search import FieldError
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.fence import Fence
-from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Firmware, Home
+from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
@@ -47,6 +55,8 @@ TURN_S = 0.1
 STATE_S = 1.0
 """Wall time after which the state of a vehicle is told again that has not changed."""
 DIAGNOSTICS_S = 1.0
+MISSION_REPORT_S = 5.0
+"""Wall time in which the report of a mission comes that is over."""
 
 
 class BridgeNode(AlarmNode):
@@ -55,6 +65,9 @@ class BridgeNode(AlarmNode):
     Raises:
         FieldError: If a parameter is not allowed.
     """
+
+    # Here, as a node that could not be made is destroyed too.
+    fleet: Fleet | None = None
 
     def __init__(self) -> None:
         super().__init__("dsse_bridge")
@@ -66,10 +79,19 @@ class BridgeNode(AlarmNode):
         self._info: AgentsInfo | None = None
         self._frames: list[GridFrame] = []
         self._escorts: list[Escort] = []
+        self._records: FlightRecords | None = None
+        # Reports may come before the agents that they belong to.
         self._report: tuple[int, NDArray[Any]] | None = None
-        self._record: SearchRecord | None = None
+        self._mission_report: tuple[int, NDArray[Any]] | None = None
+        self._followed: NDArray[Any] | None = None
+        self._tracks: NDArray[Any] | None = None
         self._over: list[Leg] = []
-        self._trouble = ""
+        self._exported = False
+        self._foreign = ""
+        self._unflyable = ""
+        self._tracks_late = False
+        self._over_since_s: float | None = None
+        self._search_alive = False
         self._idle_s: float | None = None
         self._holding = False
         self._link_troubles: dict[str, str] = {}
@@ -91,6 +113,7 @@ class BridgeNode(AlarmNode):
         for kind, topic, read, kept in (
             (String, "agents", self._on_agents, LATCHED),
             (PointCloud2, "step_report", self._on_report, COMPLETE),
+            (PointCloud2, "mission_report", self._on_mission_report, LATCHED),
         ):
             endpoints.subscription(kind, topic, partial(self._on, topic, read), kept)
         endpoints.check_all_used()
@@ -110,89 +133,140 @@ class BridgeNode(AlarmNode):
             self.warn(topic, f"{topic}: {error}")
 
     def _on_agents(self, message: String) -> None:
-        before, self._info = self._info, agents_from_message(message)
-        count, vehicles = len(self._info.agents), self.settings.vehicles
-        self._trouble = ""
+        info = agents_from_message(message)
+        count, vehicles = len(info.agents), self.settings.vehicles
         if count != vehicles and self.fleet is not None:
-            self._trouble = f"{vehicles} vehicles for {count} drones: nothing is flown"
-            self.get_logger().error(self._trouble)
-            self._escorts = []
-        elif before is None or before.frame != self._info.frame or not self._escorts:
-            self._meet(self._info.frame)
-        if self._report is not None:
-            self._follow(*self._report)
+            # Those of another simulation; our own goes on if it is heard again.
+            self._foreign = f"{vehicles} vehicles for {count} drones: nothing is flown"
+            self.get_logger().error(self._foreign)
+            return
+        self._foreign = ""
+        if self._info is None or _identity(info) != _identity(self._info):
+            self._begin(info)
+        self._follow_reports()
 
-    def _meet(self, frame: GridFrame) -> None:
-        """Make everything that depends on where the search is."""
+    def _on_report(self, message: PointCloud2) -> None:
+        report = step_report_from_message(message)
+        if len(report):
+            self._report = (to_nanoseconds(message.header.stamp), report)
+            self._follow_reports()
+
+    def _on_mission_report(self, message: PointCloud2) -> None:
+        report = mission_report_from_message(message)
+        if report.size:
+            self._mission_report = (to_nanoseconds(message.header.stamp), report)
+            self._follow_reports()
+
+    def _follow_reports(self) -> None:
+        """Follow what was heard last, if it is of the search that is followed."""
+        info = self._info
+        if info is None:
+            return
+        if self._report is not None and _belongs(self._report[1], info):
+            stamp_ns, report = self._report
+            if self._foreign:
+                self._foreign = ""
+                self.get_logger().info("the search is heard again and followed")
+            self._follow(stamp_ns, report, info)
+        if self._mission_report is not None and _belongs(self._mission_report[1], info):
+            self._take_tracks(*self._mission_report, info)
+
+    def _begin(self, info: AgentsInfo) -> None:
+        """Prepare for a mission, and for where it is."""
         settings = self.settings
-        self._record, self._over = None, []
-        altitudes = settings.altitudes or (frame.alt_m,)
-        if len(altitudes) < settings.vehicles:
-            altitudes *= settings.vehicles
-        self._frames = [dataclasses.replace(frame, alt_m=alt_m) for alt_m in altitudes]
-        self._escorts = [
-            Escort(one.alt_m, self._fence(one), settings.at_end, settings.join_timeout)
-            for one in self._frames
-        ]
+        self._info, self._followed, self._tracks = info, None, None
+        self._records, self._escorts, self._frames = None, [], []
+        self._over_since_s, self._exported = None, False
+        self._idle_s, self._holding = None, False
+        self._unflyable = ""
+        try:
+            self._frames = _frames(info.frame, settings)
+            if self.fleet is not None:
+                directory = Path(settings.state_directory or default_directory())
+                self._records = FlightRecords(directory, info.run_id, info.mission)
+        except OSError as error:
+            self._fail(f"state_directory: {error.filename!r}: {error.strerror}: nothing is flown")
+            return
+        except ValueError as error:
+            self._fail(f"{error}: nothing is flown")
+            return
+        if self._records is None:
+            return
+        for name, frame in zip(self._names, self._frames, strict=True):
+            escort = Escort(
+                frame.alt_m,
+                self._fence(frame),
+                settings.at_end,
+                settings.join_timeout,
+                settings.lost_timeout,
+                whole=settings.mode == "mission",
+            )
+            record = self._records[name]
+            escort.begin(record)
+            self._escorts.append(escort)
+            if record != FlightRecord():
+                what = f"was lost: {record.lost}" if record.lost else "has taken off"
+                self.get_logger().warning(f"{name} {what}, earlier in mission {info.mission}")
+
+    def _fail(self, trouble: str) -> None:
+        """Say that the search cannot be flown as long as that is so."""
+        if trouble != self._unflyable:
+            self.get_logger().error(trouble)
+        self._unflyable = trouble
 
     def _fence(self, frame: GridFrame) -> Fence:
         settings = self.settings
         return Fence(frame, settings.fence_margin, settings.min_altitude, settings.max_altitude)
 
-    def _on_report(self, message: PointCloud2) -> None:
-        report = step_report_from_message(message)
-        if len(report):
-            stamp_ns = to_nanoseconds(message.header.stamp)
-            before, self._report = self._report, (stamp_ns, report)
-            if before is None or _search_of(before[1]) != _search_of(report):
-                self._begin()
-            self._follow(stamp_ns, report)
-
-    def _begin(self) -> None:
-        """Prepare for a new search."""
-        self._record, self._over = None, []
-        for escort in self._escorts:
-            escort.begin()
-
-    def _follow(self, stamp_ns: int, report: NDArray[Any]) -> None:
+    def _follow(self, stamp_ns: int, report: NDArray[Any], info: AgentsInfo) -> None:
         """Have the vehicles follow a step."""
-        info, settings = self._info, self.settings
-        if info is None or self._trouble or not _fits(info, report):
+        settings = self.settings
+        if self._unflyable or len(report) != len(info.agents):
             return
-        search = info.actions.index("search") if "search" in info.actions else -1
+        if self._followed is not None and report["step"][0] < self._followed["step"][0]:
+            # A simulation with a fixed run_id was started anew.
+            self._mission_report = None
+            self._begin(info)
+        self._followed = report
         self._idle_s, self._holding = None, False
-        legs = _legs(stamp_ns, report, search)
+        legs = _legs(stamp_ns, report, _search_action(info))
+        if all(leg.over for leg in legs):
+            self._over_since_s = self._over_since_s or time.monotonic()
         if settings.mode == "guided":
-            for escort, frame, leg in zip(self._escorts, self._frames, legs, strict=True):
+            for escort, frame, leg in zip(self._escorts, self._frames, legs, strict=False):
                 escort.follow(leg, leg_task(leg, frame, settings, self._fence(frame)))
                 self._report_refusal(escort)
-            return
-        self._record = self._record or SearchRecord(search)
-        self._record.add(report)
-        if not all(leg.over for leg in legs) or self._over:
-            return
-        if self._record.missed:
-            self.get_logger().error(
-                f"{len(self._record.missed)} steps were not heard, the first is "
-                f"{self._record.missed[0]}: start the bridge before the search, or lower step_rate"
-            )
-            return
-        self._over = legs
-        if settings.mode == "export":
-            self._export(self._record, info)
 
-    def _export(self, record: SearchRecord, info: AgentsInfo) -> None:
+    def _take_tracks(self, stamp_ns: int, report: NDArray[Any], info: AgentsInfo) -> None:
+        """Have the whole search flown, or written, which is over."""
+        if self.settings.mode == "guided" or self._tracks is not None:
+            return
+        if self._unflyable or report.shape[1] != len(info.agents):
+            return
+        self._tracks = report
+        self._over = [replace(leg, over=True) for leg in _legs(stamp_ns, report[-1], -1)]
+        if self.settings.mode == "export":
+            self._export(info)
+
+    def _track(self, drone: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        """Return the cells (K, 2) of a drone, and flags (K,) of those it has searched."""
+        assert self._tracks is not None and self._info is not None
+        track = self._tracks[:, drone]
+        cells = np.stack([track["col"], track["row"]], axis=1).astype(np.int64)
+        return cells, track["action"] == _search_action(self._info)
+
+    def _export(self, info: AgentsInfo) -> None:
         directory = Path(self.settings.export_directory)
         missions = {
-            name: search_mission(info.frame, *record.track(i), self.settings)
+            name: search_mission(self._frames[i], *self._track(i), self.settings)
             for i, name in enumerate(info.agents)
         }
         try:
             written = write_missions(directory, missions, self.settings.dialect)
         except OSError as error:
-            self._trouble = f"export_directory: {str(directory)!r}: {error.strerror}"
-            self.get_logger().error(self._trouble)
+            self._fail(f"export_directory: {str(directory)!r}: {error.strerror}")
             return
+        self._exported = True
         self.get_logger().info(f"{len(written)} files in {directory.resolve()}")
 
     # The vehicles
@@ -216,46 +290,89 @@ class BridgeNode(AlarmNode):
     def _turn(self) -> None:
         """Give the vehicles what orders are due."""
         now_s = time.monotonic()
-        if self.fleet is None:
+        self._watch_search(now_s)
+        if self.fleet is not None:
+            for name, vehicle in zip(self._names, self.fleet, strict=True):
+                self._watch_link(name, vehicle)
+            led = list(enumerate(zip(self._escorts, self.fleet, strict=False)))
+            orders = [self._next_order(i, *one, now_s) for i, one in led]
+            # Before anybody hears of it, a bridge that is started again must know it.
+            self._keep_records()
+            for (i, (escort, vehicle)), order in zip(led, orders, strict=True):
+                if order is not None:
+                    self._give(i, vehicle, order)
+                self._tell(i, escort, vehicle, now_s)
+            if not self._escorts:
+                for i, vehicle in enumerate(self.fleet):
+                    if takes_off_yet(vehicle.state, vehicle.outcome):
+                        self._give(i, vehicle, Hold())
+                    self._tell(i, None, vehicle, now_s)
+            self._watch_planner(now_s)
+        done = self._exported or (self._escorts and all(one.finished for one in self._escorts))
+        if self.settings.exit_at_end and done:
+            self.finished = True
+
+    def _next_order(self, i: int, escort: Escort, vehicle: Vehicle, now_s: float) -> Order | None:
+        """Return the order that is due for a vehicle, and log what is new about it."""
+        state, outcome, name = vehicle.state, vehicle.outcome, self._names[i]
+        if self._tracks is not None and not escort.has_task:
+            self._plan(i, escort, state.home)
+        lost, refused, blocked = escort.lost, escort.refused, escort.blocked
+        alive = self._search_alive and not self._foreign
+        order = escort.advance(state, outcome, now_s, vehicle.trouble, search_alive=alive)
+        if escort.lost != lost:
+            self.get_logger().error(f"{name} is lost: {escort.lost}")
+        if escort.refused != refused:
+            self._report_refusal(escort)
+        if escort.blocked != blocked and escort.blocked:
+            self.get_logger().info(f"{name} cannot take off yet: {escort.blocked}")
+        for text in vehicle.take_texts():
+            self.get_logger().info(f"{name} says: {text.text}")
+        return order
+
+    def _keep_records(self) -> None:
+        """Keep what is known of the vehicles for a bridge that is started again."""
+        if self._records is None:
             return
-        for name, vehicle in zip(self._names, self.fleet, strict=True):
-            self._watch_link(name, vehicle)
-        for i, (escort, vehicle) in enumerate(zip(self._escorts, self.fleet, strict=False)):
-            state = vehicle.state
-            if self._over and escort.leg is None and state.home is not None:
-                self._plan(i, Home(*state.home))
-            lost, refused = escort.lost, escort.refused
-            order = escort.advance(state, vehicle.outcome, now_s, vehicle.trouble)
-            if order is not None:
-                self._give(i, vehicle, order)
-            if escort.lost != lost:
-                self.get_logger().error(f"{self._names[i]} is lost: {escort.lost}")
-            if escort.refused != refused:
-                self._report_refusal(escort)
-            for text in vehicle.take_texts():
-                self.get_logger().info(f"{self._names[i]} says: {text.text}")
-            self._tell(i, escort, vehicle, now_s)
-        if not self._escorts:
-            for i, vehicle in enumerate(self.fleet):
-                if takes_off_yet(vehicle.state, vehicle.outcome):
-                    self._give(i, vehicle, Hold())
-                self._tell(i, None, vehicle, now_s)
-        self._watch_planner(now_s)
+        now = {name: one.record for name, one in zip(self._names, self._escorts, strict=True)}
+        try:
+            self._records.update(now)
+        except OSError as error:
+            self.warn(
+                "state_directory",
+                f"state_directory: {error.filename!r}: {error.strerror}; a bridge that is started "
+                "again would not know which vehicles have flown",
+            )
+
+    def _watch_search(self, now_s: float) -> None:
+        """See whether the search is there, and has said all that is needed."""
+        self._search_alive = self.count_publishers(self.resolve_topic_name("step_report")) > 0
+        missing = self.settings.mode != "guided" and self._tracks is None
+        since_s = self._over_since_s
+        self._tracks_late = missing and since_s is not None and now_s - since_s > MISSION_REPORT_S
+
+    @property
+    def _trouble(self) -> str:
+        """Why the bridge cannot do what it is for, empty if it can."""
+        if self._foreign or self._unflyable or not self._tracks_late:
+            return self._foreign or self._unflyable
+        return "the search is over, and its mission_report has not come"
 
     def _give(self, drone: int, vehicle: Vehicle, order: Order) -> None:
         number = vehicle.give(order)
         self.get_logger().info(f"{self._names[drone]}: order {number}: {_shown(order)}")
 
-    def _plan(self, drone: int, home: Home) -> None:
-        """Have a vehicle fly the whole search."""
-        assert self._record is not None
+    def _plan(self, drone: int, escort: Escort, home: tuple[float, float, float] | None) -> None:
+        """Have a vehicle fly the whole search, once it has said where home is."""
+        leg = self._over[drone]
+        if home is None:
+            escort.follow(leg, None)
+            return
         frame, settings = self._frames[drone], self.settings
-        mission = search_mission(frame, *self._record.track(drone), settings, home)
+        mission = search_mission(frame, *self._track(drone), settings, Home(*home))
         firmware = cast(Firmware, settings.dialect)
-        self._escorts[drone].follow(
-            self._over[drone], mission_task(mission, self._fence(frame), firmware)
-        )
-        self._report_refusal(self._escorts[drone])
+        escort.follow(leg, mission_task(mission, self._fence(frame), firmware))
+        self._report_refusal(escort)
 
     def _report_refusal(self, escort: Escort) -> None:
         if escort.refused:
@@ -300,16 +417,17 @@ class BridgeNode(AlarmNode):
         progress = Progress()
         if escort is not None and leg is not None:
             progress = Progress(leg.stamp_ns, escort.arrived_stamp_ns, escort.lost)
-        refused = escort.refused if escort is not None else self._trouble
+        refused = self._trouble or (escort.refused if escort is not None else "")
+        blocked = escort.blocked if escort is not None else ""
         news = (
-            progress, refused, outcome, state.mode, state.armed, state.connected, state.ready,
-            state.flying, state.item_reached, vehicle.trouble,
+            progress, refused, blocked, outcome, state.mode, state.armed, state.connected,
+            state.ready, state.flying, state.item_reached, vehicle.trouble,
         )  # fmt: skip
         before, told_s = self._told.get(i, (None, -math.inf))
         if news == before and now_s - told_s < STATE_S:
             return
         self._told[i] = (news, now_s)
-        level, message = _summary(vehicle, progress.lost, refused)
+        level, message = _summary(vehicle, progress.lost, refused, blocked)
         values: dict[str, object] = {
             "connected": _text(state.connected),
             "ready": _text(state.ready),
@@ -324,6 +442,7 @@ class BridgeNode(AlarmNode):
             "status": outcome.status,
             "reason": outcome.reason,
             "refused": refused,
+            "blocked": blocked,
             "item_current": state.item_current,
             "item_reached": state.item_reached,
         }
@@ -345,7 +464,7 @@ class BridgeNode(AlarmNode):
         vehicles = [] if self.fleet is None else list(self.fleet)
         lost = [name for name, e in zip(self._names, self._escorts, strict=False) if e.lost]
         refused = [name for name, e in zip(self._names, self._escorts, strict=False) if e.refused]
-        level, message = DiagnosticStatus.OK, "follows" if self._report else "waits for a search"
+        level, message = DiagnosticStatus.OK, "follows" if self._info else "waits for a search"
         if self._holding:
             level, message = DiagnosticStatus.WARN, "no steps: the vehicles hold"
         if lost or refused:
@@ -416,24 +535,37 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
         raise FieldError(text) from None
 
 
-def _fits(info: AgentsInfo, report: NDArray[Any]) -> bool:
-    """Return whether both can be of the same search."""
-    if len(report) != len(info.agents) or _search_of(report) != (info.run_id, info.mission):
-        return False
-    centres = np.stack(cell_to_map(info.frame, report["col"] * 1.0, report["row"] * 1.0))
-    return np.allclose(centres, [report["x"], report["y"]], rtol=1e-5, atol=0.1)
+def _identity(info: AgentsInfo) -> tuple[int, int]:
+    return info.run_id, info.mission
 
 
-def _search_of(report: NDArray[Any]) -> tuple[int, int]:
-    """Return run_id and mission of a report."""
-    return int(report["run_id"][0]), int(report["mission"][0])
+def _belongs(report: NDArray[Any], info: AgentsInfo) -> bool:
+    """Return whether a report, of a step or of a mission, is of this search."""
+    first = report.flat[0]
+    return (int(first["run_id"]), int(first["mission"])) == _identity(info)
+
+
+def _search_action(info: AgentsInfo) -> int:
+    return info.actions.index("search") if "search" in info.actions else -1
+
+
+def _frames(frame: GridFrame, settings: BridgeSettings) -> list[GridFrame]:
+    """Return the grid at the altitude of each vehicle.
+
+    Raises:
+        FieldError: If there is not room for all between the altitudes that are allowed.
+    """
+    if len(settings.altitudes) == settings.vehicles:
+        return [replace(frame, alt_m=alt_m) for alt_m in settings.altitudes]
+    highest = replace(frame, alt_m=settings.altitudes[0]) if settings.altitudes else frame
+    return layers(highest, settings, settings.vehicles, settings.min_altitude)
 
 
 def _legs(stamp_ns: int, report: NDArray[Any], search: int) -> list[Leg]:
     """Return the legs of a step, one for each drone."""
     over = (report["terminated"] | report["truncated"]).astype(bool)
     cells = list(zip(report["col"].tolist(), report["row"].tolist(), strict=True))
-    searched = (report["action"] == search) & (np.asarray(report["step"]) > 0)
+    searched = report["action"] == search
     crashed = [bool(over[i]) and cells.count(cell) > 1 for i, cell in enumerate(cells)]
     return [
         Leg(stamp_ns, cell, bool(searched[i]), bool(over[i]), crashed[i])
@@ -441,7 +573,7 @@ def _legs(stamp_ns: int, report: NDArray[Any], search: int) -> list[Leg]:
     ]
 
 
-def _summary(vehicle: Vehicle, lost: str, refused: str) -> tuple[bytes, str]:
+def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[bytes, str]:
     """Return level and line of a vehicle's state."""
     state, outcome = vehicle.state, vehicle.outcome
     if lost:
@@ -450,6 +582,8 @@ def _summary(vehicle: Vehicle, lost: str, refused: str) -> tuple[bytes, str]:
         return DiagnosticStatus.ERROR, f"refused: {refused}"
     if not state.connected:
         return DiagnosticStatus.STALE, vehicle.trouble or "not heard"
+    if blocked:
+        return DiagnosticStatus.WARN, f"cannot take off yet: {blocked}"
     if state.failsafe or outcome.status in ("failed", "taken_over", "lost"):
         return DiagnosticStatus.WARN, f"{outcome.status}: {outcome.reason} {state.failsafe}".strip()
     return DiagnosticStatus.OK, f"{state.mode}: {outcome.reason or outcome.status}"

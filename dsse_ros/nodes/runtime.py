@@ -66,9 +66,11 @@ class AlarmNode(Node):
 
     Attributes:
         alarms: In seconds of wall time.
+        finished: Whether the node has done what it was started for, and its process ends.
         shared_names: The parameters that only files give to it, and to other nodes as well.
-        ended: Whether it is at its end; `run_node` then returns.
     """
+
+    finished = False
 
     def __init__(self, name: str) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
@@ -76,7 +78,6 @@ class AlarmNode(Node):
         with _as_field_error():
             given = parameters_for(self.get_fully_qualified_name(), _ros_arguments)
         self.shared_names = frozenset(name for name, one in given.items() if one.shared)
-        self.ended = False
         self.alarms = Alarms(time.monotonic)
         self._warned: dict[str, float] = {}
         self.create_timer(
@@ -124,7 +125,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
         # A node is left between two callbacks only, so none of them meets a context that is gone.
         on_signals(stop)
         # EventsExecutor.spin() of rclpy 7.1 burns a whole core once a timer exists.
-        while rclpy.ok() and not stop.wanted and not node.ended:
+        while rclpy.ok() and not (stop.wanted or node.finished):
             executor.spin_once(timeout_sec=min(node.alarms.wait_s(), _LOOK_S))
             node.alarms.ring()
     except FieldError as error:

@@ -46,7 +46,12 @@ from dsse_ros.nodes.publishers import MissionPublishers
 from dsse_ros.nodes.qos import RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
-from dsse_ros.nodes.track_files import acceptance_radius_m, search_mission, write_missions
+from dsse_ros.nodes.track_files import (
+    acceptance_radius_m,
+    layers,
+    search_mission,
+    write_missions,
+)
 from dsse_ros.search import FieldError, Scenario, SearchEnv, Snapshot, SnapshotError, profile
 from dsse_ros.search.compiler import prepare
 from dsse_ros.search.fields import specs
@@ -278,7 +283,7 @@ class SimNode(AlarmNode):
             left_s = max(deadline_s - time.monotonic(), 0.0)
             publisher.wait_for_all_acked(Duration(seconds=left_s))
         self.get_logger().info("exit_at_end: the node ends with its mission")
-        self.ended = True
+        self.finished = True
 
     def try_step(self) -> str:
         """Do one step if nothing speaks against it; returns what does, or nothing."""
@@ -582,9 +587,14 @@ class SimNode(AlarmNode):
             name: self._track(i, settings.export_tracks)
             for i, name in enumerate(mission.env.possible_agents)
         }
+        try:
+            frames = layers(self.frame, settings, len(tracks))
+        except FieldError as error:
+            response.success, response.message = False, str(error)
+            return response
         missions = {
-            name: search_mission(self.frame, cells, searched, settings)
-            for name, (cells, searched) in tracks.items()
+            name: search_mission(frame, cells, searched, settings)
+            for frame, (name, (cells, searched)) in zip(frames, tracks.items(), strict=True)
         }
         try:
             write_missions(directory, missions, settings.dialect)

@@ -4,6 +4,7 @@
 import dataclasses
 import math
 
+import pymap3d
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -62,10 +63,11 @@ def test_all_the_rest_of_the_earth_is_outside(lat_deg, lon_deg):
 
 
 def test_the_place_straight_through_the_earth_is_outside():
-    z_m = -12.7e6
+    origin = (FRAME.origin_lat_deg, FRAME.origin_lon_deg, FRAME.origin_alt_m)
+    up_m, alt_m = -12.7e6, 0.0
     for _ in range(20):
-        lat_deg, lon_deg, alt_m = map_to_geodetic(FRAME, 1300.0, 1300.0, z_m)
-        z_m += alt_m
+        up_m += alt_m
+        lat_deg, lon_deg, alt_m = pymap3d.enu2geodetic(1300.0, 1300.0, up_m, *origin)
     x_m, y_m, _ = geodetic_to_map(FRAME, lat_deg, lon_deg, 0.0)
     assert (x_m, y_m) == pytest.approx((1300.0, 1300.0), abs=1e-2)
     assert code(waypoint(lat_deg=lat_deg, lon_deg=lon_deg)) == "outside_fence"
@@ -125,10 +127,20 @@ def test_a_return_needs_no_place():
     assert code(MissionItem(20, 7)) == "unknown_frame"
 
 
-@given(ITEMS)
-def test_whatever_is_accepted_can_be_flown(item):
-    if code(item) is None:
-        assert item.command == 20 or 0 <= item.alt_m <= 120.0
+@given(
+    ITEMS, st.sampled_from([16, 19, 20, 21, 22]), st.sampled_from([2, 3]), INSIDE_M, INSIDE_M,
+    st.floats(-50, 200),
+)  # fmt: skip
+def test_what_is_accepted_can_be_flown_and_what_can_be_flown_is_accepted(
+    item, command, frame, x_m, y_m, alt_m
+):
+    lat_deg, lon_deg, _ = map_to_geodetic(FRAME, x_m, y_m, 0.0)
+    near = dataclasses.replace(
+        item, command=command, frame=frame, param4=0.0, lat_deg=lat_deg, lon_deg=lon_deg,
+        alt_m=alt_m,
+    )  # fmt: skip
+    lowest_m = 0.0 if command == 21 else 10.0
+    assert (code(near) is None) == (command == 20 or (lowest_m <= alt_m <= 120.0 and frame == 3))
 
 
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))

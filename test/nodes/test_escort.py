@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.pilot import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.nodes.escort import RETRY_S, TRIES, Escort, Leg, leg_task, mission_task
+from dsse_ros.nodes.escort import (
+    RETRY_S,
+    TRIES,
+    Escort,
+    FlightRecord,
+    Leg,
+    leg_task,
+    mission_task,
+)
 from dsse_ros.nodes.flight_settings import BridgeSettings
 from dsse_ros.nodes.track_files import search_mission
 from msg_adapters.fence import Fence
@@ -60,10 +68,25 @@ class Vehicle:
             self.state = ON_GROUND
         self.turn(status="done")
 
+    def fall_silent(self, seconds: float) -> Order | None:
+        """Have no heartbeat come for some time, and return what it is told then."""
+        ready = self.state.ready
+        self.state = replace(self.state, connected=False, ready=False, heard_s=self.now_s)
+        self.now_s += seconds
+        order = self.turn(status="silent", reason="no heartbeat")
+        self.state = replace(self.state, connected=False, ready=ready)
+        return order
+
+    def speak(self) -> None:
+        """Have heartbeats come again."""
+        self.state = replace(self.state, connected=True)
+        self.outcome = replace(self.outcome, status="under_way")
+
 
 def escort(**changes: Any) -> Escort:
     options = {
-        "take_off_alt_m": 120.0, "fence": FENCE, "at_end": "return", "join_timeout_s": 100.0
+        "take_off_alt_m": 120.0, "fence": FENCE, "at_end": "return", "join_timeout_s": 100.0,
+        "lost_timeout_s": 30.0,
     }  # fmt: skip
     return Escort(**(options | changes))
 
@@ -139,6 +162,8 @@ def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
 def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: Order) -> None:
     led = escort(at_end=at_end)
     vehicle = Vehicle(led, FLYING)
+    follow(led, 0, 1, 1)
+    vehicle.turn()
     follow(led, 13, 1, 1, searched=True, over=True)
     assert isinstance(vehicle.turn(), Search)
     assert vehicle.turn() is None
@@ -183,17 +208,30 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
     assert isinstance(vehicle.turn(), GoTo) and not led.lost
 
 
-def test_a_vehicle_whose_link_comes_back_returns_and_stays_lost() -> None:
+def test_a_silent_vehicle_goes_on_when_it_is_heard_again_in_time() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1)
+    assert isinstance(vehicle.turn(), GoTo)
+    assert vehicle.fall_silent(29.0) is None
+    vehicle.speak()
+    assert vehicle.turn() is None and not led.lost
+    vehicle.obey()
+    assert led.arrived_stamp_ns == 13
+
+
+def test_a_vehicle_that_is_silent_for_too_long_is_lost_returns_when_heard_and_stays_lost() -> None:
     led = escort()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
     vehicle.turn()
-    vehicle.state = replace(FLYING, connected=False)
-    assert vehicle.turn(status="lost", reason="no heartbeat for 5 s") is None
-    assert led.lost == "link lost: no heartbeat for 5 s"
-    vehicle.state = FLYING
-    assert vehicle.turn(status="under_way") == Return()
-    assert led.lost
+    assert vehicle.fall_silent(30.0) is None
+    assert led.lost == "link lost: no heartbeat for 30 s"
+    vehicle.speak()
+    assert vehicle.turn() == Return()
+    follow(led, 26, 1, 2)
+    vehicle.obey()
+    assert led.lost and [vehicle.turn() for _ in range(3)] == [None] * 3
 
 
 @pytest.mark.parametrize("at_end", ["return", "land", "hold"])
@@ -204,24 +242,154 @@ def test_who_is_lost_before_take_off_is_told_to_stay_even_before_it_is_heard_aga
     vehicle = Vehicle(led)
     follow(led, 0, 1, 1)
     assert vehicle.turn() == TakeOff(120.0)
-    vehicle.state = replace(ON_GROUND, connected=False, ready=False)
-    order = vehicle.turn(status="lost", reason="no heartbeat for 5 s")
+    order = vehicle.fall_silent(30.0)
     assert led.lost and isinstance(order, Return | Land | Hold)
-    assert vehicle.turn(status="lost") is None
-    vehicle.state = ON_GROUND
+    assert vehicle.turn(status="silent") is None
+    vehicle.speak()
     assert vehicle.turn(status="done") is None
     follow(led, 13, 1, 2, over=True)
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
 
 
-def test_a_mission_that_waits_for_its_take_off_is_not_flown_by_who_was_lost() -> None:
+def fly_mission(led: Escort) -> None:
     mission = search_mission(FRAME, [(0, 9), (1, 9)], [0, 0], SETTINGS, Home(-23.999, -45.999, 0.0))
+    led.follow(Leg(13, (1, 9), over=True), mission_task(mission, FENCE, "px4"))
+
+
+def test_a_mission_that_waits_for_its_take_off_is_not_flown_by_who_was_lost() -> None:
+    led = escort(whole=True)
+    vehicle = Vehicle(led)
+    fly_mission(led)
+    assert isinstance(vehicle.turn(), FlyMission)
+    assert vehicle.fall_silent(30.0) == Return()
+
+
+ENDINGS = {
+    "found elsewhere": (True, FlightRecord()),
+    "has flown": (False, FlightRecord(took_off=True)),
+    "link lost": (False, FlightRecord(took_off=True, lost="link lost: no heartbeat for 30 s")),
+    "lost before take-off": (False, FlightRecord(lost="not heard within 300 s")),
+    "taken over": (
+        False, FlightRecord(took_off=True, lost="taken over: in LOITER", taken_over=True)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("over", "record"), ENDINGS.values(), ids=ENDINGS)
+@pytest.mark.parametrize("landed", [True, False], ids=["on the ground", "in the air"])
+def test_a_bridge_started_anew_has_nobody_take_off_who_is_out_of_the_search(
+    over: bool, record: FlightRecord, landed: bool
+) -> None:
+    led = escort()
+    led.begin(record)
+    vehicle = Vehicle(led, ON_GROUND if landed else FLYING)
+    follow(led, 13, 1, 1, over=over)
+    vehicle.turn()
+    vehicle.obey()
+    follow(led, 26, 1, 2, over=over)
+    for _ in range(5):
+        vehicle.turn()
+    flown = [type(order) for order in vehicle.orders]
+    if record.taken_over or landed:
+        assert flown == []
+    elif over or record.lost:
+        assert flown == [Return]
+    else:
+        assert TakeOff not in flown and GoTo in flown
+    assert led.lost == record.lost or (landed and record.took_off)
+    assert led.finished or not (landed or led.lost or over)
+
+
+def test_a_mission_that_was_begun_is_not_begun_again_by_a_bridge_started_anew() -> None:
+    for state in (ON_GROUND, FLYING):
+        led = escort(whole=True)
+        led.begin(FlightRecord(took_off=True))
+        vehicle = Vehicle(led, state)
+        fly_mission(led)
+        assert [vehicle.turn() for _ in range(3)] == [None] * 3
+        assert led.finished == (not state.flying) and not led.lost
+    led = escort(whole=True)
+    vehicle = Vehicle(led)
+    fly_mission(led)
+    assert isinstance(vehicle.turn(), FlyMission) and not led.finished
+
+
+def test_a_mission_that_fails_in_the_air_is_not_begun_again() -> None:
+    led = escort(whole=True)
+    vehicle = Vehicle(led)
+    fly_mission(led)
+    vehicle.turn()
+    vehicle.state = FLYING
+    vehicle.turn()
+    assert vehicle.turn(status="failed", reason="no progress for 60 s") == Return()
+    assert led.lost == "failed: no progress for 60 s"
+
+
+def test_who_came_down_by_itself_does_not_take_off_again() -> None:
     led = escort()
     vehicle = Vehicle(led)
-    led.follow(Leg(13, (1, 9), over=True), mission_task(mission, FENCE, "px4"))
-    assert isinstance(vehicle.turn(), FlyMission)
-    vehicle.state = replace(ON_GROUND, connected=False)
-    assert vehicle.turn(status="lost", reason="no heartbeat for 5 s") == Return()
+    follow(led, 0, 1, 1)
+    vehicle.turn()
+    vehicle.obey()
+    assert isinstance(vehicle.orders[-1], GoTo)
+    vehicle.state = ON_GROUND
+    vehicle.turn(status="failed", reason="the vehicle is not in the air")
+    assert led.lost == "on the ground again before the end of the search"
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+    led.begin()
+    follow(led, 26, 1, 1)
+    assert vehicle.turn() == TakeOff(120.0)
+
+
+def test_nothing_takes_off_for_a_search_that_is_gone() -> None:
+    led = escort()
+    follow(led, 0, 1, 1)
+    assert led.advance(ON_GROUND, Outcome(), 0.0, search_alive=False) is None
+    order = led.advance(ON_GROUND, Outcome(), 0.1)
+    assert order == TakeOff(120.0)
+    outcome = Outcome(order, 1, "under_way", "waits until it is ready")
+    assert led.advance(ON_GROUND, outcome, 0.2, search_alive=False) == Hold()
+
+
+@given(
+    st.lists(
+        st.sampled_from(["step", "over", "obey", "fail", "silent", "land", "pilot", "restart"]),
+        max_size=25,
+    )
+)
+def test_a_vehicle_takes_off_once_in_a_mission_whatever_happens(events: list[str]) -> None:
+    led = escort()
+    vehicle = Vehicle(led)
+    stamp, over, was_up = 0, False, False
+    for event in events:
+        lost, before = led.lost, len(vehicle.orders)
+        if event in ("step", "over"):
+            stamp, over = stamp + 13, over or event == "over"
+            follow(led, stamp, stamp % 10, 5, over=over)
+        elif event == "obey" and vehicle.outcome.order is not None:
+            vehicle.obey()
+        elif event == "fail":
+            vehicle.now_s += RETRY_S
+            vehicle.turn(status="failed", reason="no progress")
+        elif event == "silent":
+            vehicle.fall_silent(31.0)
+            vehicle.speak()
+        elif event == "land":
+            vehicle.state = ON_GROUND
+        elif event == "pilot":
+            vehicle.turn(status="taken_over", reason="in LOITER")
+        elif event == "restart":
+            record, leg = led.record, led.leg
+            led = vehicle.escort = escort()
+            led.begin(record)
+            vehicle.outcome = Outcome()
+            if leg is not None:
+                led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE))
+        vehicle.turn()
+        for order in vehicle.orders[before:]:
+            if isinstance(order, TakeOff):
+                assert not (lost or over or (was_up and not vehicle.state.flying))
+        was_up = was_up or vehicle.state.flying
 
 
 def test_a_take_off_that_has_not_begun_is_called_off_once_it_is_not_wanted() -> None:
@@ -309,6 +477,48 @@ def test_what_is_wrong_with_the_link_is_told_of_who_is_lost() -> None:
     assert led.lost == "not heard within 3 s: /dev/nope: No such file or directory"
 
 
+@pytest.mark.parametrize(
+    ("state", "lost"),
+    [
+        (
+            VehicleState(connected=True, ready=True, mode="GUIDED"),
+            "no position within 3 s: unsigned",
+        ),
+        (replace(ON_GROUND, ready=False), "not ready within 3 s: PreArm: Compass not healthy"),
+        (
+            replace(ON_GROUND, lat_deg=-35.0),
+            "no take-off within 3 s: take-off: (-35.0000000, -45.9990000) is not allowed; "
+            "within 500 m of the search area",
+        ),
+    ],
+)
+def test_who_cannot_take_off_is_lost_after_the_join_timeout_once_with_the_reason(
+    state: VehicleState, lost: str
+) -> None:
+    led = escort(join_timeout_s=3.0)
+    follow(led, 0, 0, 0)
+    outcome = Outcome()
+    trouble = "unsigned" if not state.has_position else ""
+    for turn in range(40):
+        order = led.advance(state, outcome, 0.1 * turn, trouble)
+        if order is not None:
+            reason = "PreArm: Compass not healthy"
+            outcome = Outcome(order, outcome.number + 1, "under_way", reason)
+        if turn in (2, 29):
+            assert led.blocked and not led.lost
+    assert led.lost == lost and led.finished
+
+
+def test_somebody_who_may_arm_later_has_all_the_time_in_the_world() -> None:
+    led = escort(join_timeout_s=3.0)
+    vehicle = Vehicle(led)
+    follow(led, 0, 0, 0)
+    vehicle.turn()
+    vehicle.now_s += 1000.0
+    vehicle.turn(reason="waits for somebody to arm it")
+    assert not led.lost and not led.blocked
+
+
 def test_a_held_vehicle_goes_on_with_the_next_step() -> None:
     led = escort()
     vehicle = Vehicle(led, FLYING)
@@ -367,7 +577,7 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     mission = search_mission(FRAME, [(0, 9), (1, 9), (1, 9)], [0, 0, 1], SETTINGS, home)
     task = mission_task(mission, FENCE, "ardupilot")
     assert isinstance(task, Accepted)
-    led = escort()
+    led = escort(whole=True)
     vehicle = Vehicle(led)
     led.follow(Leg(26, (1, 9), over=True), task)
     order = vehicle.turn()
@@ -378,3 +588,19 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     assert led.arrived_stamp_ns == 26 and vehicle.turn() is None
     far = mission_task(replace(mission, home=Home(0.0, 0.0, 0.0)), FENCE, "ardupilot")
     assert isinstance(far, Rejected)
+
+
+def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> None:
+    led = escort(whole=True, join_timeout_s=3.0)
+    vehicle = Vehicle(led)
+    leg = Leg(13, (1, 9), over=True)
+    led.follow(leg, None)
+    vehicle.turn()
+    assert led.blocked == "no home position" and not led.has_task
+    fly_mission(led)
+    assert isinstance(vehicle.turn(), FlyMission) and not led.blocked
+    other = escort(whole=True, join_timeout_s=3.0)
+    other.follow(leg, None)
+    for now_s in (0.0, 3.1):
+        assert other.advance(ON_GROUND, Outcome(), now_s) is None
+    assert other.lost == "no home position within 3 s"

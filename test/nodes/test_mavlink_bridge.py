@@ -78,7 +78,8 @@ class Bridge:
         given = {"connections": [v.connection for v in vehicles], "arm": True, "speed": 10.0}
         self.rig = rig
         self.process: Process = rig.start(
-            "mavlink_bridge", given | {"pose_rate": 20.0} | parameters
+            "mavlink_bridge",
+            given | {"pose_rate": 20.0, "state_directory": str(rig.folder / "state")} | parameters,
         )
         names = [f"drone{i}" for i in range(len(vehicles))]
         self.states = [rig.listen(DiagnosticArray, f"{n}/vehicle_state", LATCHED) for n in names]
@@ -181,7 +182,7 @@ def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
 ) -> None:
     with autopilots((), dialect=dialect, ready_s=200.0) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles, dialect=dialect, link_timeout=1.0)
+        bridge = Bridge(rig, vehicles, dialect=dialect, link_timeout=1.0, lost_timeout=1.0)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
         os.kill(vehicles[0].pid, signal.SIGSTOP)
         bridge.until(0, connected="false", lost="link lost: no heartbeat for 1 s")
@@ -207,6 +208,172 @@ def test_a_take_off_is_called_off_when_a_search_comes_that_cannot_be_flown(rig: 
         bridge.until(0, order="Hold()", status="done", armed="false", flying="false")
         trouble = "1 vehicles for 2 drones"
         rig.until(lambda: trouble in bridge.state(0)["message"], trouble)
+
+
+def take_off_orders(*bridges: Bridge) -> int:
+    return sum(bridge.process.output.count(": TakeOff(") for bridge in bridges)
+
+
+@pytest.mark.parametrize("where", ["on the ground", "in the air"])
+@pytest.mark.parametrize("search", ["running", "over", "drone lost"])
+def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
+    rig: Rig, search: str, where: str
+) -> None:
+    """The vehicle is met again where it is: before take-off, aloft, landed, or with a pilot."""
+    landed, lost = where == "on the ground", search == "drone lost"
+    faults = ("pilot@airborne:20=LAND" if landed else "pilot@airborne:20=LOITER",) if lost else ()
+    waits = search == "running" and landed
+    with autopilots(faults, ready_s=200.0 if waits else 10.0) as vehicles:
+        sim = rig.sim(
+            SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True, "timestep_limit": 1}
+        )
+        at_end = {"at_end": "return" if landed else "hold"}
+        first = Bridge(rig, vehicles, **at_end)
+        if waits:
+            rig.until(lambda: first.state(0).get("order", "").startswith("TakeOff"), "the order")
+        elif lost:
+            rig.until(lambda: first.state(0).get("lost"), "the loss")
+            rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
+        else:
+            first.until(0, arrived="true", cell="0 5")
+            if search == "over":
+                fly(sim, UP)
+                fly(sim, UP)
+        if landed:
+            first.until(0, flying="false", armed="false")
+        else:
+            first.until(0, flying="true", **({"order": "Hold()"} if search == "over" else {}))
+        first.process.kill()
+        again = Bridge(rig, vehicles, **at_end)
+        told = again.states[0]
+        if search == "running":
+            if not waits:
+                fly(sim, UP)
+            again.until(0, arrived="true", flying="true", cell="0 5" if waits else "0 4")
+            assert take_off_orders(again) == waits
+        else:
+            again.until(0, connected="true")
+            rig.until(lambda: len(told) >= 5, "more of its state")
+            assert take_off_orders(again) == 0
+            state = again.state(0)
+            assert state["flying"] == state["armed"] == ("false" if landed else "true")
+            if lost:
+                assert state["lost"].startswith("taken over") and state["order"] == ""
+                assert state["mode"] == ("LAND" if landed else "LOITER")
+
+
+@pytest.mark.parametrize("where", ["on the ground", "in the air"])
+@pytest.mark.parametrize("search", ["running", "over", "drone lost"])
+def test_a_simulation_started_again_is_a_search_for_all_but_those_a_pilot_has(
+    rig: Rig, search: str, where: str
+) -> None:
+    landed, lost = where == "on the ground", search == "drone lost"
+    faults = ("pilot@airborne:20=LAND" if landed else "pilot@airborne:20=LOITER",) if lost else ()
+    waits = search == "running" and landed
+    searched = SEARCHED | {
+        "drones_positions": [0, 5], "wait_for_vehicles": True, "timestep_limit": 1
+    }  # fmt: skip
+    with autopilots(faults, ready_s=200.0 if waits else 10.0) as vehicles:
+        sim = rig.sim(searched)
+        bridge = Bridge(rig, vehicles, at_end="return" if landed else "hold")
+        if waits:
+            rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
+        elif lost:
+            rig.until(lambda: bridge.state(0).get("lost"), "the loss")
+        else:
+            bridge.until(0, arrived="true", cell="0 5")
+            if search == "over":
+                fly(sim, UP)
+                fly(sim, UP)
+                bridge.until(0, **({"armed": "false"} if landed else {"order": "Hold()"}))
+        if landed:
+            bridge.until(0, flying="false", armed="false")
+        sim.process.kill()
+        before = take_off_orders(bridge)
+        sim = rig.sim(searched | {"drones_positions": [1, 4]})
+        if lost:
+            rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
+            told = len(bridge.states[0])
+            rig.until(lambda: len(bridge.states[0]) >= told + 4, "more of its state")
+            assert bridge.state(0)["mode"] == ("LAND" if landed else "LOITER")
+            assert bridge.state(0)["flying"] == ("false" if landed else "true")
+            return
+        state = bridge.until(0, arrived="true", flying="true", cell="1 4")
+        assert state["lost"] == ""
+        # A take-off that was waiting for the first search is called off and ordered anew.
+        assert take_off_orders(bridge) - before <= landed
+
+
+def test_a_foreign_simulation_stops_nothing_but_the_take_offs(rig: Rig) -> None:
+    with autopilots(()) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles)
+        bridge.until(0, arrived="true", cell="0 5")
+        foreign = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5, 3, 5]})
+        trouble = "1 vehicles for 4 drones: nothing is flown"
+        rig.until(lambda: trouble in bridge.state(0)["message"], trouble)
+        assert bridge.states[0].last.status[0].level == DiagnosticStatus.ERROR
+        foreign.process.stop()
+        fly(sim, UP)
+        state = bridge.until(0, arrived="true", cell="0 4", refused="")
+        assert state["flying"] == "true" and take_off_orders(bridge) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"ready_s": 10_000.0}, "not ready within 3 s"),
+        ({"key": True}, "within 3 s"),
+    ],
+)
+def test_who_cannot_take_off_is_lost_with_the_reason_and_the_other_goes_on(
+    rig: Rig, options: dict[str, Any], why: str
+) -> None:
+    key = rig.folder / "key"
+    key.write_text("07" * 32)
+    given = {"key_file": key} if options.pop("key", False) else options
+    with autopilots(()) as one, autopilots((), **given) as other:
+        vehicles = [one[0], other[0]]
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5], "wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles, system_ids=[1, 1], join_timeout=3.0)
+        rig.until(lambda: bridge.state(1).get("lost"), "the second is lost")
+        assert why in bridge.state(1)["lost"]
+        assert bridge.process.output.count("drone1 is lost") == 1
+        fly(sim, UP, UP)
+        assert sim.report["terminated"].tolist() == [0, 1]
+
+
+def test_each_vehicle_flies_in_a_layer_of_its_own(rig: Rig) -> None:
+    with autopilots((), (), ()) as vehicles:
+        rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5], "wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles)
+        for i, alt_m in enumerate((120.0, 115.0, 110.0)):
+            bridge.until(i, arrived="true")
+            assert abs(bridge.poses[i].last.pose.position.z - alt_m) < 3.5
+
+
+def test_layers_that_do_not_fit_between_the_altitudes_are_not_flown(rig: Rig) -> None:
+    with autopilots((), ()) as vehicles:
+        rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5]})
+        bridge = Bridge(rig, vehicles, altitude_step=30.0, min_altitude=100.0)
+        trouble = "altitude_step: 30 is not allowed; 2 vehicles from 120 m down to 100 m have room"
+        rig.until(lambda: trouble in bridge.state(0).get("message", ""), trouble)
+        assert take_off_orders(bridge) == 0
+
+
+def test_the_bridge_ends_when_its_vehicles_are_home_if_it_is_to(rig: Rig) -> None:
+    with autopilots((), ()) as vehicles:
+        sim = rig.sim(
+            SEARCHED
+            | {"drones_positions": [0, 5, 1, 5], "wait_for_vehicles": True, "timestep_limit": 1}
+        )
+        bridge = Bridge(rig, vehicles, exit_at_end=True)
+        fly(sim, UP, UP)
+        fly(sim, UP, UP)
+        assert bridge.process.wait() == 0
+        rig.processes.remove(bridge.process)
+        for i in range(2):
+            assert bridge.state(i)["armed"] == "false" and bridge.state(i)["lost"] == ""
 
 
 def test_a_simulation_restarted_before_its_first_step_is_followed_anew(rig: Rig) -> None:
@@ -243,10 +410,10 @@ def test_who_is_not_heard_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> No
     start = {"drones_positions": [0, 5, 1, 5]}
     with autopilots((), ()) as vehicles:
         sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles, link_timeout=1.0)
+        bridge = Bridge(rig, vehicles, link_timeout=1.0, lost_timeout=2.0)
         bridge.until(1, flying="true")
         vehicles[1].kill()
-        bridge.until(1, lost="link lost: no heartbeat for 1 s")
+        bridge.until(1, lost="link lost: no heartbeat for 2 s")
         fly(sim, UP, UP)
         fly(sim, RIGHT, RIGHT)
         assert sim.report["terminated"].tolist() == [0, 1]
@@ -328,15 +495,46 @@ def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, dialect: str, mode
         assert min(away_m(pose, (0, 3)) for pose in bridge.poses[0]) <= 10.0
 
 
-def test_steps_that_were_not_heard_are_no_mission(rig: Rig) -> None:
+def test_a_search_that_was_over_before_the_bridge_was_there_is_written_whole(rig: Rig) -> None:
     sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 2})
-    fly(sim, UP)
-    fly(sim, UP)
+    for _ in range(3):
+        fly(sim, UP)
     bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(rig.folder)})
+    rig.until(lambda: "2 files in" in bridge.output, "the files")
+    items = parse_qgc_wpl((rig.folder / "drone0.waypoints").read_text())
+    # Home, take-off, the first cell, the end of the leg, return.
+    assert len(items) == 5
+
+
+def test_a_search_whose_report_does_not_come_is_an_error_until_it_comes(rig: Rig) -> None:
+    sim = rig.sim(
+        SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1}, "-r", "mission_report:=kept"
+    )
+    for _ in range(2):
+        fly(sim, UP)
+    bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(rig.folder)})
+    health_when(rig, "the search is over, and no mission_report of it has come")
+    kept = rig.first(PointCloud2, "kept")
+    rig.talk(PointCloud2, "mission_report", LATCHED).publish(kept)
+    rig.until(lambda: "2 files in" in bridge.output, "the files")
     health_when(rig, "follows")
-    fly(sim, UP)
-    rig.until(lambda: "steps were not heard, the first is 0" in bridge.output)
-    assert list(rig.folder.glob("*.plan")) == []
+
+
+def test_a_mission_that_was_flown_is_not_flown_again_by_a_bridge_started_again(rig: Rig) -> None:
+    with autopilots(()) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1})
+        for _ in range(2):
+            fly(sim, UP)
+        first = Bridge(rig, vehicles, mode="mission")
+        first.until(0, mode="AUTO", flying="true")
+        first.process.kill()
+        second = Bridge(rig, vehicles, mode="mission")
+        second.until(0, connected="true", armed="false")
+        assert second.state(0)["order"] == "" and second.state(0)["lost"] == ""
+        third = Bridge(rig, vehicles, mode="mission", exit_at_end=True)
+        assert third.process.wait() == 0
+        rig.processes.remove(third.process)
+        assert third.state(0)["armed"] == "false"
 
 
 def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
@@ -414,6 +612,7 @@ def test_vehicles_for_another_number_of_drones_stay_where_they_are(rig: Rig) -> 
         ({"num_vehicles": 2, "system_ids": [1]}, "system_ids: 1 are not allowed"),
         ({"num_vehicles": 2, "system_ids": [1, 300]}, "system_ids: "),
         ({"min_altitude": 200.0}, "min_altitude: 200 is not allowed"),
+        ({"lost_timeout": 2.0}, "lost_timeout: 2 is not allowed; at least link_timeout, 5 s"),
         ({"signing_key_file": "/nonexistent"}, "signing_key_file: /nonexistent: No such file"),
         ({"own_system_id": 1}, "own_system_id"),
         ({"conections": ["x"]}, "did you mean connections?"),
