@@ -58,7 +58,8 @@ CONSTANTS = np.dtype(
         ("drift_remainder_less_one", "?"),
         ("drift_axes_independent", "?"),
         ("drift_by_speed", "?"),
-        ("drone_speed", "f8"),
+        ("cell_size", "f8"),
+        ("step_duration_s", "f8"),
         ("reset_sea_steps", "i8"),
         ("circle", "?"),
         ("circle_on_previous_datum", "?"),
@@ -429,10 +430,12 @@ def persons_step(c, w, gauss, persons):
 @part
 def drift_per_step(c, x, y):
     """Return the drift (x, y) in cells per step of a vector."""
-    if not c.drift_by_speed:
+    norm = np.sqrt(x * x + y * y)
+    if not c.drift_by_speed or norm == 0.0:
         return x, y
-    share = np.hypot(x, y) / c.drone_speed
-    return x * share, y * share
+    # In the order of operations of DSSE 1.1.9: the last bit can decide when a cell is reached.
+    steps = c.cell_size / norm / c.step_duration_s
+    return x / steps, y / steps
 
 
 @part

@@ -90,6 +90,23 @@ def test_maps_are_those_of_the_package(version: str, tolerance: float) -> None:
             idle(world)
 
 
+def test_the_datum_of_v2_is_that_of_the_package_in_every_step() -> None:
+    with np.load(DATA / "v2_drift.npz") as stored:
+        cases, datums = json.loads(str(stored["meta"]))["cases"], stored["datum"]
+    assert datums.shape == (300, 101, 2) and len(cases) == 300
+    other = []
+    for case, theirs in zip(cases, datums.tolist(), strict=True):
+        world = world_of("v2", case)
+        world.reset()
+        ours = []
+        for _ in theirs:
+            ours.append([int(world.worlds["datum_x"][0]), int(world.worlds["datum_y"][0])])
+            idle(world)
+        if ours != theirs:
+            other.append(case)
+    assert other == []
+
+
 def scripted(version: str, defects: bool = False) -> list[Any]:
     episodes = read(f"{version}_episodes.json", "episodes")
     return [
