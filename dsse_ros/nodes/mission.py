@@ -102,7 +102,7 @@ class Mission:
     @property
     def over(self) -> bool:
         """Whether no step can be done before a reset."""
-        return self.aborted or not self.env.agents or self._stamp_ns + self._step_ns >= END_NS
+        return self.aborted or not self.live or self._stamp_ns + self._step_ns >= END_NS
 
     @property
     def all_lost(self) -> bool:
@@ -121,8 +121,8 @@ class Mission:
         if all_found and result.found.any():
             return f"found by {', '.join(names[i] for i in np.flatnonzero(result.found))}"
         limit = self.env.scenario.timestep_limit + rules.time_out_grace
-        # A mission whose stamps run out leaves its agents.
-        if self.env.agents or result.step > limit:
+        # A mission whose stamps run out leaves drones in flight.
+        if self.live or result.step > limit:
             return "out of time"
         if self.all_lost or not rules.ends_together:
             return "no drone left"
@@ -130,8 +130,11 @@ class Mission:
 
     @property
     def live(self) -> list[int]:
-        """The drones in flight."""
-        live: list[int] = np.flatnonzero(self.env.world.drones["alive"][0]).tolist()
+        """The drones in flight, none once the search has ended."""
+        world = self.env.world
+        if world.worlds["over"][0]:
+            return []
+        live: list[int] = np.flatnonzero(world.drones["alive"][0]).tolist()
         return live
 
     @property
@@ -222,7 +225,7 @@ class Mission:
         return self.result
 
     def _terminated(self) -> NDArray[np.bool_]:
-        """Return who is terminated (N,); where drones end together, each step clears the flags."""
+        """Return who is terminated (N,): who is lost at once, before the step that says so."""
         terminated, _ = self.env.flags
         terminated[self.lost] = True
         return terminated

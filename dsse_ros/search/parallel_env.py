@@ -160,7 +160,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         """Advance the mission by one step.
 
         Args:
-            actions: One action number per live agent; those of other agents are ignored.
+            actions: One action number per live agent; those of other agents are ignored, and one
+                that was withdrawn needs none.
 
         Raises:
             FieldError: If an action is missing or not allowed; the mission stays as it is.
@@ -179,7 +180,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         else:
             terminations, truncations = (
                 {agent: values[i] for agent, i in zip(agents, live)}
-                for values in (flags.tolist() for flags in self.flags)
+                for values in (self._terminated.tolist(), self._truncated.tolist())
             )
         observations, infos = self._observe(agents, live)
         self._show()
@@ -196,11 +197,14 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     def withdraw(self, drone: int) -> bool:
         """Take a drone out of the mission; it stays where it is and the others go on.
 
+        The next step terminates it: it does nothing there, whatever its action, earns 0, and is
+        then no longer in `agents`. If it was the last one, that step ends the mission.
+
         Args:
             drone: Its number.
 
         Returns:
-            Whether it was still in the search. The last one to leave ends the mission.
+            Whether it was still in the search.
 
         Raises:
             FieldError: If there is no such drone.
@@ -209,10 +213,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         if self._over[0] or not self._alive[drone]:
             return False
         self._alive[drone] = False
-        self._terminated[drone] = True
         self._flying[0] -= 1
-        self._over[0] = self._flying[0] == 0
-        self._note_live()
         return True
 
     def snapshot(self) -> Snapshot:
@@ -232,11 +233,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
 
     @property
     def flags(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Terminated and truncated (N,) of all drones; whom the end of all ends, it truncates."""
-        terminated, truncated = self._terminated.copy(), self._truncated.copy()
-        if self.rules.ends_together and self._over[0]:
-            truncated |= ~terminated
-        return terminated, truncated
+        """Terminated and truncated (N,) of all drones."""
+        return self._terminated.copy(), self._truncated.copy()
 
     @property
     def positions(self) -> NDArray[np.int64]:
@@ -332,8 +330,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             self._note_live()
 
     def _note_live(self) -> None:
-        """Take from the world which drones are in the search."""
-        self._live = [] if self._over[0] else np.flatnonzero(self._alive).tolist()
+        """Take from the world which drones have no flag yet; before the first reset there are none."""
+        out = self._terminated | self._truncated | self._over[0]
+        self._live = np.flatnonzero(~out).tolist()
         self.agents = [self.possible_agents[i] for i in self._live]
         self._no_flags = dict.fromkeys(self.agents, False)
 
@@ -362,7 +361,10 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
                 raise FieldError(
                     f"actions: {shown(actions)} is not allowed; one number per live agent"
                 ) from None
-            numbers = bytearray(self._byte_of(agent, actions) for agent in self.agents)
+            numbers = bytearray(
+                self._byte_of(agent, actions) if self._alive[i] else HOLD & 0xFF
+                for agent, i in zip(self.agents, self._live)
+            )
         if len(numbers) == len(self._action_bytes):
             self._action_bytes[:] = numbers
         else:
