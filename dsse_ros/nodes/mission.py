@@ -78,7 +78,6 @@ class Mission:
         self.lost: list[int] = []
         self._step_ns = max(round(env.scenario.step_duration_s * 1e9), 1)
         self._stamp_ns = -self._step_ns
-        self._search = env.rules.actions.index("search")
         self.result = self.reset(seed)
 
     def reset(self, seed: int) -> StepResult:
@@ -180,7 +179,7 @@ class Mission:
         world = self.env.world
         live = world.drones["alive"][0].copy()
         joint = self.commands.take(self.live, self.result.cells, missing_action)
-        searching = live & (joint == self._search)
+        searching = live & (joint == self.env.rules.action_set.search)
         probabilities = np.where(searching, self._probabilities(), 0.0)
         searchers = np.flatnonzero(searching)
         cells = map(tuple, self.result.cells[searchers].tolist())

@@ -184,7 +184,7 @@ def fly(
         sim["num_drones"] = arguments.drones
     planner = {"planner": arguments.planner, "seed": arguments.seed}
     sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
-    watcher = Watcher(rules.actions.index("search"), scenario.probability_of_detection)
+    watcher = Watcher(rules.action_set.search, scenario.probability_of_detection)
     executor = new_executor()
     executor.add_node(watcher)
     bar = tqdm(

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import repeat
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -16,23 +16,19 @@ from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
 
 from dsse_ros.search import rendering
 from dsse_ros.search.fields import FieldError, Spec, shown
+from dsse_ros.search.observation import Observation
 from dsse_ros.search.options import check_options, check_seed
-from dsse_ros.search.rules import ACTION_VECTORS, Rules
+from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
-
-T = TypeVar("T")
-
-Observation = tuple[NDArray[np.int64], NDArray[np.float32]]
-"""Position (2,) int64 as (x, y) and probability (G, G) float32 as [y, x], of one agent."""
 
 
 class SearchEnv(ParallelEnv[str, Observation, int]):
     """A drone swarm searching for persons at sea (PettingZoo parallel API).
 
-    Observations are `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell
-    (x, y) and the map [y, x], one read-only array that all agents share. `infos[agent]` has
+    An `Observation` is of `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's
+    cell (x, y) and the map [y, x], one read-only array that all agents share. `infos[agent]` has
     `Found`, whether every person has been found, and `action_mask` (A,) int8, 0 where a move
     would leave the grid. Actions are numbers of `rules.actions`.
 
@@ -91,7 +87,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     def _bind(self) -> None:
         """Make all that shares memory with the world's arrays, or must not be copied."""
         world = self.world
-        self._masks = _masks_by_cell(self.rules.actions, world.grid_size)
+        self._masks = self.rules.action_set.masks(world.grid_size)
         self._actions = np.zeros((1, world.num_drones), np.int8)
         self._action_bytes = self._actions[0].data.cast("B")
         # Views on the world's arrays; x and y open each drone's record.
@@ -330,7 +326,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             self._note_live()
 
     def _note_live(self) -> None:
-        """Take from the world which drones have no flag yet; before the first reset there are none."""
+        """Take from the world which drones have no flag yet; a world not begun has none."""
         out = self._terminated | self._truncated | self._over[0]
         self._live = np.flatnonzero(~out).tolist()
         self.agents = [self.possible_agents[i] for i in self._live]
@@ -341,7 +337,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Return observations and infos of these agents."""
         cells = self._xy.copy() if len(agents) == len(self._xy) else self._xy[live]
-        observations = dict(zip(agents, zip(cells, repeat(self.probability))))
+        pairs = zip(cells, repeat(self.probability))
+        # A third of the time of Observation(*pair).
+        observations = dict(zip(agents, map(tuple.__new__, repeat(Observation), pairs)))
         masks, found = self._masks, self._adrift[0] == 0
         infos = {
             agent: {"Found": found, "action_mask": masks[y][x]}
@@ -385,30 +383,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         except (TypeError, ValueError):
             if noop:
                 return HOLD & 0xFF
-        legend = ", ".join(f"{i} {name}" for i, name in enumerate(self.rules.actions))
-        raise FieldError(f"{agent}: action {shown(value)} is not allowed; {legend}") from None
-
-
-def _masks_by_cell(actions: tuple[str, ...], grid_size: int) -> list[list[NDArray[np.int8]]]:
-    """Return the action masks (A,) as [y][x]; equal ones, and equal rows, are one object.
-
-    The last row and column are for a drone just outside, at -1 or G.
-    """
-
-    def mask(west: bool, east: bool, north: bool, south: bool) -> NDArray[np.int8]:
-        blocked = {(-1, 0): west, (1, 0): east, (0, -1): north, (0, 1): south}
-        vectors = (ACTION_VECTORS[name] for name in actions)
-        free = [not (blocked.get((dx, 0)) or blocked.get((0, dy))) for dx, dy in vectors]
-        made = np.array(free, np.int8)
-        made.flags.writeable = False
-        return made
-
-    def along(make: Callable[[bool, bool], T]) -> list[T]:
-        edges = [(i == 0, i == grid_size - 1) for i in range(grid_size)] + [(False, False)]
-        distinct = {edge: make(*edge) for edge in set(edges)}
-        return [distinct[edge] for edge in edges]
-
-    return along(lambda north, south: along(lambda west, east: mask(west, east, north, south)))
+        raise FieldError(
+            f"{agent}: action {shown(value)} is not allowed; {self.rules.action_set}"
+        ) from None
 
 
 class Conventional(BaseParallelWrapper[str, Any, int]):

@@ -17,7 +17,7 @@ from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
-from dsse_ros.search.rules import ACTION_VECTORS, Rules
+from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario, Scenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 
@@ -47,15 +47,16 @@ def constants_of(
     Raises:
         TypeError: If the kernels read other names than are set here.
     """
-    vectors = [ACTION_VECTORS[name] for name in rules.actions]
-    unused = [0] * (kernels.MAX_ACTIONS - len(vectors))
+    actions = rules.action_set
+    unused = [(0, 0)] * (kernels.MAX_ACTIONS - len(actions))
+    dx, dy = zip(*actions.moves, *unused, strict=True)
     values: dict[str, Any] = {
         **{name: getattr(scenario, name) for name in _OF_SCENARIO},
         **{name: getattr(rules, name) for name in _OF_RULES},
-        "num_actions": len(vectors),
-        "search_action": rules.actions.index("search"),
-        "dx": [*(dx for dx, _ in vectors), *unused],
-        "dy": [*(dy for _, dy in vectors), *unused],
+        "num_actions": len(actions),
+        "search_action": actions.search,
+        "dx": dx,
+        "dy": dy,
         "leave_terminates": rules.leave_policy == "terminate",
         "leave_flies_on": rules.leave_policy == "fly_on",
         "drift_remainder_dropped": rules.drift_remainder == "dropped",

@@ -13,7 +13,7 @@ from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.mission import Mission
 from dsse_ros.planners import make_planner
-from dsse_ros.search import parallel_env
+from dsse_ros.search import Observation, parallel_env
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.images import probability_image
 from msg_adapters.stamps import to_stamp
@@ -87,7 +87,7 @@ def mission(seed: int = 0, drones: int = 3, grid: int = 6, **options: Any) -> Mi
 def expected(flown: Mission, planner: object) -> list[int]:
     env = flown.env
     observations = {
-        name: (flown.result.cells[i], env.probability)
+        name: Observation(flown.result.cells[i], env.probability)
         for i, name in enumerate(env.possible_agents)
         if i in flown.live
     }
