@@ -46,7 +46,7 @@ class StepResult:
 
 
 _OF_RESULT = ("actions", "held", "probabilities")
-_OF_MISSION = ("seed", "number", "not_found", "aborted", "tracks", "searches", "lost", "_stamp_ns")
+_OF_MISSION = ("seed", "number", "unsearched", "aborted", "tracks", "searches", "lost", "_stamp_ns")
 
 
 class Mission:
@@ -57,9 +57,7 @@ class Mission:
         seed: Seed of the mission under way.
         number: Missions started so far, 1 for the first.
         result: The last step's result.
-        not_found: Probability that no search so far would have found the person, the complement
-            of the cumulative probability of success: the product of (1 - POS) over the steps
-            (IAMSAR Manual, volume II).
+        unsearched: Product over the steps of 1 - POD times the probability of the cells searched.
         aborted: Whether the mission was given up because commands were missing.
         tracks: Of each drone, the cells it was in, without repeats.
         searches: Of each drone, how often it has searched in each cell of its track.
@@ -71,7 +69,7 @@ class Mission:
         self.commands = CommandBuffer(env.rules.actions, env.world.num_drones)
         self.seed = seed
         self.number = 0
-        self.not_found = 1.0
+        self.unsearched = 1.0
         self.aborted = False
         self.tracks: list[list[Cell]] = []
         self.searches: list[list[int]] = []
@@ -87,7 +85,7 @@ class Mission:
             self._stamp_ns = -self._step_ns
         self.seed = seed
         self.number += 1
-        self.not_found = 1.0
+        self.unsearched = 1.0
         self.aborted = False
         self.commands.clear()
         count = self.env.world.num_drones
@@ -137,9 +135,13 @@ class Mission:
         return live
 
     @property
-    def probability_of_success(self) -> float:
-        """The cumulative probability that the searches so far would have found the person."""
-        return 1.0 - self.not_found
+    def search_effort(self) -> float:
+        """How much has been searched, 0 to 1: the complement of `unsearched`.
+
+        It is no probability of success: the map learns nothing from a search in vain, so that
+        searching one cell again and again counts each time.
+        """
+        return 1.0 - self.unsearched
 
     @property
     def missing(self) -> list[int]:
@@ -186,7 +188,7 @@ class Mission:
         searched = dict(zip(cells, probabilities[searchers].tolist(), strict=True))
         self.env.advance(joint)
         pod = self.env.scenario.probability_of_detection
-        self.not_found *= 1.0 - min(pod * sum(searched.values()), 1.0)
+        self.unsearched *= 1.0 - min(pod * sum(searched.values()), 1.0)
         self.result = self._result(joint, live & (joint == HOLD), probabilities)
         for drone in searchers.tolist():
             self.searches[drone][-1] += 1
