@@ -4,7 +4,7 @@
 from dsse_ros.search.actions import ACTION_VECTORS, ActionSet
 from dsse_ros.search.fields import FieldError
 from dsse_ros.search.observation import Observation
-from dsse_ros.search.parallel_env import SearchEnv, aec_env, parallel_env, raw_env
+from dsse_ros.search.parallel_env import SearchEnv, aec_env, env, parallel_env, raw_env
 from dsse_ros.search.rules import PROFILES, Rules, profile
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
@@ -28,6 +28,7 @@ __all__ = [
     "VectorEnv",
     "World",
     "aec_env",
+    "env",
     "parallel_env",
     "profile",
     "raw_env",

@@ -127,11 +127,12 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         Args:
             seed: Seeds the world's generator; without one it goes on where it is.
             options: For this mission only: `drones_positions`, `vector`,
-                `person_initial_position`, `person_pod_multipliers`. As PettingZoo's tests ask,
-                other names are ignored, unless they look like a misspelling of these.
+                `person_initial_position`, `person_pod_multipliers`. The name `options`, which
+                PettingZoo's tests pass, is ignored.
 
         Raises:
-            FieldError: If an option is not allowed; the mission under way stays as it is.
+            FieldError: If an option is unknown or not allowed; the mission under way stays as
+                it is.
         """
         start = check_options({} if options is None else options, self.scenario, self.rules)
         if seed is not None:
@@ -297,7 +298,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
                 self._camera = rendering.Camera()
             return self._camera.rgb_array(view)
         if self._viewer is None:
-            self._viewer = rendering.Viewer()
+            self._viewer = rendering.Viewer(float(self.metadata["render_fps"]))  # type: ignore[arg-type]
         self._viewer.show(view)
         return None
 
@@ -510,3 +511,7 @@ def aec_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
     return wrappers.OrderEnforcingWrapper(
         wrappers.AssertOutOfBoundsWrapper(raw_env(*args, **kwargs))
     )
+
+
+env = aec_env
+"""The name under which PettingZoo's users look for it."""

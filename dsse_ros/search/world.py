@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import ResolvedScenario, Scenario
+from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 
 HOLD = -1
@@ -287,7 +287,7 @@ class World:
     @cached_property
     def _identity(self) -> dict[str, Any]:
         parts = {
-            "scenario": dataclasses.asdict(self.scenario),
+            "scenario": {name: getattr(self.scenario, name) for name in SPECS},
             "rules": dataclasses.asdict(self.rules),
         }
         # As a file has it: through JSON a tuple becomes a list.
