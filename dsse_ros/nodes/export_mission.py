@@ -35,7 +35,7 @@ def play(
     """
     observations, infos = env.reset(seed=seed)
     policy = make_planner(planner, env.rules.actions, seed=seed)
-    search = env.rules.actions.index("search")
+    search = env.rules.action_set.search
     numbers = {name: i for i, name in enumerate(env.possible_agents)}
     cells = [env.positions]
     searched = [np.zeros(len(numbers), bool)]

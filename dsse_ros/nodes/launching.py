@@ -55,6 +55,8 @@ def _node(executable: str, start: Start, namespace: str) -> Node:
         parameters=[one for one in parameters if one],
         arguments=list(start.arguments),
         output="screen",
+        # A bridge that is interrupted has its vehicles hold first, and DDS takes its time.
+        sigterm_timeout="20",
         # None of ours can do without the others; whoever closes RViz has only seen enough.
         on_exit=None if rviz else Shutdown(reason=f"{executable} has ended"),
     )

@@ -180,7 +180,7 @@ class BridgeNode(AlarmNode):
         self._idle_s, self._holding = None, False
         self._unflyable = ""
         try:
-            self._frames = _frames(info.frame, settings)
+            self._frames = _frames(info.frame, settings, len(info.agents))
             if self.fleet is not None:
                 directory = Path(settings.state_directory or default_directory())
                 self._records = FlightRecords(directory, info.run_id, info.mission)
@@ -549,16 +549,16 @@ def _search_action(info: AgentsInfo) -> int:
     return info.actions.index("search") if "search" in info.actions else -1
 
 
-def _frames(frame: GridFrame, settings: BridgeSettings) -> list[GridFrame]:
+def _frames(frame: GridFrame, settings: BridgeSettings, vehicles: int) -> list[GridFrame]:
     """Return the grid at the altitude of each vehicle.
 
     Raises:
         FieldError: If there is not room for all between the altitudes that are allowed.
     """
-    if len(settings.altitudes) == settings.vehicles:
+    if len(settings.altitudes) == vehicles:
         return [replace(frame, alt_m=alt_m) for alt_m in settings.altitudes]
     highest = replace(frame, alt_m=settings.altitudes[0]) if settings.altitudes else frame
-    return layers(highest, settings, settings.vehicles, settings.min_altitude)
+    return layers(highest, settings, vehicles, settings.min_altitude)
 
 
 def _legs(stamp_ns: int, report: NDArray[Any], search: int) -> list[Leg]:

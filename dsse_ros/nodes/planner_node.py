@@ -20,7 +20,7 @@ from dsse_ros.nodes.qos import LATCHED, RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import Planner, make_planner
-from dsse_ros.search import HOLD
+from dsse_ros.search import HOLD, Observation
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.commands import joint_action_message
@@ -223,7 +223,7 @@ def _ask(
     cells = np.stack([report["col"], report["row"]], axis=1).astype(np.int64)
     masks = report["action_mask"].astype(np.int8)
     actions = planner(
-        {name: (cells[i], probability) for name, i in agents.items()},
+        {name: Observation(cells[i], probability) for name, i in agents.items()},
         {name: {"Found": False, "action_mask": masks[i]} for name, i in agents.items()},
     )
     joint = [HOLD] * len(report)

@@ -76,14 +76,14 @@ class Watcher(Node):
         flying: Drones in flight.
         over: Whether the mission is over and its last map is here.
         probability: The last map (G, G).
-        not_found: Product of (1 - POS) over the steps seen.
+        unsearched: As `Mission.unsearched`, over the steps seen.
     """
 
     def __init__(self, search_action: int, probability_of_detection: float) -> None:
         super().__init__("dsse_watcher")
         self.step = -1
         self.flying = 0
-        self.not_found = 1.0
+        self.unsearched = 1.0
         self.probability: NDArray[np.float32] | None = None
         self._search = search_action
         self._pod = probability_of_detection
@@ -114,8 +114,8 @@ class Watcher(Node):
         searched = report[report["action"] == self._search]
         if seen is not None and len(searched):
             cells = {(int(col), int(row)) for col, row in zip(searched["col"], searched["row"])}  # noqa: B905
-            covered = sum(float(seen[row, col]) for col, row in cells)
-            self.not_found *= 1.0 - min(self._pod * covered, 1.0)
+            probability = sum(float(seen[row, col]) for col, row in cells)
+            self.unsearched *= 1.0 - min(self._pod * probability, 1.0)
 
     def line(self) -> str:
         """Return the state of the search for the progress line."""
@@ -124,8 +124,8 @@ class Watcher(Node):
         row, col = np.unravel_index(int(self.probability.argmax()), self.probability.shape)
         best = float(self.probability[row, col])
         flying = f"{self.flying} drones" if self.flying else "over"
-        searched = f"searched {1.0 - self.not_found:.1%}"
-        return f"best cell ({col}, {row}) {best:.1%}, {flying}, {searched}"
+        effort = f"search effort {1.0 - self.unsearched:.1%}"
+        return f"best cell ({col}, {row}) {best:.1%}, {flying}, {effort}"
 
 
 @contextlib.contextmanager
@@ -210,7 +210,7 @@ def fly(
     sim_ros = ros_for(SIM_PARAMETERS, arguments.ros)
     planner_ros = ros_for(PLANNER_PARAMETERS, arguments.ros)
     sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
-    watcher = Watcher(rules.actions.index("search"), scenario.probability_of_detection)
+    watcher = Watcher(rules.action_set.search, scenario.probability_of_detection)
     executor = new_executor()
     executor.add_node(watcher)
     bar = tqdm(
@@ -277,7 +277,7 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
         "time at sea": f"{minutes} min {seconds} s",
         "drones": f"{len(metres)}, {down} lost" if down else f"{len(metres)}",
         "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
-        "probability covered": f"{record.pos_cumulative:.1%}",
+        "search effort": f"{record.search_effort:.1%}",
         "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
     }
     title = scenario.name or "Mission"

@@ -657,7 +657,7 @@ class SimNode(AlarmNode):
             "missing_drones": self._names(missing),
             "lost_drones": self._names(mission.lost),
             "timeouts": self.timeouts,
-            "pos_cumulative": f"{mission.probability_of_success:.6f}",
+            "search_effort": f"{mission.search_effort:.6f}",
             **{f"publishers.{topic}": count for topic, count in crowd.items()},
             "rejected": sum(self.rejected.values()),
         }

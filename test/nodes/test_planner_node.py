@@ -15,7 +15,7 @@ from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.mission import Mission
 from dsse_ros.planners import make_planner
-from dsse_ros.search import parallel_env
+from dsse_ros.search import Observation, parallel_env
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.images import probability_image
 from msg_adapters.stamps import to_stamp
@@ -52,7 +52,8 @@ class Stage:
         stamp = to_stamp(result.stamp_ns)
         report = make_step_report(
             info.frame, run_id=run_id, mission=mission.number, step=result.step,
-            cells=result.cells, actions=result.actions, rewards=result.rewards, terminated=result.terminated, truncated=result.truncated,
+            cells=result.cells, actions=result.actions, rewards=result.rewards,
+            terminated=result.terminated, truncated=result.truncated,
             found=result.found, held=result.held, action_mask=env.action_masks(),
         )  # fmt: skip
         messages = {
@@ -92,7 +93,7 @@ def mission(seed: int = 0, drones: int = 3, grid: int = 6, **options: Any) -> Mi
 def expected(flown: Mission, planner: object) -> list[int]:
     env = flown.env
     observations = {
-        name: (flown.result.cells[i], env.probability)
+        name: Observation(flown.result.cells[i], env.probability)
         for i, name in enumerate(env.possible_agents)
         if i in flown.live
     }

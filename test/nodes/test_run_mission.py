@@ -101,8 +101,8 @@ def test_the_summary_says_what_the_csv_says(flown: list[Path]) -> None:
         each = ", ".join(f"{metres:.0f}" for metres in flown_m.values())
         assert said["flown"] == f"{sum(flown_m.values()):.0f} m ({each})"
         assert said["reward"].startswith(f"{sum(float(row['reward']) for row in drones):.1f} (")
-        covered = float(drones[-1]["pos_cumulative"])
-        assert said["probability covered"] == f"{covered:.1%}"
+        effort = float(drones[-1]["search_effort"])
+        assert said["search effort"] == f"{effort:.1%}"
         assert said["picture"] == str(out / "mission.png")
         assert console.count("Traceback") == 0
 
@@ -110,7 +110,7 @@ def test_the_summary_says_what_the_csv_says(flown: list[Path]) -> None:
 def test_the_progress_line_ends_where_the_mission_does(flown: list[Path]) -> None:
     for out in flown:
         lines = (out / "console.log").read_text().replace("\r", "\n")
-        progress = re.findall(r"step (\d+)/180 .* (\d+ drones|over), searched [\d.]+%", lines)
+        progress = re.findall(r"step (\d+)/180 .* (\d+ drones|over), search effort [\d.]+%", lines)
         assert progress[-1] == (rows(out)[-1]["step"], "over")
 
 
