@@ -189,7 +189,7 @@ class PlannerNode(AlarmNode):
         if step != self._answered:
             return "agents, probability and step_report of one and the same step"
         if self._answer is None:
-            return f"a new mission: mission {step[1]} is over after step {step[2]}"
+            return f"a new mission: mission {step[1]} is over"
         if not self._publisher.get_subscription_count():
             return f"a simulation that listens to {self._publisher.topic_name}"
         if time.monotonic() - self._answered_s > _PENDING_S:
