@@ -329,7 +329,8 @@ def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, dialect: str, mode
 
 
 def test_steps_that_were_not_heard_are_no_mission(rig: Rig) -> None:
-    sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 2})
+    forgetful = {"qos_overrides./step_report.publisher.depth": 1}
+    sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 2} | forgetful)
     fly(sim, UP)
     fly(sim, UP)
     bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(rig.folder)})
