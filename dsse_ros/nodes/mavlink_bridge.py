@@ -55,6 +55,8 @@ TURN_S = 0.1
 STATE_S = 1.0
 """Wall time after which the state of a vehicle is told again that has not changed."""
 DIAGNOSTICS_S = 1.0
+SETTLE_S = 1.0
+"""Wall time in which all that was latched for who comes late is heard: the latest report counts."""
 MISSION_REPORT_S = 5.0
 """Wall time in which the report of a mission comes that is over."""
 
@@ -91,6 +93,7 @@ class BridgeNode(AlarmNode):
         self._unflyable = ""
         self._tracks_late = False
         self._over_since_s: float | None = None
+        self._settled_s = 0.0
         self._search_alive = False
         self._idle_s: float | None = None
         self._holding = False
@@ -177,6 +180,7 @@ class BridgeNode(AlarmNode):
         self._info, self._followed, self._tracks = info, None, None
         self._records, self._escorts, self._frames = None, [], []
         self._over_since_s, self._exported = None, False
+        self._settled_s = time.monotonic() + SETTLE_S
         self._idle_s, self._holding = None, False
         self._unflyable = ""
         try:
@@ -317,6 +321,8 @@ class BridgeNode(AlarmNode):
         state, outcome, name = vehicle.state, vehicle.outcome, self._names[i]
         if self._tracks is not None and not escort.has_task:
             self._plan(i, escort, state.home)
+        if now_s < self._settled_s:
+            return Hold() if takes_off_yet(state, outcome) else None
         lost, refused, blocked = escort.lost, escort.refused, escort.blocked
         alive = self._search_alive and not self._foreign
         order = escort.advance(state, outcome, now_s, vehicle.trouble, search_alive=alive)
