@@ -265,7 +265,8 @@ class Escort:
         if outcome.status == "failed" and self._failed_s is None:
             self._failed_s = now_s
             # A mission that is begun again would fly the whole search again.
-            last = self._tries >= TRIES or (self._whole and self.record.took_off)
+            last = self._tries >= TRIES or outcome.final
+            last = last or (self._whole and self.record.took_off)
             if last and not self.lost:
                 self._lose(f"failed: {outcome.reason}")
         if self._done and self._task is not None and self._given == self._stamped(self._task):
@@ -316,6 +317,7 @@ class Escort:
             return "not heard", because
         if not state.connected:
             return "", ""
+        because = because or (f": {state.unready}" if state.unready else "")
         if not state.has_position:
             return "no position", because
         if not self.has_task:
