@@ -14,12 +14,16 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.messages import Address
 from dsse_ros.flight.signing import SigningClock
-from dsse_ros.flight.telegrams import HEARD_NAMES, Heard, Said, read, write
+from dsse_ros.flight.status_texts import StatusTexts
+from dsse_ros.flight.telegrams import HEARD_NAMES, Heard, Said, StatusText, read, write
+from dsse_ros.flight.validation import is_valid
 
 _MARKER = re.compile(rb"[\xfd\xfe]")
-_V2 = 0xFD
-_HEADER_V2, _HEADER_V1, _CHECKSUM, _SIGNATURE = 10, 6, 2, 13
-_SIGNED = 1
+_V2 = mavlink.PROTOCOL_MARKER_V2
+_HEADER_V2, _HEADER_V1 = mavlink.HEADER_LEN_V2, mavlink.HEADER_LEN_V1
+_CHECKSUM = 2
+_SIGNATURE = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN
+_SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 _STALE_S = 0.5
 _HEARD_NUMBERS = frozenset(
     number for number, kind in mavlink.mavlink_map.items() if kind.msgname in HEARD_NAMES
@@ -37,7 +41,8 @@ class Codec:
 
     Attributes:
         counts: `accepted`, and why others were not: `bad_data`, `wrong_sender`, `not_needed`,
-            `unsigned`, `forged` (or replayed).
+            `unsigned`, `forged` (or replayed), `invalid` (a place that is none).
+        trouble: What is wrong with the vehicle's signatures; empty if nothing is.
     """
 
     def __init__(
@@ -49,6 +54,7 @@ class Codec:
         clock: SigningClock | None = None,
     ) -> None:
         self.counts: Counter[str] = Counter()
+        self.trouble = ""
         self._target = target
         self._clock = clock or SigningClock()
         self._mav = _Mav(None, srcSystem=source.system, srcComponent=source.component)
@@ -59,6 +65,7 @@ class Codec:
             self._mav.signing.timestamp = self._clock.now()
         self._rest = b""
         self._rest_since_s = 0.0
+        self._texts = StatusTexts()
 
     def encode(self, said: Said) -> bytes:
         """Return the bytes of a message, numbered and signed."""
@@ -89,7 +96,7 @@ class Codec:
             # What has not gone on for so long was no frame.
             self.counts["bad_data"] += 1
         buffer = self._rest[skip:] + data
-        heard = []
+        heard: list[Heard] = [*self._texts.overdue(now)]
         at, end = 0, len(buffer)
         while at < end:
             length = _frame_length(buffer, at)
@@ -98,7 +105,9 @@ class Codec:
             good = 0 < length <= end - at and _is_frame(buffer, at, length)
             if good:
                 message = self._take(buffer[at : at + length])
-                if message is not None:
+                if isinstance(message, StatusText):
+                    heard += self._texts.take(message, now)
+                elif message is not None:
                     heard.append(message)
                 at += length
                 continue
@@ -130,13 +139,18 @@ class Codec:
         number = frame[5] if old else int.from_bytes(frame[7:10], "little")
         if number not in _HEARD_NUMBERS:
             return self._refuse("not_needed")
-        if self._signing and (old or not frame[2] & _SIGNED):
+        signed = not old and bool(frame[2] & _SIGNED)
+        if self._signing and not signed:
+            self.trouble = "its messages are not signed"
             return self._refuse("unsigned")
         try:
             message = self._mav.decode(bytearray(frame))
             heard = read(message.get_type(), vars(message))
         except mavlink.MAVError:
-            return self._refuse("forged" if self._signing else "bad_data")
+            if not self._signing:
+                return self._refuse("bad_data")
+            self.trouble = "its messages are not signed with our key, or are of the past"
+            return self._refuse("forged")
         except Exception:
             # Whatever it is that generated code cannot cope with.
             return self._refuse("bad_data")
@@ -144,6 +158,11 @@ class Codec:
             return self._refuse("bad_data")
         if self._signing:
             self._clock.used(self._mav.signing.timestamp)
+        # Whoever signs obeys nobody who does not.
+        unanswered = signed and not self._signing
+        self.trouble = "its messages are signed, and no key is given" if unanswered else ""
+        if not is_valid(heard):
+            return self._refuse("invalid")
         self.counts["accepted"] += 1
         return heard
 

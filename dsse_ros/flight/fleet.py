@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from dsse_ros.flight.readback import Dialect
-from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
+from dsse_ros.flight.vehicle import CLOSE_S, Vehicle, VehicleSettings
 
 
-def default_connections(number: int, dialect: Dialect = "ardupilot") -> list[str]:
+def default_connections(number: int, dialect: str = "ardupilot") -> list[str]:
     """Return where simulators send to by themselves: 14550, 14560, ..., PX4 to 14540, 14541, ..."""
     first, step = (14540, 1) if dialect == "px4" else (14550, 10)
     return [f"udpin:127.0.0.1:{first + step * index}" for index in range(number)]
@@ -48,9 +48,12 @@ class Fleet:
             vehicle.start()
 
     def close(self) -> None:
-        """Close them all."""
+        """Close them all, in the time of one."""
         for vehicle in self._vehicles:
-            vehicle.close()
+            vehicle.stop()
+        end_s = time.monotonic() + CLOSE_S
+        for vehicle in self._vehicles:
+            vehicle.join(max(0.0, end_s - time.monotonic()))
 
     def __enter__(self) -> Fleet:
         self.start()

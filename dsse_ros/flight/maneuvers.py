@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight.helm import (
     ARM_DISARM,
     MISSION_START,
@@ -23,12 +25,18 @@ from dsse_ros.flight.verified_upload import VerifiedUpload
 
 Maneuver = Iterator[str]
 
-NAV_WAYPOINT, NAV_LOITER_TIME, NAV_DELAY = 16, 19, 93
-NAV_RETURN_TO_LAUNCH, NAV_LAND, NAV_TAKEOFF = 20, 21, 22
+NAV_WAYPOINT = mavlink.MAV_CMD_NAV_WAYPOINT
+NAV_LOITER_TIME = mavlink.MAV_CMD_NAV_LOITER_TIME
+NAV_DELAY = mavlink.MAV_CMD_NAV_DELAY
+NAV_RETURN_TO_LAUNCH = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+NAV_LAND = mavlink.MAV_CMD_NAV_LAND
+NAV_TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF
 
 _STANDING_MPS = 1.0
 _STAYING_M = 5.0
 _STREAM_FIRST_S = 1.0
+_SEARCH_ALT_M = 1.0
+"""Difference in altitude at which the hold of a search begins."""
 _LIFT_OFF_S = 4.0
 """Motors spool up, and the vehicle looks whether it has left the ground."""
 
@@ -77,7 +85,15 @@ def _take_off(helm: Helm, alt_m: float) -> Maneuver:
         yield f"climbs to {alt_m:g} m"
 
 
-def _go_to(helm: Helm, lat_deg: float, lon_deg: float, alt_m: float, radius_m: float) -> Maneuver:
+def _go_to(
+    helm: Helm,
+    lat_deg: float,
+    lon_deg: float,
+    alt_m: float,
+    radius_m: float,
+    alt_tolerance_m: float = math.inf,
+) -> Maneuver:
+    alt_tolerance_m = min(alt_tolerance_m, helm.settings.alt_tolerance_m)
     yield from _until_known(helm)
     yield from _until_up_or_not(helm)
     place = f"flies to {lat_deg:.6f}, {lon_deg:.6f}, {alt_m:g} m"
@@ -88,11 +104,11 @@ def _go_to(helm: Helm, lat_deg: float, lon_deg: float, alt_m: float, radius_m: f
             yield _guide(helm)
             continue
         helm.claim(helm.guided)
-        if helm.confirmed:
+        if helm.confirmed and not helm.px4:
             helm.keep_speed()
         away_m = helm.distance_m(lat_deg, lon_deg) if math.isfinite(radius_m) else 0.0
         above_m = abs(helm.state.alt_m - alt_m)
-        there = away_m <= radius_m and above_m <= helm.settings.alt_tolerance_m
+        there = away_m <= radius_m and above_m <= alt_tolerance_m
         if there and helm.confirmed and _saw_position(helm):
             return
         helm.expect_nearer(helm.set_point, max(away_m - radius_m, 0.0) + above_m)
@@ -102,7 +118,7 @@ def _go_to(helm: Helm, lat_deg: float, lon_deg: float, alt_m: float, radius_m: f
 def _search(helm: Helm, order: Search) -> Maneuver:
     place = (order.lat_deg, order.lon_deg)
     yield from _go_to(helm, *place, order.alt_m, order.radius_m)
-    yield from _go_to(helm, *place, order.search_alt_m, order.radius_m)
+    yield from _go_to(helm, *place, order.search_alt_m, order.radius_m, _SEARCH_ALT_M)
     since_s = helm.state.boot_s
     while helm.state.boot_s - since_s < order.hold_s:
         _expect_flying(helm)
@@ -119,8 +135,8 @@ def _hold(helm: Helm) -> Maneuver:
     if not helm.state.flying:
         return
     if helm.px4:
-        while helm.state.mode != "HOLD" or not _moving_mps(helm) < _STANDING_MPS:
-            if helm.state.mode != "HOLD":
+        while not helm.rests or not _moving_mps(helm) < _STANDING_MPS:
+            if not helm.rests:
                 _expect_ours(helm)
                 yield helm.set_mode("HOLD")
                 continue
@@ -265,8 +281,9 @@ def _mission_modes(
 
 def _until_known(helm: Helm) -> Maneuver:
     while not (helm.state.connected and helm.state.has_position and _saw_position(helm)):
-        helm.expect_ready()
-        yield "waits for the vehicle's position"
+        if helm.state.flying:
+            helm.expect_nearer("position", 0.0)
+        yield "waits for the vehicle's position" + _unready(helm)
 
 
 def _until_up_or_not(helm: Helm) -> Maneuver:
@@ -278,7 +295,7 @@ def _until_up_or_not(helm: Helm) -> Maneuver:
 
 def _saw_position(helm: Helm) -> bool:
     """Whether the position is one of the link that is up now."""
-    return helm.now - helm.state.position_s < helm.settings.link_lost_s
+    return helm.now - helm.state.position_s < helm.settings.link_timeout_s
 
 
 def _moving_mps(helm: Helm) -> float:
@@ -312,9 +329,13 @@ def _ready_for_take_off(helm: Helm) -> str:
     """Bring it to where it can take off, and return what that waits for, empty if nothing."""
     state, arm = helm.state, helm.settings.arm
     good_modes = helm.handed_over | {"TAKEOFF"} if helm.px4 else helm.handed_over
+    if helm.px4 and not state.armed and state.mode != helm.resting:
+        # Its checks are those of its mode, and in OFFBOARD without setpoints they fail.
+        if arm or (helm.own_modes is not None and state.mode in helm.own_modes):
+            return helm.set_mode(helm.resting)
+        return f"waits for {helm.resting}: it is in {state.mode}"
     if not state.armed and not state.ready:
-        helm.expect_ready()
-        return "waits until it is ready" + helm.said_lately()
+        return "waits until it is ready" + _unready(helm)
     if state.mode not in good_modes:
         if arm and not state.armed:
             return helm.set_mode(helm.resting)
@@ -328,6 +349,10 @@ def _ready_for_take_off(helm: Helm) -> str:
         helm.own_modes = None
         return "waits for somebody to arm it"
     return ""
+
+
+def _unready(helm: Helm) -> str:
+    return f" ({helm.state.unready})" if helm.state.unready else ""
 
 
 def _take_off_parameters(helm: Helm, alt_m: float) -> tuple[float, ...]:

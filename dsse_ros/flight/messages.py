@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass, fields
 from enum import IntEnum
 from typing import Any, NamedTuple
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight.items import WireItem
 
 
@@ -24,22 +26,22 @@ class Address(NamedTuple):
 class MissionResult(IntEnum):
     """MAV_MISSION_RESULT."""
 
-    ACCEPTED = 0
-    ERROR = 1
-    UNSUPPORTED_FRAME = 2
-    UNSUPPORTED = 3
-    NO_SPACE = 4
-    INVALID = 5
-    INVALID_PARAM1 = 6
-    INVALID_PARAM2 = 7
-    INVALID_PARAM3 = 8
-    INVALID_PARAM4 = 9
-    INVALID_PARAM5_X = 10
-    INVALID_PARAM6_Y = 11
-    INVALID_PARAM7 = 12
-    INVALID_SEQUENCE = 13
-    DENIED = 14
-    OPERATION_CANCELLED = 15
+    ACCEPTED = mavlink.MAV_MISSION_ACCEPTED
+    ERROR = mavlink.MAV_MISSION_ERROR
+    UNSUPPORTED_FRAME = mavlink.MAV_MISSION_UNSUPPORTED_FRAME
+    UNSUPPORTED = mavlink.MAV_MISSION_UNSUPPORTED
+    NO_SPACE = mavlink.MAV_MISSION_NO_SPACE
+    INVALID = mavlink.MAV_MISSION_INVALID
+    INVALID_PARAM1 = mavlink.MAV_MISSION_INVALID_PARAM1
+    INVALID_PARAM2 = mavlink.MAV_MISSION_INVALID_PARAM2
+    INVALID_PARAM3 = mavlink.MAV_MISSION_INVALID_PARAM3
+    INVALID_PARAM4 = mavlink.MAV_MISSION_INVALID_PARAM4
+    INVALID_PARAM5_X = mavlink.MAV_MISSION_INVALID_PARAM5_X
+    INVALID_PARAM6_Y = mavlink.MAV_MISSION_INVALID_PARAM6_Y
+    INVALID_PARAM7 = mavlink.MAV_MISSION_INVALID_PARAM7
+    INVALID_SEQUENCE = mavlink.MAV_MISSION_INVALID_SEQUENCE
+    DENIED = mavlink.MAV_MISSION_DENIED
+    OPERATION_CANCELLED = mavlink.MAV_MISSION_OPERATION_CANCELLED
 
 
 MISSION_FAULTS = frozenset(range(MissionResult.UNSUPPORTED_FRAME, MissionResult.INVALID_PARAM7 + 1))

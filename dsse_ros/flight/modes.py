@@ -1,40 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flight modes by the names that people know them by.
 
-ArduCopter: https://ardupilot.org/copter/docs/parameters.html#fltmode1; PX4:
-`px4_custom_mode.h`, as QGroundControl names them.
+ArduCopter: MAVLink's COPTER_MODE; PX4, of which MAVLink has none: `px4_custom_mode.h`, as
+QGroundControl names them.
 """
 
 from __future__ import annotations
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight.readback import Dialect
 
 _ARDUCOPTER = {
-    0: "STABILIZE",
-    1: "ACRO",
-    2: "ALT_HOLD",
-    3: "AUTO",
-    4: "GUIDED",
-    5: "LOITER",
-    6: "RTL",
-    7: "CIRCLE",
-    9: "LAND",
-    11: "DRIFT",
-    13: "SPORT",
-    14: "FLIP",
-    15: "AUTOTUNE",
-    16: "POSHOLD",
-    17: "BRAKE",
-    18: "THROW",
-    19: "AVOID_ADSB",
-    20: "GUIDED_NOGPS",
-    21: "SMART_RTL",
-    22: "FLOWHOLD",
-    23: "FOLLOW",
-    24: "ZIGZAG",
-    25: "SYSTEMID",
-    26: "AUTOROTATE",
-    27: "AUTO_RTL",
+    number: entry.name.removeprefix("COPTER_MODE_")
+    for number, entry in mavlink.enums["COPTER_MODE"].items()
+    if not entry.name.endswith("_ENUM_END")
 }
 _PX4 = {
     (1, 0): "MANUAL",
@@ -56,7 +36,7 @@ _PX4 = {
     (9, 0): "SIMPLE",
     (10, 0): "TERMINATION",
 }
-_CUSTOM_MODE_ENABLED = 1
+_CUSTOM_MODE_ENABLED = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 _MODES: dict[Dialect, dict[str, tuple[int, int]]] = {
     "ardupilot": {name: (number, 0) for number, name in _ARDUCOPTER.items()},
     "px4": {name: numbers for numbers, name in _PX4.items()},

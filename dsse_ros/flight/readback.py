@@ -10,13 +10,19 @@ import math
 from collections.abc import Sequence
 from typing import Literal
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight.items import WireItem
 
 Dialect = Literal["ardupilot", "px4"]
 
-_FRAME_MISSION = 2
-_NAV_RETURN_TO_LAUNCH = 20
-_FRAMES = {5: 0, 6: 3, 11: 10}
+_FRAME_MISSION = mavlink.MAV_FRAME_MISSION
+_NAV_RETURN_TO_LAUNCH = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+_FRAMES = {
+    mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+}
 """Integer frames by the others that autopilots return in their place."""
 _MAX_DEGREES = 1
 """1e-7 degrees, which are lost when they are stored as floating point."""

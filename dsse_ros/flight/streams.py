@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight.messages import Address
 from dsse_ros.flight.readback import Dialect
 from dsse_ros.flight.telegrams import (
+    BatteryStatus,
     CommandLong,
     EkfStatus,
     ExtendedSysState,
@@ -22,26 +25,23 @@ from dsse_ros.flight.telegrams import (
     SysStatus,
 )
 
-SET_MESSAGE_INTERVAL = 511
-REQUEST_MESSAGE = 512
+SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+REQUEST_MESSAGE = mavlink.MAV_CMD_REQUEST_MESSAGE
 
-_HOME_POSITION = 242
+_HOME_POSITION = mavlink.MAVLINK_MSG_ID_HOME_POSITION
+_OF_BOTH: dict[type, int] = {
+    GlobalPosition: mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    SysStatus: mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+    ExtendedSysState: mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    MissionCurrent: mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+}
 _NUMBERS: dict[Dialect, dict[type, int]] = {
     "ardupilot": {
-        GlobalPosition: 33,
-        SysStatus: 1,
-        EkfStatus: 193,
-        ExtendedSysState: 245,
-        PositionTarget: 87,
-        MissionCurrent: 42,
+        **_OF_BOTH,
+        EkfStatus: mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+        PositionTarget: mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
     },
-    "px4": {
-        GlobalPosition: 33,
-        SysStatus: 1,
-        EkfStatus: 230,
-        ExtendedSysState: 245,
-        MissionCurrent: 42,
-    },
+    "px4": {**_OF_BOTH, BatteryStatus: mavlink.MAVLINK_MSG_ID_BATTERY_STATUS},
 }
 _RATE_HZ = 1.0
 _MISSED = 3
@@ -62,7 +62,9 @@ class Streams:
         self._target = target
         self._numbers = _NUMBERS[dialect]
         self._rates_hz = dict.fromkeys(self._numbers, _RATE_HZ)
-        self._rates_hz[GlobalPosition] = position_hz
+        for kind in (GlobalPosition, PositionTarget):
+            if kind in self._rates_hz:
+                self._rates_hz[kind] = position_hz
         self._heard_s = dict.fromkeys(self._numbers, -math.inf)
         self._asked_s = dict.fromkeys([*self._numbers, HomePosition], -math.inf)
         self._has_home = False

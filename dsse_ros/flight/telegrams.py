@@ -7,13 +7,13 @@ messages of the mission protocol are in `messages`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 from dsse_ros.flight import messages
 from dsse_ros.flight.messages import Address
+from msg_adapters.mavlink_items import position_target_fields
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,19 @@ class SysStatus:
 
     onboard_control_sensors_health: int
     battery_remaining: int
+    onboard_control_sensors_enabled: int = 0
+
+
+@dataclass(frozen=True)
+class BatteryStatus:
+    """BATTERY_STATUS."""
+
+    charge_state: int = 0
 
 
 @dataclass(frozen=True)
 class EkfStatus:
-    """EKF_STATUS_REPORT of ArduPilot, ESTIMATOR_STATUS of PX4: the flags mean the same."""
+    """EKF_STATUS_REPORT of ArduPilot."""
 
     flags: int
 
@@ -101,10 +109,12 @@ class MissionItemReached:
 
 @dataclass(frozen=True)
 class StatusText:
-    """STATUSTEXT; severity is a MAV_SEVERITY, lower is worse."""
+    """STATUSTEXT; severity is a MAV_SEVERITY, lower is worse; `status_texts` has the others."""
 
     severity: int
     text: str
+    id: int = 0
+    chunk_seq: int = 0
 
 
 @dataclass(frozen=True)
@@ -134,12 +144,23 @@ class CommandLong:
 
 @dataclass(frozen=True)
 class SetPositionTarget:
-    """SET_POSITION_TARGET_GLOBAL_INT of a position alone, its altitude above home."""
+    """SET_POSITION_TARGET_GLOBAL_INT: a place, and the velocity to pass it with.
+
+    Attributes:
+        target: The vehicle's autopilot.
+        lat_deg: WGS84 latitude.
+        lon_deg: WGS84 longitude.
+        alt_m: Altitude above home, or above mean sea level.
+        velocity_mps: Velocity to north and east, None to stop there.
+        above_sea: Whether the altitude is above mean sea level.
+    """
 
     target: Address
-    lat_int: int
-    lon_int: int
-    alt: float
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    velocity_mps: tuple[float, float] | None = None
+    above_sea: bool = False
 
 
 @dataclass(frozen=True)
@@ -153,6 +174,7 @@ class MissionSetCurrent:
 Heard = (
     Heartbeat
     | SysStatus
+    | BatteryStatus
     | EkfStatus
     | GlobalPosition
     | HomePosition
@@ -172,8 +194,8 @@ Said = Heartbeat | CommandLong | SetPositionTarget | MissionSetCurrent | message
 _HEARD: dict[str, type] = {
     "HEARTBEAT": Heartbeat,
     "SYS_STATUS": SysStatus,
+    "BATTERY_STATUS": BatteryStatus,
     "EKF_STATUS_REPORT": EkfStatus,
-    "ESTIMATOR_STATUS": EkfStatus,
     "GLOBAL_POSITION_INT": GlobalPosition,
     "HOME_POSITION": HomePosition,
     "EXTENDED_SYS_STATE": ExtendedSysState,
@@ -185,6 +207,8 @@ _HEARD: dict[str, type] = {
 }
 _FIELDS = {kind: tuple(field.name for field in fields(kind)) for kind in _HEARD.values()}
 
+_MAVLINK_VERSION = 3
+
 HEARD_NAMES = frozenset(_HEARD) | {
     "MISSION_REQUEST_LIST",
     "MISSION_COUNT",
@@ -195,10 +219,6 @@ HEARD_NAMES = frozenset(_HEARD) | {
     "MISSION_CLEAR_ALL",
 }
 """MAVLink's names of what is understood here; anything else need not be decoded."""
-
-_FRAME_GLOBAL_RELATIVE_ALT_INT = 6
-_POSITION_ONLY = 0b110111111000
-_UNUSED = ("vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
 
 
 def read(name: str, values: Mapping[str, Any]) -> Heard | None:
@@ -221,7 +241,7 @@ def read(name: str, values: Mapping[str, Any]) -> Heard | None:
 def write(said: Said) -> tuple[str, dict[str, Any]]:
     """Return MAVLink's name and fields of a message to a vehicle, its target included."""
     if isinstance(said, Heartbeat):
-        return "HEARTBEAT", {**vars(said), "mavlink_version": 3}
+        return "HEARTBEAT", {**vars(said), "mavlink_version": _MAVLINK_VERSION}
     target = {"target_system": said.target.system, "target_component": said.target.component}
     if isinstance(said, MissionSetCurrent):
         return "MISSION_SET_CURRENT", {**target, "seq": said.seq}
@@ -231,23 +251,12 @@ def write(said: Said) -> tuple[str, dict[str, Any]]:
     if isinstance(said, SetPositionTarget):
         return "SET_POSITION_TARGET_GLOBAL_INT", {
             **target,
-            "time_boot_ms": 0,
-            "coordinate_frame": _FRAME_GLOBAL_RELATIVE_ALT_INT,
-            "type_mask": _POSITION_ONLY,
-            "lat_int": said.lat_int,
-            "lon_int": said.lon_int,
-            "alt": said.alt,
-            **dict.fromkeys(_UNUSED, 0.0),
+            **position_target_fields(
+                said.lat_deg,
+                said.lon_deg,
+                said.alt_m,
+                velocity_mps=said.velocity_mps,
+                above_sea=said.above_sea,
+            ),
         }
     return messages.message_name(said), messages.message_fields(said)
-
-
-def degrees_e7(degrees: float) -> int:
-    """Return an angle as MAVLink has it on the wire, in 1e-7 degrees.
-
-    Raises:
-        ValueError: If it is not finite or does not fit.
-    """
-    if not (math.isfinite(degrees) and abs(degrees) <= 180):
-        raise ValueError(f"{degrees!r} is not allowed; -180 to 180")
-    return int(round(degrees * 1e7))

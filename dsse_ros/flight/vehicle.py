@@ -4,16 +4,21 @@
 from __future__ import annotations
 
 import contextlib
-import logging
+import queue
 import select
 import socket
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.defects import Defects
 from dsse_ros.flight.link import parse_connection
 from dsse_ros.flight.messages import Address
 from dsse_ros.flight.orders import Order
@@ -26,12 +31,15 @@ _HEARTBEAT_S = 1.0
 _REOPEN_S = 1.0
 _MAX_WAIT_S = 0.2
 _AFTER_ERROR_S = 0.1
-_CLOSE_S = 5.0
+CLOSE_S = 6.0
+"""Longest time that closing takes."""
+_PART_S = 4.0
+"""Of this, until the vehicle is seen to hold."""
 _MAX_TEXTS = 100
-_ONBOARD_CONTROLLER, _NO_AUTOPILOT, _ACTIVE = 18, 8, 4
-_OURS = Heartbeat(_ONBOARD_CONTROLLER, _NO_AUTOPILOT, 0, 0, _ACTIVE)
-
-_logger = logging.getLogger(__name__)
+_OURS = Heartbeat(
+    mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0,
+    mavlink.MAV_STATE_ACTIVE,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +77,28 @@ class VehicleSettings(PilotSettings):
             raise ValueError(f"own_system_id: {self.own_system_id} is the vehicle's")
 
 
+@dataclass(frozen=True)
+class VehicleSnapshot:
+    """A vehicle at one moment, as its thread has seen it.
+
+    Attributes:
+        state: What the vehicle says of itself.
+        outcome: What has become of the latest order that it has taken up.
+        trouble: What is wrong with the link, or with signatures; empty if nothing.
+        counts: How often what happened; see `Vehicle.counts`.
+    """
+
+    state: VehicleState
+    outcome: Outcome
+    trouble: str
+    counts: Mapping[str, int]
+
+
 class Vehicle:
-    """One vehicle; everything is safe from any thread and returns at once but for `close`.
+    """One vehicle; everything is safe from any thread and returns at once but for `join`, `close`.
+
+    Its own thread alone drives link, codec and controller. Others give it orders through a queue,
+    and read the snapshot that it publishes.
 
     Args:
         settings: See there.
@@ -95,16 +123,21 @@ class Vehicle:
         self._clock = clock
         self._link = parse_connection(settings.connection)
         self._pilot = Pilot(target, source, settings)
+        self._defects = Defects(f"vehicle {settings.system_id}")
         self._counts: Counter[str] = Counter()
-        self._texts: deque[StatusText] = deque(maxlen=_MAX_TEXTS)
         self._outbox: list[Said] = []
-        self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
-        self._closing = False
         self._up = False
         self._trouble = ""
         self._reopen_s = 0.0
         self._heartbeat_s = 0.0
+        # What threads share.
+        self._snapshot = self._look()
+        self._orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
+        self._given = Outcome()
+        self._giving = threading.Lock()
+        self._texts: deque[StatusText] = deque(maxlen=_MAX_TEXTS)
+        self._closing = False
         self._woken, self._waker = socket.socketpair()
         self._woken.setblocking(False)
         self._waker.setblocking(False)
@@ -123,56 +156,71 @@ class Vehicle:
 
     def give(self, order: Order) -> int:
         """Give an order in place of any other; returns its number, from 1."""
-        with self._lock:
-            self._outbox += self._pilot.give(order, time.monotonic())
-            number = self._pilot.outcome.number
+        with self._giving:
+            given = Outcome(order, self._given.number + 1, "under_way", "given")
+            self._orders.put(order)
+            self._given = given
         self._wake()
-        return number
+        return given.number
+
+    @property
+    def snapshot(self) -> VehicleSnapshot:
+        """The vehicle as its thread has seen it last; an order given since then is not in it."""
+        return self._snapshot
 
     @property
     def state(self) -> VehicleState:
         """What the vehicle says of itself."""
-        return self._pilot.state
+        return self._snapshot.state
 
     @property
     def outcome(self) -> Outcome:
-        """What has become of the latest order."""
-        return self._pilot.outcome
+        """What has become of the order given last."""
+        outcome, given = self._snapshot.outcome, self._given
+        return given if given.number > outcome.number else outcome
 
     @property
     def trouble(self) -> str:
-        """What is wrong with the link, or with keeping the time of signatures; empty if nothing."""
-        return self._trouble or (self._clock.trouble if self._clock else "")
+        """What is wrong with the link, or with signatures; empty if nothing."""
+        return self._snapshot.trouble
 
     @property
-    def counts(self) -> Counter[str]:
-        """How often what happened, by a short key.
+    def counts(self) -> Mapping[str, int]:
+        """How often what happened, by a short key; 0 for one that is not there.
 
-        Of what came: `accepted`, `bad_data`, `wrong_sender`, `wrong_address`, `not_needed`,
-        `unsigned` and `forged`. Of us: `heartbeats` sent, `heartbeats_missed`, `unsent`, `opened`,
-        `closed` and `errors`. Of orders and the vehicle: `done`, `failed`, `taken_over`,
-        `link_lost`, `link_found` and `offboard_lost`.
+        Of what came: `accepted`, `bad_data`, `invalid`, `wrong_sender`, `wrong_address`,
+        `not_needed`, `unsigned` and `forged`. Of us: `heartbeats` sent, `heartbeats_missed`,
+        `unsent`, `opened`, `closed` and `errors`. Of orders and the vehicle: `done`, `failed`,
+        `taken_over`, `link_lost`, `link_found` and `offboard_lost`.
         """
-        with self._lock:
-            return self._counts + self._codec.counts + self._link.counts + self._pilot.counts
+        return self._snapshot.counts
 
     def take_texts(self) -> list[StatusText]:
         """Return what the vehicle has said in words since the last call, at most 100 of them."""
-        with self._lock:
-            texts = list(self._texts)
-            self._texts.clear()
+        texts = []
+        with contextlib.suppress(IndexError):
+            while True:
+                texts.append(self._texts.popleft())
         return texts
 
-    def close(self) -> None:
-        """Stop the thread and close the link; the vehicle goes on as its autopilot sees fit."""
+    def stop(self) -> None:
+        """Have the thread end, once a vehicle in the air that we lead is seen to hold."""
         self._closing = True
         self._wake()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the end of the thread after `stop`, no longer than so many seconds."""
         if self._thread is not None:
-            self._thread.join(_CLOSE_S)
+            self._thread.join(timeout_s)
             if self._thread.is_alive():
                 return
         self._waker.close()
         self._woken.close()
+
+    def close(self) -> None:
+        """Stop and join."""
+        self.stop()
+        self.join(CLOSE_S)
 
     def __enter__(self) -> Vehicle:
         self.start()
@@ -181,27 +229,43 @@ class Vehicle:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    # The thread
-
     def _wake(self) -> None:
         with contextlib.suppress(OSError):
             self._waker.send(b"\0")
 
+    # The thread
+
     def _run(self) -> None:
         while not self._closing:
-            try:
-                self._turn()
-            except OSError as error:
-                self._drop(error)
-            except Exception:
-                # A vehicle whose messages are not understood still needs its heartbeats.
-                self._counts["errors"] += 1
-                if self._counts["errors"] == 1:
-                    _logger.exception("vehicle %d", self.settings.system_id)
-                time.sleep(_AFTER_ERROR_S)
-        with self._lock:
-            self._link.close()
-            self._codec.close()
+            self._isolated_turn()
+        now = time.monotonic()
+        end_s = now + _PART_S
+        self._outbox += self._pilot.part(now)
+        while (self._outbox or self._pilot.parting) and time.monotonic() < end_s:
+            self._isolated_turn()
+        self._link.close()
+        self._codec.close()
+
+    def _isolated_turn(self) -> None:
+        try:
+            self._turn()
+        except OSError as error:
+            self._drop(error)
+        except Exception as error:
+            # A vehicle whose messages are not understood still needs its heartbeats.
+            self._counts["errors"] += 1
+            self._defects.log(error)
+            time.sleep(_AFTER_ERROR_S)
+        self._snapshot = self._look()
+
+    def _look(self) -> VehicleSnapshot:
+        counts = self._counts + self._codec.counts + self._link.counts + self._pilot.counts
+        state = self._pilot.state
+        trouble = self._trouble or (self._clock.trouble if self._clock else "")
+        if not trouble and not (self._clock and state.connected):
+            # Whoever else signs badly does no harm as long as the vehicle is heard.
+            trouble = self._codec.trouble
+        return VehicleSnapshot(state, self._pilot.outcome, trouble, MappingProxyType(counts))
 
     def _turn(self) -> None:
         """Wait for what comes next, and deal with it."""
@@ -213,30 +277,32 @@ class Vehicle:
             self._up = True
             self._counts["opened"] += 1
         due_s = min(self._pilot.deadline, self._heartbeat_s, now + _MAX_WAIT_S)
-        ready = self._wait(max(0.0, due_s - now))
+        ready = self._wait(max(0.0, due_s - now) if not self._outbox else 0.0)
         now = time.monotonic()
-        with self._lock:
-            if now >= self._heartbeat_s:
-                # At an even pace, but not one for each that was missed.
-                if self._counts["heartbeats"]:
-                    late_s = now - self._heartbeat_s
-                    self._counts["heartbeats_missed"] += int(late_s / _HEARTBEAT_S)
-                next_s = self._heartbeat_s + _HEARTBEAT_S
-                self._heartbeat_s = next_s if next_s > now else now + _HEARTBEAT_S
-                self._outbox.insert(0, _OURS)
-                self._counts["heartbeats"] += self._up
-            if ready:
-                self._receive(now)
-            if now >= self._pilot.deadline:
-                self._outbox += self._pilot.tick(now)
-            outbox, self._outbox = self._outbox, []
-            if self._up:
-                for said in outbox:
-                    self._link.send(self._codec.encode(said))
-                if ready and not outbox:
-                    self._link.send(b"")
-                if not self._link.opening:
-                    self._trouble = ""
+        if now >= self._heartbeat_s:
+            # At an even pace, but not one for each that was missed.
+            if self._counts["heartbeats"]:
+                late_s = now - self._heartbeat_s
+                self._counts["heartbeats_missed"] += int(late_s / _HEARTBEAT_S)
+            next_s = self._heartbeat_s + _HEARTBEAT_S
+            self._heartbeat_s = next_s if next_s > now else now + _HEARTBEAT_S
+            self._outbox.insert(0, _OURS)
+            self._counts["heartbeats"] += self._up
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._outbox += self._pilot.give(self._orders.get_nowait(), now)
+        if ready:
+            self._receive(now)
+        if now >= self._pilot.deadline:
+            self._outbox += self._pilot.tick(now)
+        outbox, self._outbox = self._outbox, []
+        if self._up:
+            for said in outbox:
+                self._link.send(self._codec.encode(said))
+            if ready and not outbox:
+                self._link.send(b"")
+            if not self._link.opening:
+                self._trouble = ""
 
     def _wait(self, seconds: float) -> bool:
         """Wait until there is something to do, and return whether it is on the link."""
@@ -267,6 +333,5 @@ class Vehicle:
         self._up = False
         self._trouble = f"{self.settings.connection}: {error.strerror or error}"
         self._reopen_s = time.monotonic() + _REOPEN_S
-        with self._lock:
-            self._link.close()
-            self._outbox.clear()
+        self._link.close()
+        self._outbox.clear()

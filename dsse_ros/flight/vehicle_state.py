@@ -6,9 +6,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight.modes import mode_name
 from dsse_ros.flight.readback import Dialect
 from dsse_ros.flight.telegrams import (
+    BatteryStatus,
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
@@ -21,24 +24,54 @@ from dsse_ros.flight.telegrams import (
     StatusText,
     SysStatus,
 )
+from dsse_ros.flight.validation import NO_POSITION
 
-_ARMED = 128
-_STATE_ACTIVE, _STATE_CRITICAL, _STATE_EMERGENCY = 4, 5, 6
-_POSITION_GOOD, _POSITION_CONSTANT = 16, 128
-_PREARM_CHECK = 1 << 28
-_LANDED_ON_GROUND = 1
-_AIRBORNE = frozenset({2, 3, 4})
-_UNKNOWN_HEADING = 65535
-_GLOBAL_FRAMES = frozenset({0, 5})
-_RELATIVE_FRAMES = frozenset({3, 6})
+_ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+_STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE
+_CRITICAL = frozenset({mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY})
+_POSITION_GOOD = mavlink.EKF_POS_HORIZ_ABS
+_POSITION_CONSTANT = mavlink.EKF_CONST_POS_MODE
+_PREARM_CHECK = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+_LANDED_UNKNOWN = mavlink.MAV_LANDED_STATE_UNDEFINED
+_AIRBORNE = frozenset(
+    {
+        mavlink.MAV_LANDED_STATE_IN_AIR,
+        mavlink.MAV_LANDED_STATE_TAKEOFF,
+        mavlink.MAV_LANDED_STATE_LANDING,
+    }
+)
+_MAX_HEADING = 36_000
+_GLOBAL_FRAMES = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
+_RELATIVE_FRAMES = frozenset(
+    {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
+)
+_FENCE = mavlink.MAV_SYS_STATUS_GEOFENCE
+_BATTERY_FAILSAFE = frozenset(
+    {
+        mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL,
+        mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY,
+        mavlink.MAV_BATTERY_CHARGE_STATE_FAILED,
+    }
+)
+"""At these PX4 acts; at LOW it only warns."""
+_SENSORS = {
+    mavlink.MAV_SYS_STATUS_AHRS: "ekf",
+    mavlink.MAV_SYS_STATUS_SENSOR_GPS: "gps",
+    mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS: "motors",
+}
+"""What may be the cause of a failsafe, by the bit of SYS_STATUS that says that it is not well."""
 _FAILSAFE_TEXTS = (
     ("battery", ("is low", "failsafe", "low battery", "is critical")),
     ("gcs", ("failsafe",)),
     ("radio", ("failsafe",)),
     ("ekf", ("failsafe",)),
-    ("offboard", ("signal lost",)),
 )
 _CLEARED = "cleared"
+_CHECKS = ("prearm:", "arm:", "preflight fail:")
+"""How texts begin that say why it cannot be armed."""
+_REPEATED_S = 35.0
+"""They are repeated as long as they are true: by ArduPilot every 30 s."""
+_MISSION_COMPLETE = mavlink.MISSION_STATE_COMPLETE
 
 
 @dataclass(frozen=True)
@@ -60,8 +93,9 @@ class VehicleState:
         climb_mps: Upwards.
         home: Latitude, longitude in degrees and altitude above mean sea level.
         battery: 0 (empty) to 1.
-        failsafe: Empty, or which one has struck: `battery`, `gcs`, `radio`, `ekf`, `offboard`, or
-            `critical` if it does not say which.
+        fenced: Whether it says that a geofence of its own is enabled.
+        failsafe: Empty, or which one has struck: `battery`, `gcs`, `radio`, `ekf`, `gps`, `motors`,
+            `offboard` (see `pilot`), or `critical` if it does not say which.
         item_current: Number of the mission item that is flown, or would be; -1 if none.
         item_reached: Number of the item reached last; -1 if none.
         mission_over: Whether it says that the mission has been flown to its end.
@@ -87,6 +121,7 @@ class VehicleState:
     climb_mps: float = math.nan
     home: tuple[float, float, float] | None = None
     battery: float = math.nan
+    fenced: bool = False
     failsafe: str = ""
     item_current: int = -1
     item_reached: int = -1
@@ -99,8 +134,16 @@ class VehicleState:
     # What it takes to know some of the above.
     _position_good: bool = False
     _checks_passed: bool = False
-    _landed_state: int = 0
+    _landed_state: int = _LANDED_UNKNOWN
     _alarm: str = ""
+    _battery_low: bool = False
+    _unwell: str = ""
+    _complaints: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def unready(self) -> str:
+        """What it has said lately of why it is not ready; empty if it is, or has not said."""
+        return "; ".join(text for text, _ in self._complaints)
 
     @property
     def has_position(self) -> bool:
@@ -122,14 +165,13 @@ def observe(state: VehicleState, heard: Heard, now: float, dialect: Dialect) -> 
             return _heartbeat(state, heard, now, dialect)
         case GlobalPosition():
             return _position(state, heard, now)
-        case SysStatus(health, remaining):
-            passed = bool(health & _PREARM_CHECK)
-            battery = remaining / 100 if 0 <= remaining <= 100 else math.nan
-            ready = passed and state._position_good
-            return replace(state, battery=battery, _checks_passed=passed, ready=ready)
+        case SysStatus():
+            return _sys_status(state, heard, dialect)
+        case BatteryStatus(charge):
+            return _failsafe(replace(state, _battery_low=charge in _BATTERY_FAILSAFE))
         case EkfStatus(flags):
             good = bool(flags & _POSITION_GOOD) and not flags & _POSITION_CONSTANT
-            return replace(state, _position_good=good, ready=good and state._checks_passed)
+            return _ready(replace(state, _position_good=good), good and state._checks_passed)
         case ExtendedSysState(landed):
             return _flying(replace(state, _landed_state=landed))
         case HomePosition(lat, lon, alt):
@@ -137,11 +179,11 @@ def observe(state: VehicleState, heard: Heard, now: float, dialect: Dialect) -> 
         case PositionTarget():
             return replace(state, target=_target(state, heard), target_s=now)
         case MissionCurrent(seq, mission_state):
-            return replace(state, item_current=seq, mission_over=mission_state == 5)
+            return replace(state, item_current=seq, mission_over=mission_state == _MISSION_COMPLETE)
         case MissionItemReached(seq):
             return replace(state, item_reached=seq)
         case StatusText(_, text):
-            return _status_text(state, text)
+            return _status_text(state, text, now, dialect)
     return state
 
 
@@ -150,8 +192,38 @@ def without_link(state: VehicleState) -> VehicleState:
     return replace(state, connected=False, ready=False)
 
 
+def _sys_status(state: VehicleState, heard: SysStatus, dialect: Dialect) -> VehicleState:
+    health, remaining = heard.onboard_control_sensors_health, heard.battery_remaining
+    passed = bool(health & _PREARM_CHECK)
+    # PX4 has looked at its position estimate, of which it says CONST_POS_MODE wherever it rests.
+    placed = state.has_position if dialect == "px4" else state._position_good
+    missing = heard.onboard_control_sensors_enabled & ~health
+    state = _failsafe(
+        replace(
+            state,
+            battery=remaining / 100 if 0 <= remaining <= 100 else math.nan,
+            fenced=bool(heard.onboard_control_sensors_enabled & _FENCE),
+            _checks_passed=passed,
+            _unwell=next((name for bit, name in _SENSORS.items() if missing & bit), ""),
+        )
+    )
+    return _ready(state, passed and placed)
+
+
+def _ready(state: VehicleState, ready: bool) -> VehicleState:
+    return replace(state, ready=ready, _complaints=() if ready else state._complaints)
+
+
+def _failsafe(state: VehicleState) -> VehicleState:
+    """Name the failsafe that has struck, if one has, by what else is known."""
+    if not state.failsafe:
+        return state
+    battery = "battery" if state._battery_low else ""
+    return replace(state, failsafe=state._alarm or battery or state._unwell or "critical")
+
+
 def _heartbeat(state: VehicleState, heard: Heartbeat, now: float, dialect: Dialect) -> VehicleState:
-    critical = heard.system_status in (_STATE_CRITICAL, _STATE_EMERGENCY)
+    critical = heard.system_status in _CRITICAL
     armed = bool(heard.base_mode & _ARMED)
     known = replace(
         state,
@@ -159,17 +231,18 @@ def _heartbeat(state: VehicleState, heard: Heartbeat, now: float, dialect: Diale
         heard_s=now,
         armed=armed,
         mode=mode_name(heard.custom_mode, dialect),
-        failsafe=(state._alarm or "critical") if critical else "",
+        failsafe="critical" if critical else "",
         _alarm=state._alarm if critical else "",
     )
-    if state._landed_state == 0:
+    known = _failsafe(known)
+    if state._landed_state == _LANDED_UNKNOWN:
         # It has not said more exactly yet.
         return replace(known, flying=armed and heard.system_status >= _STATE_ACTIVE)
     return _flying(known)
 
 
 def _flying(state: VehicleState) -> VehicleState:
-    if state._landed_state == 0:
+    if state._landed_state == _LANDED_UNKNOWN:
         return state
     return replace(state, flying=state.armed and state._landed_state in _AIRBORNE)
 
@@ -178,7 +251,7 @@ def _position(state: VehicleState, heard: GlobalPosition, now: float) -> Vehicle
     if heard.lat == 0 and heard.lon == 0:
         # So it says when it does not know.
         return state
-    heading_deg = math.nan if heard.hdg == _UNKNOWN_HEADING else heard.hdg / 100
+    heading_deg = heard.hdg / 100 if heard.hdg <= _MAX_HEADING else math.nan
     return replace(
         state,
         lat_deg=heard.lat * 1e-7,
@@ -194,7 +267,7 @@ def _position(state: VehicleState, heard: GlobalPosition, now: float) -> Vehicle
 
 
 def _target(state: VehicleState, heard: PositionTarget) -> tuple[float, float, float] | None:
-    if heard.type_mask & 0b111:
+    if heard.type_mask & NO_POSITION:
         return None
     alt_amsl_m = heard.alt
     if heard.coordinate_frame in _RELATIVE_FRAMES:
@@ -204,12 +277,17 @@ def _target(state: VehicleState, heard: PositionTarget) -> tuple[float, float, f
     return heard.lat_int * 1e-7, heard.lon_int * 1e-7, alt_amsl_m
 
 
-def _status_text(state: VehicleState, text: str) -> VehicleState:
+def _status_text(state: VehicleState, text: str, now: float, dialect: Dialect) -> VehicleState:
     lower = text.lower()
-    if lower.startswith(("prearm:", "arm:")):
-        return state
+    if lower.startswith(_CHECKS):
+        complaints = dict(state._complaints) | {text: now}
+        latest = [(one, said_s) for one, said_s in complaints.items() if now - said_s < _REPEATED_S]
+        return replace(state, _complaints=tuple(latest))
     for name, signs in _FAILSAFE_TEXTS:
         if name in lower and any(sign in lower for sign in signs):
             alarm = "" if _CLEARED in lower else name
+            if dialect == "px4":
+                # It says the same where it only warns.
+                return _failsafe(replace(state, _alarm=alarm))
             return replace(state, failsafe=alarm, _alarm=alarm)
     return state

@@ -67,7 +67,7 @@ class BridgeSettings(FlightSettings):
     connections: tuple[str, ...] = field(
         "names", "Where the vehicles are, drone0's first, as udpin:HOST:PORT, udpout:HOST:PORT, "
         "tcp:HOST:PORT, tcpin:HOST:PORT or a serial device with ,BAUD; by default "
-        "udpin:127.0.0.1 at 14550, 14560, ...", (),
+        "udpin:127.0.0.1 at 14550, 14560, ..., of PX4 at 14540, 14541, ...", (),
     )  # fmt: skip
     system_ids: tuple[int, ...] = field(
         "ints", "System ids of the vehicles; by default 1, 2, ...", (), low=1, high=255
@@ -125,7 +125,7 @@ class BridgeSettings(FlightSettings):
     )  # fmt: skip
     set_point_rate: float = field(
         "float", "PX4: rate of position targets in wall time, of which the vehicle needs more than "
-        "two in a second of its own.", 5.0, low=2, high=200, unit="Hz",
+        "two in a second of its own.", 5.0, above=2, high=200, unit="Hz",
     )  # fmt: skip
     pose_rate: float = field(
         "float", "Rate of vehicle_pose and vehicle_fix in wall time.", 5.0,

@@ -7,12 +7,13 @@ import math
 import re
 import sys
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
 
+from dsse_ros.flight.defects import Defects, describe
 from dsse_ros.flight.fleet import Fleet, default_connections
 from dsse_ros.flight.orders import Hold, Order
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
@@ -55,8 +57,12 @@ TURN_S = 0.1
 STATE_S = 1.0
 """Wall time after which the state of a vehicle is told again that has not changed."""
 DIAGNOSTICS_S = 1.0
+SETTLE_S = 1.0
+"""Wall time in which all that was latched for who comes late is heard: the latest report counts."""
 MISSION_REPORT_S = 5.0
 """Wall time in which the report of a mission comes that is over."""
+
+T = TypeVar("T")
 
 
 class BridgeNode(AlarmNode):
@@ -91,10 +97,12 @@ class BridgeNode(AlarmNode):
         self._unflyable = ""
         self._tracks_late = False
         self._over_since_s: float | None = None
+        self._settled_s = 0.0
         self._search_alive = False
         self._idle_s: float | None = None
         self._holding = False
         self._link_troubles: dict[str, str] = {}
+        self._defects = [Defects(name) for name in self._names]
         self._told: dict[int, tuple[object, float]] = {}
         self.fleet = _fleet(self.settings)
         endpoints = Endpoints(self, qos)
@@ -177,6 +185,7 @@ class BridgeNode(AlarmNode):
         self._info, self._followed, self._tracks = info, None, None
         self._records, self._escorts, self._frames = None, [], []
         self._over_since_s, self._exported = None, False
+        self._settled_s = time.monotonic() + SETTLE_S
         self._idle_s, self._holding = None, False
         self._unflyable = ""
         try:
@@ -295,28 +304,44 @@ class BridgeNode(AlarmNode):
             for name, vehicle in zip(self._names, self.fleet, strict=True):
                 self._watch_link(name, vehicle)
             led = list(enumerate(zip(self._escorts, self.fleet, strict=False)))
-            orders = [self._next_order(i, *one, now_s) for i, one in led]
+            orders = [self._isolated(i, self._next_order, *one, now_s) for i, one in led]
             # Before anybody hears of it, a bridge that is started again must know it.
             self._keep_records()
             for (i, (escort, vehicle)), order in zip(led, orders, strict=True):
                 if order is not None:
-                    self._give(i, vehicle, order)
-                self._tell(i, escort, vehicle, now_s)
+                    self._isolated(i, self._give, vehicle, order)
+                self._isolated(i, self._tell, escort, vehicle, now_s)
             if not self._escorts:
                 for i, vehicle in enumerate(self.fleet):
                     if takes_off_yet(vehicle.state, vehicle.outcome):
-                        self._give(i, vehicle, Hold())
-                    self._tell(i, None, vehicle, now_s)
+                        self._isolated(i, self._give, vehicle, Hold())
+                    self._isolated(i, self._tell, None, vehicle, now_s)
             self._watch_planner(now_s)
         done = self._exported or (self._escorts and all(one.finished for one in self._escorts))
         if self.settings.exit_at_end and done:
             self.finished = True
+
+    def _isolated(self, i: int, act: Callable[..., T], *arguments: object) -> T | None:
+        """Do something about one vehicle; where that goes wrong, the others are flown on."""
+        try:
+            return act(i, *arguments)
+        except Exception as error:
+            why = f"defect: {describe(error)}"
+            if self._defects[i].is_new(error):
+                self.get_logger().error(f"{self._names[i]}: {why}")
+                self.get_logger().debug(traceback.format_exc())
+            for escort in self._escorts[i : i + 1]:
+                if not escort.lost:
+                    escort.record = replace(escort.record, lost=why)
+            return None
 
     def _next_order(self, i: int, escort: Escort, vehicle: Vehicle, now_s: float) -> Order | None:
         """Return the order that is due for a vehicle, and log what is new about it."""
         state, outcome, name = vehicle.state, vehicle.outcome, self._names[i]
         if self._tracks is not None and not escort.has_task:
             self._plan(i, escort, state.home)
+        if now_s < self._settled_s:
+            return Hold() if takes_off_yet(state, outcome) else None
         lost, refused, blocked = escort.lost, escort.refused, escort.blocked
         alive = self._search_alive and not self._foreign
         order = escort.advance(state, outcome, now_s, vehicle.trouble, search_alive=alive)
@@ -509,7 +534,7 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
     """
     if settings.mode == "export":
         return None
-    connections = settings.connections or default_connections(settings.vehicles)
+    connections = settings.connections or default_connections(settings.vehicles, settings.dialect)
     system_ids = settings.system_ids or range(1, settings.vehicles + 1)
     try:
         return Fleet(
@@ -522,8 +547,7 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
                     arm=settings.arm,
                     speed_mps=settings.speed,
                     set_point_hz=settings.set_point_rate,
-                    link_lost_s=settings.link_timeout,
-                    ready_timeout_s=settings.join_timeout,
+                    link_timeout_s=settings.link_timeout,
                     signing_key_file=settings.signing_key_file,
                 )
                 for connection, system_id in zip(connections, system_ids, strict=True)
@@ -584,7 +608,7 @@ def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[b
         return DiagnosticStatus.STALE, vehicle.trouble or "not heard"
     if blocked:
         return DiagnosticStatus.WARN, f"cannot take off yet: {blocked}"
-    if state.failsafe or outcome.status in ("failed", "taken_over", "lost"):
+    if state.failsafe or outcome.status in ("failed", "taken_over"):
         return DiagnosticStatus.WARN, f"{outcome.status}: {outcome.reason} {state.failsafe}".strip()
     return DiagnosticStatus.OK, f"{state.mode}: {outcome.reason or outcome.status}"
 

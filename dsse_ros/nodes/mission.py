@@ -106,6 +106,12 @@ class Mission:
         self.result = self._result(np.full(count, HOLD, np.int8), nobody, np.zeros(count))
         return self.result
 
+    def restart_time(self) -> StepResult:
+        """Let mission time start anew; the last step is now its first."""
+        self._stamp_ns = self._step_ns
+        self.result = replace(self.result, stamp_ns=self._stamp_ns)
+        return self.result
+
     @property
     def over(self) -> bool:
         """Whether no step can be done before a reset."""

@@ -77,6 +77,9 @@ class SimSettings(FlightSettings):
         "bool", "Whether mission time goes out on /clock and stamps the messages.", True
     )
     map_frame: str = field("str", "Frame of the map and of the poses.", "map")
+    frame_prefix: str = field(
+        "str", "What the names of all frames begin with, the map's too; such as a/.", ""
+    )
     grid_scaling: str = field(
         "str",
         "How probabilities become 0..100 in probability_grid.",
@@ -121,6 +124,12 @@ class SimSettings(FlightSettings):
             raise FieldError(f"run_id: 0 is not allowed; -1 or 1 to {MAX_ID}")
         if not self.map_frame:
             raise FieldError("map_frame: '' is not allowed; a name")
+        for name in ("map_frame", "frame_prefix"):
+            if getattr(self, name).startswith("/"):
+                raise FieldError(
+                    f"{name}: {getattr(self, name)!r} is not allowed; tf2 has no frame that begins "
+                    "with a slash"
+                )
         if self.resume and not self.snapshot_file:
             raise FieldError("resume: True is not allowed without snapshot_file, to start from")
 

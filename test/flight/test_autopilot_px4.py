@@ -10,8 +10,9 @@ from dataclasses import replace
 import pytest
 from autopilot.bench import POSITION_ONLY, Bench
 from autopilot.commands import ACCEPTED, TEMPORARILY_REJECTED, UNSUPPORTED
+from autopilot.faults import Fault
 from autopilot.local_frame import Place
-from autopilot.px4 import Mode
+from autopilot.px4 import Mode, Px4
 from autopilot.wire import mavlink
 
 OK, ERROR = 0, 1
@@ -22,6 +23,11 @@ AUTO_MISSION, AUTO_RTL, AUTO_LAND, OFFBOARD = (4, 4), (4, 5), (4, 6), (6, 0)
 @pytest.fixture
 def bench() -> Bench:
     return Bench(dialect="px4", home=Place(47.4, 8.5, 488.0), ready_s=5.0)
+
+
+def events(bench: Bench) -> list[str]:
+    assert isinstance(bench.vehicle, Px4)
+    return bench.vehicle.events
 
 
 def stream_set_points(bench: Bench, seconds: float, rate_hz: float) -> None:
@@ -43,13 +49,43 @@ def test_its_heartbeat_is_px4s_with_the_mode_in_the_upper_bytes(bench: Bench) ->
 def test_arming_too_early_is_rejected_with_a_reason(bench: Bench) -> None:
     bench.wait(1)
     assert bench.command(400, 1) == TEMPORARILY_REJECTED
-    assert bench.texts()[-1].startswith("Arming denied: ")
+    assert events(bench)[-1].startswith("Arming denied: ")
 
 
 def test_a_take_off_is_above_the_sea_and_ends_in_hold(bench: Bench) -> None:
     bench.fly_to_altitude(12)
     assert bench.vehicle.craft.up_m == pytest.approx(12, abs=0.1)
     assert bench.vehicle.custom_mode == Mode.HOLD
+
+
+def test_at_rest_its_estimator_says_that_the_position_is_constant(bench: Bench) -> None:
+    bench.until(lambda: bench.vehicle.ready)
+    bench.wait(1.01)
+    assert bench.last("ESTIMATOR_STATUS").flags == 1023
+    bench.fly_to_altitude()
+    assert not bench.last("ESTIMATOR_STATUS").flags & mavlink.ESTIMATOR_CONST_POS_MODE
+
+
+def test_its_words_go_to_a_ground_station_alone(bench: Bench) -> None:
+    bench.command(400, 1)
+    assert not bench.texts() and any(data[7:10] == bytes((0x9A, 1, 0)) for data in bench.sent)
+    station = mavlink.MAV_TYPE_GCS
+    bench.send(
+        mavlink.MAVLink_heartbeat_message(station, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    )
+    bench.command(400, 1)
+    assert bench.texts() == ["Arming denied: Resolve system health failures firs"]
+
+
+def test_a_low_battery_makes_it_hold_and_then_land(bench: Bench) -> None:
+    bench.fly_to_altitude()
+    bench.vehicle._strike(Fault("battery", 0.0))
+    bench.wait(2.5)
+    assert bench.vehicle.custom_mode == Mode.HOLD
+    assert bench.last("HEARTBEAT").system_status == mavlink.MAV_STATE_CRITICAL
+    emergency = mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY
+    assert bench.last("BATTERY_STATUS").charge_state == emergency
+    bench.until(lambda: bench.vehicle.custom_mode == Mode.LAND, limit_s=6.0)
 
 
 @pytest.mark.parametrize("frame", [0, 3, 6])
@@ -75,10 +111,10 @@ class TestOffboard:
 
     def test_it_is_refused_with_too_few(self, bench: Bench) -> None:
         bench.fly_to_altitude()
-        stream_set_points(bench, 5, 1.9)
+        stream_set_points(bench, 5, 0.9)
         assert bench.command(SET_MODE, 1, *OFFBOARD) == TEMPORARILY_REJECTED
 
-    def test_it_flies_them_while_they_come_and_holds_when_they_stop(self, bench: Bench) -> None:
+    def test_it_flies_them_while_they_come_and_returns_when_they_stop(self, bench: Bench) -> None:
         bench.fly_to_altitude()
         before = bench.vehicle.craft.point
         stream_set_points(bench, 2, 4)
@@ -86,9 +122,54 @@ class TestOffboard:
         assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
         stream_set_points(bench, 30, 4)
         assert bench.vehicle.craft.point == pytest.approx((40, 0, 30), abs=0.1)
+        bench.wait(1.2)
+        assert bench.vehicle.custom_mode == Mode.RTL
         bench.wait(1)
-        assert bench.vehicle.custom_mode == Mode.HOLD
-        assert bench.texts()[-1] == "Offboard signal lost"
+        assert bench.last("HEARTBEAT").system_status == mavlink.MAV_STATE_CRITICAL
+        assert not bench.texts()
+        bench.set_point(40, 0, 30)
+        bench.wait(0.2)
+        assert bench.vehicle.custom_mode == Mode.OFFBOARD
+        bench.wait(0.9)
+        assert bench.last("HEARTBEAT").system_status == mavlink.MAV_STATE_ACTIVE
+
+    def test_another_mode_that_is_chosen_meanwhile_stays(self, bench: Bench) -> None:
+        bench.fly_to_altitude()
+        stream_set_points(bench, 2, 4)
+        assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
+        bench.wait(2)
+        assert bench.command(SET_MODE, 1, *AUTO_LAND) == ACCEPTED
+        stream_set_points(bench, 2, 4)
+        assert bench.vehicle.custom_mode == Mode.LAND
+        assert bench.last("HEARTBEAT").system_status == mavlink.MAV_STATE_ACTIVE
+
+    def test_after_a_landing_it_is_in_offboard_again_and_cannot_be_armed(
+        self, bench: Bench
+    ) -> None:
+        bench.fly_to_altitude()
+        stream_set_points(bench, 2, 4)
+        assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
+        assert bench.command(SET_MODE, 1, *AUTO_LAND) == ACCEPTED
+        bench.until(lambda: not bench.vehicle.armed)
+        bench.wait(2)
+        assert bench.vehicle.custom_mode == Mode.OFFBOARD
+        prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        assert not bench.last("SYS_STATUS").onboard_control_sensors_health & prearm
+        assert bench.command(400, 1) == TEMPORARILY_REJECTED
+        assert bench.command(SET_MODE, 1, 4, 3) == ACCEPTED
+        assert bench.command(400, 1) == ACCEPTED
+
+    def test_a_change_of_speed_is_accepted_and_ignored(self, bench: Bench) -> None:
+        bench.fly_to_altitude()
+        assert bench.command(178, 1, 3.0, -1) == ACCEPTED
+        for _ in range(4):
+            bench.set_point(400, 0, 20)
+            bench.wait(0.25)
+        assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
+        for _ in range(40):
+            bench.set_point(400, 0, 20)
+            bench.wait(0.25)
+        assert bench.vehicle.craft.ground_speed_mps > 10.0
 
 
 class TestMissions:
@@ -110,7 +191,7 @@ class TestMissions:
         bench.give(second, 0)
         bench.wait(6)
         assert len(bench.all("MISSION_ACK")) == acks
-        assert bench.texts()[-1] == "Operation timeout"
+        assert events(bench)[-1] == "Operation timeout"
         assert bench.download() == first
 
     def test_it_asks_four_times_a_second(self, bench: Bench) -> None:

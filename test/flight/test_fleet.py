@@ -76,7 +76,7 @@ def test_a_vehicle_that_drops_out_does_not_stop_the_others() -> None:
         for index in (0, 2):
             fleet[index].give(Return())
         until_all(fleet, "done", leave_out=(1,))
-        assert fleet[1].outcome.status == "lost" or not fleet[1].state.connected
+        assert fleet[1].outcome.status == "silent" or not fleet[1].state.connected
 
 
 def test_connections_are_numbered_as_the_field_does() -> None:

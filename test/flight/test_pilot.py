@@ -11,6 +11,7 @@ import pytest
 from autopilot.commands import ACCEPTED
 from autopilot.faults import Fault
 from autopilot.main import make_vehicle
+from autopilot.px4 import Mode, Px4
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
@@ -18,7 +19,15 @@ from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 from dsse_ros.flight.messages import Address
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
 from dsse_ros.flight.pilot import Pilot, PilotSettings
-from dsse_ros.flight.telegrams import CommandAck, CommandLong, Heartbeat, SetPositionTarget
+from dsse_ros.flight.telegrams import (
+    CommandAck,
+    CommandLong,
+    GlobalPosition,
+    Heartbeat,
+    PositionTarget,
+    SetPositionTarget,
+    StatusText,
+)
 from dsse_ros.flight.transfer import Timeouts
 
 DIALECTS = ("ardupilot", "px4")
@@ -76,7 +85,7 @@ def test_a_search_descends_holds_and_climbs_back(dialect: str) -> None:
         flight.step()
         heights.append((flight.now, flight.vehicle.craft.up_m, flight.off_m(30.0, 0.0)))
     assert flight.outcome.status == "done"
-    low = [now for now, up_m, _ in heights if up_m < 15.5]
+    low = [now for now, up_m, _ in heights if up_m < 13.1]
     assert 8.0 <= low[-1] - low[0] < 16.0
     assert all(off_m < 4.0 for _, up_m, off_m in heights if up_m < 35.0)
     assert abs(heights[-1][1] - 40.0) < 4.0
@@ -213,6 +222,17 @@ def test_messages_are_asked_for_until_they_come() -> None:
     assert len(flight.commands(INTERVAL)) == asked
 
 
+def test_places_and_targets_are_asked_for_at_the_rate_that_is_set() -> None:
+    flight = flying(position_hz=8.0)
+    flight.give(go_to(flight, 900.0, 0.0))
+    flight.wait(10.0)
+    for kind in (GlobalPosition, PositionTarget):
+        before = sum(isinstance(m, kind) for m in flight.heard)
+        flight.wait(5.0)
+        heard = sum(isinstance(m, kind) for m in flight.heard) - before
+        assert heard == pytest.approx(40, abs=3)
+
+
 def test_messages_that_stop_to_come_are_asked_for_again() -> None:
     flight = VirtualFlight()
     flight.wait(10.0)
@@ -282,11 +302,28 @@ def test_arming_waits_until_the_vehicle_is_ready(dialect: str) -> None:
     assert len(flight.commands(ARM)) <= 2
 
 
-def test_a_vehicle_that_does_not_get_ready_fails_the_order() -> None:
-    flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0}, ready_timeout_s=60.0)
-    assert flight.fly(TakeOff(10.0)).status == "failed"
-    assert "not ready within 60 s" in flight.outcome.reason
+def test_a_take_off_waits_as_long_as_it_takes_and_says_for_what() -> None:
+    flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0})
+    flight.give(TakeOff(10.0))
+    flight.wait(600.0)
+    assert (flight.outcome.status, flight.state.has_position) == ("under_way", True)
+    complaint = "waits until it is ready (PreArm: AHRS: waiting for home)"
+    # It says so every 30 s, and is known all the time.
+    while not flight.state.ready:
+        assert flight.outcome.reason == complaint and flight.state.unready in complaint
+        flight.step()
     assert not flight.commands(ARM)
+    flight.until(lambda: flight.outcome.status == "done")
+    assert flight.state.unready == ""
+
+
+def test_a_vehicle_without_a_position_says_why_it_is_not_ready() -> None:
+    flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0})
+    flight.give(TakeOff(10.0))
+    flight.wait(100.0)
+    assert not flight.state.has_position
+    waits = "waits for the vehicle's position (PreArm: AHRS: waiting for home)"
+    assert (flight.outcome.status, flight.outcome.reason) == ("under_way", waits)
 
 
 @both
@@ -428,24 +465,131 @@ def test_a_failsafe_is_a_take_over_and_is_named(dialect: str) -> None:
     flight = flying(dialect, vehicle={"faults": (fault,)})
     flight.give(go_to(flight, 900.0, 0.0))
     flight.until(lambda: flight.outcome.status == "taken_over")
-    assert "RTL" in flight.outcome.reason and "battery" in flight.outcome.reason
+    mode = "HOLD" if dialect == "px4" else "RTL"
+    assert mode in flight.outcome.reason and "battery" in flight.outcome.reason
     assert flight.state.failsafe == "battery"
     assert flight.state.battery < 0.2
 
 
-def test_px4_that_missed_set_points_is_not_in_anothers_hands() -> None:
+# PX4 without set-points
+
+
+def px4_without_set_points(action: int, seconds: float) -> VirtualFlight:
+    """Return a flight of which the set-points have been lost for a while."""
     flight = flying("px4")
+    flight.vehicle.parameters["COM_OBL_RC_ACT"] = action
     flight.fly(go_to(flight, 20.0, 0.0))
     flight.give(go_to(flight, 200.0, 0.0))
     flight.wait(3.0)
-    # It says so, and that gets across; what we say does not.
-    put, flight._put = flight._put, lambda data, *, to_vehicle: None
-    flight.wait(1.2)
+    put = flight._put
+
+    def deaf(data: bytes, *, to_vehicle: bool) -> None:
+        if not to_vehicle:
+            put(data, to_vehicle=False)
+
+    flight._put = deaf  # type: ignore[method-assign]
+    flight.wait(seconds)
     flight._put = put  # type: ignore[method-assign]
-    flight.vehicle.say("Offboard signal lost", 2)
+    return flight
+
+
+@pytest.mark.parametrize(
+    ("action", "mode"), [(0, "RTL"), (3, "RTL"), (4, "LAND"), (5, "HOLD")], ids=str
+)
+def test_px4_that_missed_set_points_gets_them_and_flies_on(action: int, mode: str) -> None:
+    flight = px4_without_set_points(action, 2.5)
+    assert flight.state.mode == mode
+    assert (flight.state.failsafe, flight.outcome.status) == ("offboard", "under_way")
+    assert not [m for m in flight.heard if isinstance(m, StatusText)]
+    modes = len(flight.commands(SET_MODE))
     flight.until(lambda: flight.outcome.status != "under_way")
     assert flight.outcome.status == "done"
     assert flight.off_m(200.0, 0.0) < 4.0
+    assert len(flight.commands(SET_MODE)) == modes
+    assert flight.pilot.counts["offboard_lost"] == 1
+
+
+@pytest.mark.parametrize("seconds", [2.0, 6.0])
+def test_a_restarted_pilot_gives_px4_the_set_points_that_it_misses(seconds: float) -> None:
+    flight = flying("px4")
+    flight.fly(go_to(flight, 60.0, 0.0))
+    flight.restart()
+    flight.wait(seconds)
+    assert flight.state.mode == "RTL" and flight.state.failsafe == "offboard"
+    # Nothing is sent before there is an order.
+    modes = len(flight.commands(SET_MODE))
+    said = len(flight.set_points())
+    flight.wait(1.0)
+    assert len(flight.set_points()) == said
+    assert flight.fly(go_to(flight, 90.0, 0.0)).status == "done"
+    assert flight.off_m(90.0, 0.0) < 4.0
+    assert len(flight.commands(SET_MODE)) == modes
+
+
+def test_px4_that_does_not_give_offboard_back_has_a_failsafe() -> None:
+    flight = flying("px4")
+    flight.give(go_to(flight, 900.0, 0.0))
+    flight.wait(8.0)
+    vehicle = flight.vehicle
+    assert isinstance(vehicle, Px4)
+    vehicle.failsafes.add("geofence")
+    vehicle._fall_into(Mode.RTL)
+    struck_s = flight.now
+    flight.until(lambda: flight.outcome.status == "taken_over", limit_s=9.0)
+    assert flight.now - struck_s > 4.0
+    assert "RTL, critical failsafe" in flight.outcome.reason
+    assert flight.state.failsafe == "critical"
+    sent = len(flight.said)
+    flight.wait(20.0)
+    assert len(flight.said) == sent
+
+
+def test_a_return_that_a_pilot_chooses_is_a_take_over_at_once() -> None:
+    flight = flying("px4")
+    flight.give(go_to(flight, 900.0, 0.0))
+    flight.wait(8.0)
+    flight.vehicle.pilot_takes_over("RTL")
+    flight.until(lambda: flight.outcome.status == "taken_over", limit_s=3.0)
+
+
+@pytest.mark.parametrize("order", [Return(), Land()])
+def test_px4_that_falls_into_offboard_by_disarming_has_done_its_order(order: Any) -> None:
+    flight = flying("px4")
+    for _ in range(2):
+        flight.fly(go_to(flight, 30.0, 0.0))
+        assert flight.fly(order).status == "done"
+        flight.wait(10.0)
+        assert flight.state.mode == "OFFBOARD" and not flight.state.ready
+        assert flight.outcome.status == "done"
+        # A second search.
+        assert flight.fly(TakeOff(20.0)).status == "done"
+
+
+def test_px4_on_the_ground_is_ready_although_its_position_is_constant() -> None:
+    flight = VirtualFlight("px4", arm=True)
+    flight.until(lambda: flight.state.ready, limit_s=20.0)
+    assert flight.vehicle.ekf_flags == 1023
+    assert flight.fly(TakeOff(10.0)).status == "done"
+
+
+def test_px4_flies_above_home_wherever_the_origin_of_its_estimate_is() -> None:
+    flight = flying("px4")
+    assert isinstance(flight.vehicle, Px4)
+    flight.vehicle.home_above_origin_m = 5.0
+    assert flight.fly(go_to(flight, 40.0, 0.0, 30.0)).status == "done"
+    flight.wait(5.0)
+    assert flight.vehicle.craft.up_m == pytest.approx(30.0, abs=0.5)
+
+
+def test_who_may_not_arm_says_that_px4_has_to_leave_offboard() -> None:
+    flight = VirtualFlight("px4")
+    flight.wait(10.0)
+    flight.vehicle.request_mode(6, 0)
+    flight.wait(3.0)
+    flight.give(TakeOff(10.0))
+    flight.wait(3.0)
+    assert flight.outcome.reason == "waits for HOLD: it is in OFFBOARD"
+    assert not flight.commands(SET_MODE)
 
 
 # The link
@@ -456,17 +600,12 @@ def test_a_lost_link_is_told_and_the_vehicle_flown_on_after_it(dialect: str) -> 
     fault = Fault("link", 15.0, since_airborne=True, duration_s=20.0)
     flight = flying(dialect, vehicle={"faults": (fault,)})
     flight.give(go_to(flight, 150.0, 0.0))
-    flight.until(lambda: flight.outcome.status == "lost")
+    flight.until(lambda: flight.outcome.status == "silent")
     assert not flight.state.connected
     sent = len(flight.said)
-    flight.until(lambda: flight.outcome.status != "lost")
+    flight.until(lambda: flight.outcome.status != "silent")
     assert len(flight.said) - sent < 20
     flight.until(lambda: flight.outcome.status != "under_way")
-    if dialect == "px4":
-        # It holds for want of set-points, or because someone wants it: who knows.
-        assert flight.outcome.status == "taken_over"
-        assert "HOLD" in flight.outcome.reason
-        flight.fly(go_to(flight, 150.0, 0.0))
     assert flight.outcome.status == "done"
     assert flight.off_m(150.0, 0.0) < 4.0
     assert flight.pilot.counts["link_lost"] == flight.pilot.counts["link_found"] == 1
@@ -477,7 +616,7 @@ def test_taken_over_while_the_link_was_lost_is_seen_after_it() -> None:
     flight = flying(vehicle={"faults": faults})
     flight.give(go_to(flight, 900.0, 0.0))
     flight.until(lambda: flight.outcome.status == "taken_over")
-    assert "lost" in flight.statuses()
+    assert "silent" in flight.statuses()
     assert not [m for now, m in flight.said if now > 50.0 and isinstance(m, SetPositionTarget)]
 
 
@@ -493,7 +632,10 @@ def test_a_vehicle_that_is_not_there_gets_nothing() -> None:
 @both
 def test_a_vehicle_that_does_not_move_fails_the_order(dialect: str) -> None:
     flight = flying(dialect, stall_s=10.0)
-    flight.vehicle.limits = type(flight.vehicle.limits)(0.001, 0.001, 0.001, 0.001, 0.001)
+    vehicle, stuck = flight.vehicle, type(flight.vehicle.limits)(0.001, 0.001, 0.001, 0.001, 0.001)
+    vehicle.limits = stuck
+    if isinstance(vehicle, Px4):
+        vehicle.offboard_limits = lambda: stuck  # type: ignore[method-assign]
     assert flight.fly(go_to(flight, 100.0, 0.0)).status == "failed"
     assert "no progress for 10 s" in flight.outcome.reason
 
@@ -518,16 +660,14 @@ def test_on_a_bad_link_done_means_done(
         delay_s=delay_s,
         # Enough that with 30 % lost it does not miss three of four.
         set_point_hz=10.0,
-        link_lost_s=8.0,
+        link_timeout_s=8.0,
     )
     assert flight.fly(TakeOff(20.0)).status == "done"
     assert abs(flight.vehicle.craft.up_m - 20.0) < 5.0
     for north_m, east_m in ((40.0, 0.0), (40.0, 40.0)):
         outcome = flight.fly(go_to(flight, north_m, east_m))
-        # A gap in the set-points that PX4 notices looks like a take-over if its words get lost.
-        assert outcome.status == "done" or (dialect, flight.state.mode) == ("px4", "HOLD")
-        if outcome.status == "done":
-            assert flight.off_m(north_m, east_m) < 9.0
+        assert outcome.status == "done"
+        assert flight.off_m(north_m, east_m) < 9.0
     assert flight.fly(Return()).status == "done"
     assert flight.vehicle.landed and not flight.vehicle.armed
 
@@ -624,7 +764,8 @@ def test_the_target_is_one_vehicle() -> None:
         ("speed_mps", -1.0),
         ("speed_mps", math.nan),
         ("set_point_hz", 1.0),
-        ("link_lost_s", 0.0),
+        ("set_point_hz", 2.0),
+        ("link_timeout_s", 0.0),
         ("command_tries", 0),
         ("stall_s", math.inf),
     ],

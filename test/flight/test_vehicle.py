@@ -35,7 +35,7 @@ def until(condition: Callable[[], Any], timeout_s: float = TIMEOUT_S) -> None:
 
 def fly(vehicle: Vehicle, order: Order) -> str:
     number = vehicle.give(order)
-    until(lambda: vehicle.outcome.status not in ("under_way", "lost"))
+    until(lambda: vehicle.outcome.status not in ("under_way", "silent"))
     assert vehicle.outcome.number == number
     return vehicle.outcome.status
 
@@ -200,11 +200,11 @@ def test_a_flood_of_garbage_holds_up_neither_orders_nor_heartbeats() -> None:
 def test_a_vehicle_that_dies_is_lost_and_found_when_it_is_back(link: Any) -> None:
     with running_autopilot(link=link, speedup=10, ready_s=5.0) as autopilot:
         port = autopilot.port
-        with vehicle_of(autopilot, link_lost_s=2.0) as vehicle:
+        with vehicle_of(autopilot, link_timeout_s=2.0) as vehicle:
             assert fly(vehicle, TakeOff(10.0)) == "done"
             vehicle.give(GoTo(-24.1, -46.3, 20.0, 5.0))
             autopilot.kill()
-            until(lambda: vehicle.outcome.status == "lost")
+            until(lambda: vehicle.outcome.status == "silent")
             assert not vehicle.state.connected
             if link == "tcp":
                 until(lambda: "tcp:" in vehicle.trouble)

@@ -10,9 +10,11 @@ from typing import Any, get_args
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.modes import mode_name, mode_parameters
 from dsse_ros.flight.telegrams import (
+    BatteryStatus,
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
@@ -107,7 +109,6 @@ def test_a_battery_that_is_not_measured_is_not_known() -> None:
         ("GCS Failsafe", "gcs"),
         ("Radio Failsafe - RTL", "radio"),
         ("EKF Failsafe: changed to LAND Mode", "ekf"),
-        ("Offboard signal lost", "offboard"),
         ("PreArm: Battery 1 low voltage failsafe", ""),
         ("Reached command #3", ""),
     ],
@@ -117,6 +118,43 @@ def test_a_failsafe_is_named_by_what_the_vehicle_says(text: str, failsafe: str) 
     critical = Heartbeat(2, 3, 129, 6, 5)
     assert after(StatusText(4, text), critical).failsafe == (failsafe or "critical")
     assert after(StatusText(4, text), critical, ARMED).failsafe == ""
+
+
+CRITICAL = Heartbeat(2, 12, 129, 4 << 16 | 5 << 24, mavlink.MAV_STATE_CRITICAL)
+ACTIVE = Heartbeat(2, 12, 129, 4 << 16 | 5 << 24, mavlink.MAV_STATE_ACTIVE)
+
+
+def unwell(sensor: int) -> SysStatus:
+    return SysStatus(READY, 80, onboard_control_sensors_enabled=READY | sensor)
+
+
+@pytest.mark.parametrize(
+    ("message", "failsafe"),
+    [
+        (BatteryStatus(mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY), "battery"),
+        (BatteryStatus(mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL), "battery"),
+        (BatteryStatus(mavlink.MAV_BATTERY_CHARGE_STATE_LOW), "critical"),
+        (unwell(mavlink.MAV_SYS_STATUS_SENSOR_GPS), "gps"),
+        (unwell(mavlink.MAV_SYS_STATUS_AHRS), "ekf"),
+        (unwell(mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS), "motors"),
+        # Nobody flies these with a remote control in simulation, and nothing is wrong.
+        (unwell(mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER), "critical"),
+        (StatusText(4, "Low battery level, return advised"), "battery"),
+    ],
+)
+def test_a_failsafe_of_px4_is_named_by_what_is_not_well(message: Heard, failsafe: str) -> None:
+    assert after(message, CRITICAL, dialect="px4").failsafe == failsafe
+    assert after(CRITICAL, message, dialect="px4").failsafe == failsafe
+    # What is not well is no failsafe by itself.
+    assert after(ACTIVE, message, dialect="px4").failsafe == ""
+    assert after(CRITICAL, message, ACTIVE, dialect="px4").failsafe == ""
+
+
+def test_px4_is_ready_when_its_checks_are_passed_and_its_place_is_known() -> None:
+    checks = SysStatus(READY, 90)
+    assert after(HERE, checks, dialect="px4").ready
+    assert not after(checks, dialect="px4").ready
+    assert not after(HERE, SysStatus(0, 90), dialect="px4").ready
 
 
 def test_a_failsafe_that_is_cleared_is_none() -> None:

@@ -57,7 +57,8 @@ class VirtualFlight:
     ) -> None:
         options = {"ready_s": 5.0, **(vehicle or {})}
         self.vehicle = make_vehicle(Settings(dialect=dialect, seed=seed, **options))
-        self.pilot = Pilot(VEHICLE, OURSELVES, PilotSettings(dialect=dialect, **settings))
+        self._settings = PilotSettings(dialect=dialect, **settings)
+        self.pilot = Pilot(VEHICLE, OURSELVES, self._settings)
         self.now = 0.0
         self.loss, self.duplicate, self.delay_s = loss, duplicate, delay_s
         self.said: list[tuple[float, Said]] = []
@@ -102,6 +103,10 @@ class VirtualFlight:
         while self.now < end_s:
             self.step()
 
+    def restart(self) -> None:
+        """Put a new pilot in place of the one there is, as when the program is restarted."""
+        self.pilot = Pilot(VEHICLE, OURSELVES, self._settings)
+
     def until(self, condition: Callable[[], Any], limit_s: float = 600.0) -> None:
         """Let time pass until something is true."""
         end_s = self.now + limit_s
@@ -118,7 +123,7 @@ class VirtualFlight:
     def fly(self, order: Order, limit_s: float = 600.0) -> Outcome:
         """Give an order, and return what has become of it in the end."""
         self.give(order)
-        self.until(lambda: self.outcome.status not in ("under_way", "lost"), limit_s)
+        self.until(lambda: self.outcome.status not in ("under_way", "silent"), limit_s)
         return self.outcome
 
     @property

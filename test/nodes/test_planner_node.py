@@ -46,8 +46,8 @@ class Stage:
             agents=tuple(env.possible_agents), actions=env.rules.actions, rules="paper",
             seed=mission.seed, grid_size=env.world.grid_size, cell_size_m=scenario.cell_size,
             timestep_limit=scenario.timestep_limit, step_duration_s=scenario.step_duration_s,
-            map_frame="map", origin=Origin(0.0, 0.0, 0.0), alt_m=120.0, mission=mission.number,
-            run_id=run_id,
+            map_frame="map", frame_prefix="", origin=Origin(0.0, 0.0, 0.0), alt_m=120.0,
+            mission=mission.number, run_id=run_id,
         )  # fmt: skip
         stamp = to_stamp(result.stamp_ns)
         report = make_step_report(

@@ -52,8 +52,7 @@ def test_every_ros_package_that_is_imported_is_a_dependency(manifest: Package) -
     suffixes = ("_interfaces", "_msgs", "_srvs")
     ros = {name for name in imported if name == "rclpy" or name.endswith(suffixes)}
     assert "rclpy" in ros
-    optional = {"simulation_interfaces"}
-    assert ros - optional <= {dependency.name for dependency in manifest.exec_depends}
+    assert ros <= {dependency.name for dependency in manifest.exec_depends}
 
 
 def test_the_licence_of_the_manifest_is_the_one_in_the_tree(manifest: Package) -> None:

@@ -92,7 +92,10 @@ class ArduCopter(Vehicle):
         "BATT_FS_LOW_ACT": 0,
         "DISARM_DELAY": 10,
         "EK3_ENABLE": 1,
+        "FENCE_ACTION": 1,
+        "FENCE_ALT_MAX": 100.0,
         "FENCE_ENABLE": 0,
+        "FENCE_RADIUS": 300.0,
         "FS_GCS_ENABLE": 0,
         "FS_GCS_TIMEOUT": 5.0,
         "GUID_TIMEOUT": 3.0,
@@ -120,6 +123,7 @@ class ArduCopter(Vehicle):
         self.mode = Mode.STABILIZE
         self._gcs_heard_s: float | None = None
         self._reminded_s = 0.0
+        self._breached = False
         super().__init__(settings)
         self.listen({"REQUEST_DATA_STREAM": self._request_data_stream})
         self.understand(
@@ -158,6 +162,17 @@ class ArduCopter(Vehicle):
     @property
     def custom_mode(self) -> int:
         return self.mode.value
+
+    @property
+    def fenced(self) -> bool:
+        return bool(self.parameters["FENCE_ENABLE"] and self.parameters["FENCE_ACTION"])
+
+    def in_fence(self, place: Point) -> bool:
+        """Whether a place is within the circle and below the ceiling, if they count."""
+        return not self.parameters["FENCE_ENABLE"] or (
+            math.hypot(*place[:2]) <= self.parameters["FENCE_RADIUS"]
+            and place.up_m <= self.parameters["FENCE_ALT_MAX"]
+        )
 
     @property
     def mission_total(self) -> int:
@@ -306,7 +321,7 @@ class ArduCopter(Vehicle):
         target = Point(*self.frame.horizontal(command.lat_deg, command.lon_deg), up_m)
         if not target.within_reach:
             return DENIED
-        if not self.set_mode(Mode.GUIDED):
+        if not self.set_mode(Mode.GUIDED) or not self.in_fence(target):
             return FAILED
         self.maneuver = GoTo(target)
         return ACCEPTED
@@ -357,6 +372,9 @@ class ArduCopter(Vehicle):
         known = frame in ABSOLUTE_FRAMES | RELATIVE_FRAMES
         on_the_earth = abs(lat_deg) <= 90 and abs(lon_deg) <= 180
         good = known and on_the_earth and target.within_reach
+        if good and not self.in_fence(target):
+            # It keeps to what it does, and says nothing of it.
+            return
         self.maneuver = GoTo(target) if good else Hold()
 
     # Missions
@@ -381,6 +399,7 @@ class ArduCopter(Vehicle):
             if not self.ready and not self.armed:
                 self.say("PreArm: AHRS: waiting for home", mavlink.MAV_SEVERITY_CRITICAL)
         self._watch_gcs()
+        self._watch_fence()
 
     def heard_heartbeat(self, message: Message, sender: Sender) -> None:
         if sender.system == self.parameters["SYSID_MYGCS"]:
@@ -400,6 +419,14 @@ class ArduCopter(Vehicle):
             # The mode stays what it is.
             self.failsafes.discard("gcs")
             self.say("GCS Failsafe Cleared", mavlink.MAV_SEVERITY_WARNING)
+
+    def _watch_fence(self) -> None:
+        breached = self.armed and not self.landed and not self.in_fence(self.craft.point)
+        if breached and not self._breached:
+            self.say("Fence Breached", mavlink.MAV_SEVERITY_NOTICE)
+            if self.fenced:
+                self._fall_back(Mode.RTL)
+        self._breached = breached
 
     def battery_failsafe(self) -> None:
         self.say("Battery 1 is low 9.96V used 2900 mAh", mavlink.MAV_SEVERITY_WARNING)

@@ -22,8 +22,8 @@ class Fault:
     Attributes:
         kind: `link`: nothing is sent nor heard. `acks`: each COMMAND_ACK is lost, with a
             probability if the value is one. `mission_acks`: likewise each MISSION_ACK.
-            `battery`: it runs low, and the vehicle returns. `pilot`: a pilot takes over, in the
-            mode that the value names.
+            `battery`: it runs low, and the vehicle returns, PX4's holds and lands. `pilot`: a
+            pilot takes over, in the mode that the value names.
         start_s: Vehicle time since the start, or since it was first airborne.
         since_airborne: Which of the two.
         duration_s: How long `link`, `acks` and `mission_acks` last.

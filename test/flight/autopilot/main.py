@@ -93,7 +93,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for endpoint in endpoints:
         print(endpoint.connection)
     sys.stdout.flush()
-    run(make_vehicle(chosen.settings), endpoints, chosen.speedup, until_eof=chosen.until_eof)
+    vehicle = make_vehicle(chosen.settings)
+    vehicle.run_at(chosen.speedup)
+    run(vehicle, endpoints, chosen.speedup, until_eof=chosen.until_eof)
     return 0
 
 

@@ -11,11 +11,14 @@ from .local_frame import Point
 from .wire import mavlink
 
 if TYPE_CHECKING:
+    from .point_mass import Limits
     from .vehicle import Vehicle
 
 _SPOOL_UP_S = 1.2
 _LAND_DETECTION_S = 2.0
 _REACHED_M = 0.3
+_POSITION_GAIN = 0.95
+"""PX4's MPC_XY_P."""
 
 
 class Maneuver:
@@ -69,6 +72,30 @@ class Velocity(Maneuver):
         if not vehicle.landed:
             wanted = self._velocity if vehicle.time_s < self._until_s else (0.0, 0.0, 0.0)
             vehicle.craft.fly_with(*wanted, vehicle.limits, dt_s)
+
+
+class Track(Maneuver):
+    """Follow a place that moves, as PX4's position controller does.
+
+    Args:
+        target: The place.
+        north_mps: Velocity of the place, likewise the next.
+        limits: What may be flown.
+    """
+
+    def __init__(self, target: Point, north_mps: float, east_mps: float, limits: Limits) -> None:
+        self.target: Point = target
+        self._velocity = (north_mps, east_mps)
+        self._limits = limits
+
+    def step(self, vehicle: Vehicle, dt_s: float) -> None:
+        if vehicle.landed:
+            return
+        craft = vehicle.craft
+        north_mps = self._velocity[0] + _POSITION_GAIN * (self.target.north_m - craft.north_m)
+        east_mps = self._velocity[1] + _POSITION_GAIN * (self.target.east_m - craft.east_m)
+        up_mps = _POSITION_GAIN * (self.target.up_m - craft.up_m)
+        craft.fly_with(north_mps, east_mps, up_mps, self._limits, dt_s)
 
 
 class TakeOff(Maneuver):

@@ -57,6 +57,8 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         metavar="KIND@[airborne:]SECONDS[+SECONDS][=VALUE]",
         help=f"what goes wrong, when and for how long, of {', '.join(KINDS)}; "
         "the value of acks is a probability, that of pilot a mode")  # fmt: skip
+    add("--param", type=_argument(_parameter), action="append", default=[], metavar="NAME=VALUE",
+        help="value of a parameter instead of the usual one")  # fmt: skip
     add("--until-eof", action="store_true", help="end when the standard input does")
     options = parser.parse_args(arguments)
     if not options.udp + options.udpin + options.tcp:
@@ -75,6 +77,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         deaf_s=options.deaf,
         endurance_s=options.endurance,
         faults=tuple(options.fault),
+        parameters=tuple(options.param),
     )
     return options
 
@@ -129,3 +132,8 @@ def _key(text: str) -> bytes:
     if len(key) != 32:
         raise ValueError(f"{text}: {len(key)} bytes are no key; 32")
     return key
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    return name, float(value)

@@ -48,6 +48,10 @@ class Parameters:
     def __getitem__(self, name: str) -> Number:
         return self._values[name]
 
+    def __setitem__(self, name: str, value: Number) -> None:
+        self._values[name] = type(self._values[name])(value)
+        self.changed(name)
+
     def tick(self) -> None:
         """Send some more of the lists that were asked for."""
         for _ in range(min(_BURST, len(self._queue))):
@@ -88,8 +92,7 @@ class Parameters:
                 (value,) = struct.unpack("<i", struct.pack("<f", value))
             if not abs(value) < 2**31:
                 return
-            self._values[name] = int(value)
+            self[name] = value
         elif math.isfinite(value):
-            self._values[name] = value
-        self.changed(name)
+            self[name] = value
         self._broadcast(self.message(name))

@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from enum import IntEnum
 from typing import ClassVar
 
-from .channel import Sender
+from .channel import Channel, Sender
 from .commands import ACCEPTED, TEMPORARILY_REJECTED, UNSUPPORTED, Command
 from .local_frame import Point
-from .maneuvers import GoTo, Hold, Land, Return, TakeOff, Velocity
-from .mission_items import GLOBAL_FRAMES, Item, height_m
+from .maneuvers import GoTo, Hold, Land, Return, TakeOff, Track, Velocity
+from .mission_items import GLOBAL_FRAMES, RELATIVE_FRAMES, Item, height_m
 from .mission_run import MissionRun
 from .parameters import Number
 from .point_mass import Limits
@@ -20,7 +21,7 @@ from .px4_missions import Px4Missions
 from .settings import Settings
 from .telemetry import PX4
 from .vehicle import Vehicle, clamp
-from .wire import Message, mavlink
+from .wire import Event, Message, mavlink
 
 
 def _encoded(main: int, sub: int = 0) -> int:
@@ -43,19 +44,30 @@ class Mode(IntEnum):
 
 
 _MANUAL = {Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL, Mode.STABILIZED}
-_OFFBOARD_GAP_S = 0.5
+_PREVENT_ARMING = {Mode.RTL, Mode.LAND}
+_OFFBOARD_LOSS = {3: Mode.RTL, 4: Mode.LAND, 5: Mode.HOLD}
+"""Of COM_OBL_RC_ACT; a mode that needs a remote control becomes a return where there is none."""
+_EMERGENCY = 0.04
 _OPEN_ENDED_S = math.inf
-_EKF_WITHOUT_POSITION, _EKF_GOOD = 0x27, 0x33F
+_EKF_WITHOUT_POSITION, _EKF_AT_REST, _EKF_GOOD = 0x27, 0x3FF, 0x33F
+_OFFBOARD_MPS2 = 8.0
+_FAILSAFE_DELAY_S = 5.0
 _IGNORE_POSITION, _IGNORE_VELOCITY = 0x007, 0x038
 _FIRST_DESCENT_UP_M = 10.0
 _REACHED_REPEATS = 10
 
 
 class Px4(Vehicle):
-    """A vehicle that behaves as PX4 does."""
+    """A vehicle that behaves as PX4 does without a remote control.
+
+    Attributes:
+        mode: The one that it is in, be it by a failsafe.
+        events: In words, what it has sent as events.
+        home_above_origin_m: Height of home over the origin of the position estimate.
+    """
 
     autopilot = mavlink.MAV_AUTOPILOT_PX4
-    version = (1, 15, 4)
+    version = (1, 17, 0)
     capabilities = (
         mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
         | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
@@ -87,7 +99,7 @@ class Px4(Vehicle):
         "CAL_MAG0_ID": 197388,
         "COM_DISARM_LAND": 2.0,
         "COM_DISARM_PRFLT": 10.0,
-        "COM_OBL_RC_ACT": 5,
+        "COM_OBL_RC_ACT": 0,
         "COM_OF_LOSS_T": 1.0,
         "GF_ACTION": 2,
         "MIS_TAKEOFF_ALT": 2.5,
@@ -112,10 +124,14 @@ class Px4(Vehicle):
 
     def __init__(self, settings: Settings) -> None:
         self.mode = Mode.HOLD
+        self.events: list[str] = []
+        self.home_above_origin_m = 0.0
+        self._stations: list[Channel] = []
+        self._intended = self._after_disarming = Mode.HOLD
+        self._failsafe_s = 0.0
         self._has_landed = False
         self._set_point: Message | None = None
         self._set_point_s = -math.inf
-        self._stream_since_s = -math.inf
         self._reached_repeats = 0
         self._last_current = 0
         super().__init__(settings)
@@ -129,6 +145,10 @@ class Px4(Vehicle):
             }
         )
 
+    def run_at(self, speedup: float) -> None:
+        # As its start script does in simulation: the sender's time does not go faster.
+        self.parameters["COM_OF_LOSS_T"] = max(speedup, 1.0)
+
     def _own_parameters(self) -> Mapping[str, Number]:
         return {"MAV_SYS_ID": self.settings.system}
 
@@ -136,7 +156,28 @@ class Px4(Vehicle):
 
     @property
     def ekf_flags(self) -> int:
-        return _EKF_GOOD if self.has_position else _EKF_WITHOUT_POSITION
+        if not self.has_position:
+            return _EKF_WITHOUT_POSITION
+        return _EKF_AT_REST if self.landed else _EKF_GOOD
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can be armed in its mode: in OFFBOARD only while set-points come."""
+        if self.mode in _PREVENT_ARMING or (self.mode is Mode.OFFBOARD and not self._has_stream):
+            return False
+        return super().ready
+
+    @property
+    def system_status(self) -> int:
+        if not self.armed:
+            return mavlink.MAV_STATE_STANDBY if self.ready else mavlink.MAV_STATE_UNINIT
+        return mavlink.MAV_STATE_CRITICAL if self.failsafes else mavlink.MAV_STATE_ACTIVE
+
+    @property
+    def charge_state(self) -> int:
+        if self.battery <= _EMERGENCY:
+            return mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY
+        return super().charge_state
 
     @property
     def base_mode(self) -> int:
@@ -171,6 +212,11 @@ class Px4(Vehicle):
             parameters["MPC_Z_VEL_MAX_DN"],
             parameters["MPC_ACC_UP_MAX"],
         )
+
+    def offboard_limits(self) -> Limits:
+        """Return the limits of OFFBOARD, which has no cruise speed."""
+        speed_mps = clamp(self.parameters["MPC_XY_VEL_MAX"], 0.1, 30.0)
+        return replace(self.usual_limits(), speed_mps=speed_mps, acceleration_mps2=_OFFBOARD_MPS2)
 
     def take_off(self, up_m: float) -> TakeOff:
         climb_mps = clamp(self.parameters["MPC_TKO_SPEED"], 0.1, self.limits.climb_mps)
@@ -209,16 +255,27 @@ class Px4(Vehicle):
         return ACCEPTED if self.set_mode(mode) else TEMPORARILY_REJECTED
 
     def set_mode(self, mode: Mode) -> bool:
-        """Change the mode, unless something is against it."""
-        if mode == self.mode:
+        """Change the mode, unless something is against it; on the ground nothing is."""
+        if mode == self.mode and not self.failsafes:
             return True
-        problem = self._mode_problem(mode)
+        problem = self._mode_problem(mode) if self.armed else ""
         if problem:
             self.say(f"Switching to {mode.name} denied: {problem}", mavlink.MAV_SEVERITY_CRITICAL)
             return False
-        self.mode = mode
+        self.failsafes.clear()
+        self._intend(mode)
         self._enter_mode()
         return True
+
+    def _intend(self, mode: Mode) -> None:
+        self.mode = self._intended = mode
+        if mode not in _PREVENT_ARMING and mode is not Mode.TAKEOFF:
+            self._after_disarming = mode
+
+    def _fall_into(self, mode: Mode) -> None:
+        """Change the mode by a failsafe; what was intended comes back after it."""
+        self.mode = mode
+        self._enter_mode()
 
     def _mode_problem(self, mode: Mode) -> str:
         if mode not in _MANUAL and not self.has_position:
@@ -255,8 +312,6 @@ class Px4(Vehicle):
         self._has_landed = False
         self.start_motors()
         self.say("Armed by external command")
-        if self.mode in (Mode.RTL, Mode.LAND):
-            self.mode = Mode.HOLD
         self._enter_mode()
         return ACCEPTED
 
@@ -264,6 +319,8 @@ class Px4(Vehicle):
         if self.armed:
             self.say("Disarmed by landing" if self._has_landed else "Disarmed")
             self.mission.active = False
+            self.failsafes.clear()
+            self._intend(self._after_disarming)
         super().disarm()
         self.maneuver = Hold()
 
@@ -281,7 +338,7 @@ class Px4(Vehicle):
             up_m = self._height_m("MIS_TAKEOFF_ALT")
         if not self.has_position or not self.landed or not Point(0.0, 0.0, up_m).within_reach:
             return TEMPORARILY_REJECTED
-        self.mode = Mode.TAKEOFF
+        self._intend(Mode.TAKEOFF)
         self._enter_mode()
         self.maneuver = self.take_off(up_m)
         return ACCEPTED
@@ -310,16 +367,11 @@ class Px4(Vehicle):
 
     @property
     def _has_stream(self) -> bool:
-        """Whether set-points have been coming at more than 2 Hz for a while."""
-        return (
-            self.time_s - self._set_point_s < _OFFBOARD_GAP_S
-            and self._set_point_s - self._stream_since_s >= _OFFBOARD_GAP_S
-        )
+        """Whether the last set-point is recent."""
+        return self.time_s - self._set_point_s < self.parameters["COM_OF_LOSS_T"]
 
     def set_position_target(self, message: Message, sender: Sender) -> None:
         """Take a set-point; it counts in OFFBOARD, and it takes a stream of them to get there."""
-        if self.time_s - self._set_point_s >= _OFFBOARD_GAP_S:
-            self._stream_since_s = self.time_s
         self._set_point, self._set_point_s = message, self.time_s
         if self.mode is Mode.OFFBOARD and self.armed:
             self._follow(message)
@@ -330,7 +382,11 @@ class Px4(Vehicle):
             self.lift_off()
         if not message.type_mask & _IGNORE_POSITION:
             target = self._target(message)
-            self.maneuver = GoTo(target) if target and target.within_reach else Hold()
+            self.maneuver = Hold()
+            if target and target.within_reach:
+                stops = message.type_mask & _IGNORE_VELOCITY
+                velocity = (0.0, 0.0) if stops else (message.vx, message.vy)
+                self.maneuver = Track(target, *velocity, self.offboard_limits())
         elif not message.type_mask & _IGNORE_VELOCITY:
             self.maneuver = Velocity(message.vx, message.vy, -message.vz, _OPEN_ENDED_S)
         else:
@@ -342,13 +398,17 @@ class Px4(Vehicle):
         if message.coordinate_frame not in GLOBAL_FRAMES:
             return None
         place = self.frame.horizontal(message.lat_int * 1e-7, message.lon_int * 1e-7)
-        return Point(*place, height_m(message.alt, message.coordinate_frame, self.frame))
+        up_m = height_m(message.alt, message.coordinate_frame, self.frame)
+        if message.coordinate_frame in RELATIVE_FRAMES:
+            # mavlink_receiver.cpp has a wrong sign there.
+            up_m -= 2 * self.home_above_origin_m
+        return Point(*place, up_m)
 
     # Missions
 
     def item_begun(self, seq: int, item: Item) -> None:
         if item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
-            self.mode = Mode.RTL
+            self._intend(Mode.RTL)
 
     def item_reached(self, seq: int) -> None:
         super().item_reached(seq)
@@ -364,14 +424,36 @@ class Px4(Vehicle):
         self._say_progress()
         if isinstance(self.maneuver, TakeOff) and self.mode is Mode.TAKEOFF and self.maneuver.done:
             target = self.maneuver.target
-            self.mode = Mode.HOLD
+            self._intend(Mode.HOLD)
             self.maneuver = GoTo(target)
-        if self.mode is Mode.OFFBOARD and self.time_s - self._set_point_s >= _OFFBOARD_GAP_S:
-            self.say("Offboard signal lost", mavlink.MAV_SEVERITY_CRITICAL)
+        if self.armed and self.mode is Mode.OFFBOARD and not self._has_stream:
+            self.say("Failsafe activated", mavlink.MAV_SEVERITY_CRITICAL)
             self.failsafes.add("offboard")
-            self.set_mode(Mode.HOLD)
-        elif self._has_stream:
-            self.failsafes.discard("offboard")
+            self._fall_into(_OFFBOARD_LOSS.get(int(self.parameters["COM_OBL_RC_ACT"]), Mode.RTL))
+        elif self.failsafes == {"offboard"} and self._has_stream:
+            self.failsafes.clear()
+            self._fall_into(Mode.OFFBOARD)
+        holds = "battery" in self.failsafes and self.mode is Mode.HOLD
+        if holds and self.time_s >= self._failsafe_s:
+            self._fall_into(Mode.LAND)
+
+    def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
+        """Send an EVENT, a number without words, here one made of the text.
+
+        The words go only where a ground station is heard, with a tab behind them.
+        """
+        number = 0x811C9DC5
+        for letter in text.encode():
+            number = (number ^ letter) * 0x1000193 % 2**32
+        self.events.append(text)
+        time_ms, sequence = int(self.time_s * 1000), len(self.events)
+        self.broadcast(Event(1 << 24 | number & 0xFFFFFF, time_ms, sequence, severity))
+        for channel in self._stations:
+            channel.send(mavlink.MAVLink_statustext_message(severity, f"{text}\t".encode()[:50]))
+
+    def heard_heartbeat(self, message: Message, sender: Sender) -> None:
+        if message.type == mavlink.MAV_TYPE_GCS and sender.channel not in self._stations:
+            self._stations.append(sender.channel)
 
     def _say_progress(self) -> None:
         if self.mission.current != self._last_current:
@@ -384,9 +466,11 @@ class Px4(Vehicle):
                 self.broadcast(mavlink.MAVLink_mission_item_reached_message(self.mission.reached))
 
     def battery_failsafe(self) -> None:
-        self.say("Low battery level, return advised", mavlink.MAV_SEVERITY_WARNING)
+        self.battery = min(self.battery, _EMERGENCY)
+        self.say("Emergency battery level", mavlink.MAV_SEVERITY_EMERGENCY)
         if self.armed and not self.landed:
-            self.set_mode(Mode.RTL)
+            self._failsafe_s = self.time_s + _FAILSAFE_DELAY_S
+            self._fall_into(Mode.HOLD)
 
     def pilot_takes_over(self, mode: str) -> None:
         self.set_mode(Mode[mode or "POSCTL"])

@@ -26,6 +26,7 @@ class Settings:
         deaf_s: Requests for messages in this time from the start are acknowledged and lost.
         endurance_s: Time in the air that its battery lasts.
         faults: What goes wrong.
+        parameters: Values of its parameters, by name, instead of the usual ones.
     """
 
     system: int = 1
@@ -37,3 +38,4 @@ class Settings:
     deaf_s: float = 1.0
     endurance_s: float = 1500.0
     faults: tuple[Fault, ...] = ()
+    parameters: tuple[tuple[str, float], ...] = ()

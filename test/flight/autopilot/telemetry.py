@@ -64,13 +64,12 @@ def heartbeat(vehicle: Vehicle) -> Message:
     base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | vehicle.base_mode
     if vehicle.armed:
         base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-    state = mavlink.MAV_STATE_STANDBY if vehicle.landed else mavlink.MAV_STATE_ACTIVE
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_QUADROTOR,
         vehicle.autopilot,
         base_mode,
         vehicle.custom_mode,
-        mavlink.MAV_STATE_CRITICAL if vehicle.failsafes else state,
+        vehicle.system_status,
         3,
     )
 
@@ -81,8 +80,9 @@ def sys_status(vehicle: Vehicle) -> Message:
         health &= ~_POSITION
     if not vehicle.ready:
         health &= ~_PREARM
+    fence = mavlink.MAV_SYS_STATUS_GEOFENCE if vehicle.fenced else 0
     return mavlink.MAVLink_sys_status_message(
-        _SENSORS, _SENSORS, health, 100, _millivolts(vehicle), 1500,
+        _SENSORS | fence, _SENSORS | fence, health | fence, 100, _millivolts(vehicle), 1500,
         round(100 * vehicle.battery), 0, 0, 0, 0, 0, 0,
     )  # fmt: skip
 
@@ -184,6 +184,7 @@ def battery_status(vehicle: Vehicle) -> Message:
     return mavlink.MAVLink_battery_status_message(
         0, mavlink.MAV_BATTERY_FUNCTION_ALL, mavlink.MAV_BATTERY_TYPE_LIPO, 2500,
         [cell] * _CELLS + [65535] * (10 - _CELLS), 1500, -1, -1, round(100 * vehicle.battery),
+        charge_state=vehicle.charge_state,
     )  # fmt: skip
 
 

@@ -100,6 +100,8 @@ class Vehicle(ABC):
             bytewise=self.bytewise_parameters,
             broadcast=self.broadcast,
         )
+        for name, value in settings.parameters:
+            self.parameters[name] = value
         self.parameters.changed = self._parameter_changed
         self.limits = self._make_limits()
         self.missions = self.mission_service(self)
@@ -182,6 +184,9 @@ class Vehicle(ABC):
         tick_s = (self._steps // _TICK_STEPS + 1) * TICK_S
         return min(tick_s, *(channel.due_s for channel in self._channels), math.inf)
 
+    def run_at(self, speedup: float) -> None:  # noqa: B027
+        """Be told how much faster than the wall clock its time goes."""
+
     def advance(self, to_s: float) -> None:
         """Let vehicle time pass."""
         while (self._steps + 1) * STEP_S <= to_s + 1e-9:
@@ -252,6 +257,23 @@ class Vehicle(ABC):
     @abstractmethod
     def ekf_flags(self) -> int:
         """EKF_STATUS_REPORT.flags, or ESTIMATOR_STATUS.flags."""
+
+    @property
+    def system_status(self) -> int:
+        """HEARTBEAT.system_status."""
+        if self.failsafes:
+            return mavlink.MAV_STATE_CRITICAL
+        return mavlink.MAV_STATE_STANDBY if self.landed else mavlink.MAV_STATE_ACTIVE
+
+    @property
+    def fenced(self) -> bool:
+        """Whether SYS_STATUS says that a geofence is enabled."""
+        return False
+
+    @property
+    def charge_state(self) -> int:
+        """BATTERY_STATUS.charge_state."""
+        return mavlink.MAV_BATTERY_CHARGE_STATE_OK
 
     @property
     @abstractmethod

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-__all__ = ["Codec", "Message", "mavlink"]
+__all__ = ["Codec", "Event", "Message", "mavlink"]
 
 Message = Any
 """A message of pymavlink, which has no types."""
@@ -16,6 +17,25 @@ Message = Any
 # The epoch of signatures, 2015-01-01, in seconds, and their ticks in a second.
 _EPOCH_S = 1420070400
 _TICKS_PER_S = 100_000
+
+
+class Event(mavlink.MAVLink_message):
+    """EVENT, in which PX4 says what others say in words; pymavlink does not know it.
+
+    https://mavlink.io/en/services/events.html
+    """
+
+    _ID, _CRC_EXTRA = 410, 160
+
+    def __init__(self, number: int, time_boot_ms: int, sequence: int, severity: int) -> None:
+        super().__init__(self._ID, "EVENT")
+        self._payload = struct.pack(
+            "<IIHBBB40s", number, time_boot_ms, sequence % 2**16, 0, 0, severity, b""
+        )
+
+    def pack(self, mav: mavlink.MAVLink, force_mavlink1: bool = False) -> bytes:
+        data: bytes = self._pack(mav, self._CRC_EXTRA, self._payload, force_mavlink1=force_mavlink1)
+        return data
 
 
 class Codec(mavlink.MAVLink):

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Any message of the dialect with any fields, through codec and vehicle controller.
+
+`python test/flight/fuzz.py 1000000` does it by hand, with a seed of its own if one follows.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+if not __package__ and __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from autopilot.wire import Codec as Speaker
+from autopilot.wire import mavlink
+
+from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.messages import Address
+from dsse_ros.flight.orders import (
+    FlyMission,
+    GoTo,
+    Hold,
+    Land,
+    Order,
+    Return,
+    Search,
+    TakeOff,
+)
+from dsse_ros.flight.pilot import Pilot, PilotSettings
+from dsse_ros.flight.telegrams import HEARD_NAMES
+
+VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
+_ALL = list(mavlink.mavlink_map.values())
+_HEARD = [kind for kind in _ALL if kind.msgname in HEARD_NAMES]
+_ITEMS = tuple(
+    WireItem(seq, 6, command, x=-240000000 + 100 * seq, y=-463000000, z=20.0)
+    for seq, command in enumerate((16, 22, 16, 20))
+)
+_ORDERS: tuple[Order, ...] = (
+    TakeOff(20.0),
+    GoTo(-24.001, -46.3, 20.0, 3.0),
+    Search(-24.001, -46.3, 20.0, 10.0, 3.0, 3.0),
+    Hold(),
+    Return(),
+    Land(),
+    FlyMission(_ITEMS),
+)
+_LIMITS = {
+    "int8_t": (-(2**7), 2**7 - 1),
+    "uint8_t": (0, 2**8 - 1),
+    "uint8_t_mavlink_version": (0, 2**8 - 1),
+    "int16_t": (-(2**15), 2**15 - 1),
+    "uint16_t": (0, 2**16 - 1),
+    "int32_t": (-(2**31), 2**31 - 1),
+    "uint32_t": (0, 2**32 - 1),
+    "int64_t": (-(2**63), 2**63 - 1),
+    "uint64_t": (0, 2**64 - 1),
+}
+_FLOATS = (0.0, -0.0, 1.0, 1e-45, 3.4e38, -3.4e38, float("inf"), float("-inf"), float("nan"))
+
+
+def fuzz(number: int, seed: int, dialect: Any) -> tuple[Counter[str], Counter[str]]:
+    """Send messages to a controller that gets orders, and return what codec and controller count.
+
+    Raises:
+        AssertionError: If it would send what cannot be sent, be due at once again, or believe in
+            a place that cannot be.
+    """
+    draw = random.Random(seed)
+    speaker = Speaker(VEHICLE.system)
+    codec = Codec(OURSELVES, VEHICLE)
+    settings = PilotSettings(dialect=dialect, arm=True, speed_mps=5.0)
+    pilot = Pilot(VEHICLE, OURSELVES, settings)
+    counts: Counter[str] = Counter()
+    now = 0.0
+    for _ in range(number):
+        now += draw.choice((0.0, 0.01, 0.1))
+        said = []
+        kind = draw.choice(_HEARD if draw.random() < 0.8 else _ALL)
+        data = bytes(speaker.encode(any_message(kind, draw)))
+        for message in codec.decode(data, now, datagram=True):
+            said += pilot.receive(message, now)
+        if now >= pilot.deadline:
+            said += pilot.tick(now)
+            assert pilot.deadline > now
+        if draw.random() < 0.01:
+            said += pilot.give(draw.choice(_ORDERS), now)
+        if draw.random() < 0.001:
+            said += pilot.part(now)
+            # As when the program is started again.
+            counts += pilot.counts
+            pilot = Pilot(VEHICLE, OURSELVES, settings)
+        for one in said:
+            assert codec.encode(one)
+        state = pilot.state
+        assert not abs(state.lat_deg) > 90 and not abs(state.lon_deg) > 180
+        assert not abs(state.alt_m) > 1e5 and not abs(state.alt_amsl_m) > 1e5
+        assert not pilot.counts["errors"], pilot.outcome
+    return codec.counts, counts + pilot.counts
+
+
+def any_message(kind: Any, draw: random.Random) -> Any:
+    """Return a message of a kind, with any fields; now and then one that is for us."""
+    values: dict[str, Any] = {}
+    lengths = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
+    for name, wire_type in zip(kind.fieldnames, kind.fieldtypes, strict=True):
+        length = lengths[name]
+        if wire_type == "char":
+            values[name] = draw.randbytes(length or 1)
+        elif length:
+            values[name] = [_any_number(wire_type, draw) for _ in range(length)]
+        else:
+            values[name] = _any_number(wire_type, draw)
+    if "target_system" in values and draw.random() < 0.9:
+        values["target_system"] = draw.choice((0, OURSELVES.system))
+        if "target_component" in values:
+            values["target_component"] = draw.choice((0, OURSELVES.component))
+    if kind.msgname == "HEARTBEAT" and draw.random() < 0.8:
+        # As from a vehicle that can be led.
+        modes = (4, 3, 6, 9, 6 << 16, 4 << 16 | 3 << 24, 4 << 16 | 4 << 24, 4 << 16 | 5 << 24)
+        values |= {"custom_mode": draw.choice(modes), "base_mode": draw.choice((1, 129, 209))}
+        values["system_status"] = draw.choice((3, 4, 5))
+    if kind.msgname == "GLOBAL_POSITION_INT" and draw.random() < 0.8:
+        values |= {"lat": -240000000 + draw.randrange(20000), "lon": -463000000}
+        values |= {"alt": 20000, "relative_alt": draw.choice((0, 20000))}
+    if kind.msgname == "EXTENDED_SYS_STATE" and draw.random() < 0.8:
+        values["landed_state"] = draw.choice((1, 2))
+    if kind.msgname.startswith("MISSION") and draw.random() < 0.8:
+        values |= {name: draw.randrange(5) for name in ("seq", "count") if name in values}
+        values |= {name: 0 for name in ("mission_type", "type") if name in values}
+    return kind(**values)
+
+
+def _any_number(wire_type: str, draw: random.Random) -> float:
+    if wire_type in ("float", "double"):
+        if draw.random() < 0.5:
+            return draw.choice(_FLOATS)
+        (value,) = struct.unpack("<f", draw.randbytes(4))
+        return float(value)
+    least, most = _LIMITS[wire_type]
+    return draw.choice((least, most, 0, 1, draw.randint(least, most)))
+
+
+if __name__ == "__main__":
+    for one in ("ardupilot", "px4"):
+        print(one, *map(dict, fuzz(int(sys.argv[1]) // 2, int((sys.argv[2:] or [0])[0]), one)))

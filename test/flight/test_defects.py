@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A defect of ours ends the order that it is in, with its reason, and nothing else."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from autopilot.running import running_autopilot
+from virtual_flight import VirtualFlight
+
+from dsse_ros.flight import pilot
+from dsse_ros.flight.helm import Helm
+from dsse_ros.flight.orders import GoTo, Hold, TakeOff
+from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
+
+DIALECTS = ("ardupilot", "px4")
+
+
+@pytest.fixture
+def defective_search(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A program in which holding has a defect that shows after a while."""
+    real = pilot.maneuver
+
+    def maneuver(helm: Helm, order: Any, source: Any) -> Iterator[str]:
+        if not isinstance(order, Hold):
+            return real(helm, order, source)
+        return defective(helm)
+
+    def defective(helm: Helm) -> Iterator[str]:
+        yield "holds"
+        yield {}["no such key"]  # type: ignore[misc]
+
+    monkeypatch.setattr(pilot, "maneuver", maneuver)
+    yield
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_defect_fails_the_order_and_the_next_one_is_flown(
+    dialect: str, defective_search: None, caplog: pytest.LogCaptureFixture
+) -> None:
+    flight = VirtualFlight(dialect, arm=True)
+    assert flight.fly(TakeOff(10.0)).status == "done"
+    for _ in range(3):
+        outcome = flight.fly(Hold())
+        assert (outcome.status, outcome.reason) == ("failed", "KeyError: 'no such key'")
+        flight.wait(5.0)
+        assert flight.outcome == outcome
+    assert flight.pilot.counts["errors"] == 3
+    # A kind is told once, with its traceback.
+    told = [one for one in caplog.records if one.levelno >= logging.ERROR]
+    assert len(told) == 1 and told[0].exc_info is not None
+    assert flight.fly(GoTo(*flight.place(20.0, 0.0), 10.0, 3.0)).status == "done"
+
+
+def test_after_a_defect_the_thread_goes_on_with_heartbeats(defective_search: None) -> None:
+    with (
+        running_autopilot(link="udpin", speedup=10, ready_s=5.0) as autopilot,
+        Vehicle(VehicleSettings(connection=autopilot.connection, arm=True)) as vehicle,
+    ):
+        end_s = time.monotonic() + 60.0
+        while vehicle.counts["accepted"] < 20:
+            assert time.monotonic() < end_s
+            time.sleep(0.01)
+        vehicle.give(Hold())
+        while vehicle.outcome.status != "failed":
+            assert time.monotonic() < end_s, vehicle.outcome
+            time.sleep(0.01)
+        assert vehicle.outcome.reason == "KeyError: 'no such key'"
+        sent = vehicle.counts["heartbeats"]
+        while vehicle.counts["heartbeats"] < sent + 3:
+            assert time.monotonic() < end_s
+            time.sleep(0.01)
+        assert vehicle.state.connected

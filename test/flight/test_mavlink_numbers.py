@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""MAVLink's numbers come from pymavlink, which has them from MAVLink's own definitions."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = [
+    *sorted((ROOT / "dsse_ros/flight").glob("*.py")),
+    *sorted((ROOT / "msg_adapters").glob("m*_items.py")),
+]
+MAVLINKS = [n for n in dir(mavlink) if re.match("MAV|POSITION_|EKF_|ESTIMATOR_|COPTER_|SPEED_", n)]
+
+
+def typed(code: str) -> list[str]:
+    """Return names of MAVLink in the code that are given a number as such."""
+    found = []
+    for node in ast.walk(ast.parse(code)):
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]
+        numbers = [
+            n
+            for n in ast.walk(node.value)
+            if isinstance(n, ast.Constant) and type(n.value) in (int, float)
+        ]
+        for name in names:
+            suffix = f"_{name.strip('_')}"
+            if numbers and len(suffix) > 6 and any(one.endswith(suffix) for one in MAVLINKS):
+                found.append(name)
+    return found
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_no_number_of_mavlink_is_typed_by_hand(file: Path) -> None:
+    assert typed(file.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    "code",
+    ["NAV_WAYPOINT = 16", "_DO_SET_MODE, X = 176, 3", "FRAME_GLOBAL_INT: int = 5"],
+)
+def test_a_number_typed_by_hand_is_seen(code: str) -> None:
+    assert typed(code)

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""On an orderly exit a vehicle that we lead holds by itself, and any other is left alone."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import pytest
+from autopilot.running import running_autopilot
+from virtual_flight import VirtualFlight, mission
+
+from dsse_ros.flight.fleet import Fleet
+from dsse_ros.flight.orders import FlyMission, GoTo, Land, Order, Return, TakeOff
+from dsse_ros.flight.vehicle import CLOSE_S, Vehicle, VehicleSettings
+
+DIALECTS = ("ardupilot", "px4")
+FAR = GoTo(-24.02, -46.3, 20.0, 5.0)
+both = pytest.mark.parametrize("dialect", DIALECTS)
+
+
+def flying(dialect: str, order: Order | None = None) -> VirtualFlight:
+    flight = VirtualFlight(dialect, arm=True)
+    assert flight.fly(TakeOff(20.0)).status == "done"
+    if order is not None:
+        flight.give(order)
+        flight.until(lambda: flight.vehicle.craft.ground_speed_mps > 3.0)
+    return flight
+
+
+def part(flight: VirtualFlight) -> None:
+    """Have the program end as a vehicle's thread does."""
+    flight._send(flight.pilot.part(flight.now))
+    end_s = flight.now + 4.0
+    while flight.pilot.parting and flight.now < end_s:
+        flight.step()
+    # From now on nobody is there.
+    flight._put = lambda data, *, to_vehicle: None  # type: ignore[method-assign]
+
+
+@both
+def test_a_vehicle_on_its_way_stops_where_it_is(dialect: str) -> None:
+    flight = flying(dialect)
+    flight.give(GoTo(*flight.place(800.0, 0.0), 20.0, 3.0))
+    flight.until(lambda: flight.vehicle.craft.north_m > 100.0)
+    part(flight)
+    assert flight.vehicle.mode.name == ("HOLD" if dialect == "px4" else "GUIDED")
+    flight.wait(60.0)
+    craft = flight.vehicle.craft
+    assert craft.ground_speed_mps < 0.5 and 80.0 < craft.north_m < 200.0
+    assert craft.up_m == pytest.approx(20.0, abs=3.0)
+    assert not flight.vehicle.failsafes
+    assert flight.vehicle.mode.name == ("HOLD" if dialect == "px4" else "GUIDED")
+
+
+@both
+def test_a_vehicle_that_waits_for_the_next_step_stays(dialect: str) -> None:
+    flight = flying(dialect)
+    assert flight.fly(GoTo(*flight.place(30.0, 0.0), 20.0, 3.0)).status == "done"
+    part(flight)
+    flight.wait(60.0)
+    assert flight.off_m(30.0, 0.0) < 5.0 and not flight.vehicle.failsafes
+    assert flight.vehicle.mode.name == ("HOLD" if dialect == "px4" else "GUIDED")
+
+
+@both
+@pytest.mark.parametrize("what", ["return", "land", "mission", "pilot", "ground"])
+def test_what_goes_on_without_us_is_not_interrupted(dialect: str, what: str) -> None:
+    if what == "ground":
+        flight = VirtualFlight(dialect, arm=True)
+        flight.wait(10.0)
+    else:
+        flight = flying(dialect)
+        orders: dict[str, Any] = {
+            "return": Return(),
+            "land": Land(),
+            "mission": FlyMission(mission(flight, (200.0, 0.0, 20.0))),
+            "pilot": GoTo(*flight.place(300.0, 0.0), 20.0, 3.0),
+        }
+        flight.give(orders[what])
+        flight.wait(8.0)
+    if what == "pilot":
+        flight.vehicle.pilot_takes_over("POSCTL" if dialect == "px4" else "LOITER")
+        flight.until(lambda: flight.outcome.status == "taken_over")
+    mode, sent = flight.vehicle.mode, len(flight.said)
+    part(flight)
+    assert len(flight.said) == sent
+    flight.wait(5.0)
+    assert flight.vehicle.mode is mode
+
+
+def test_a_command_that_has_not_shown_yet_is_taken_back_before_the_setpoints_end() -> None:
+    flight = flying("px4")
+    flight.give(GoTo(*flight.place(300.0, 0.0), 20.0, 3.0))
+    flight.until(lambda: flight.vehicle.mode.name == "OFFBOARD")
+    assert flight.state.mode == "HOLD"
+    part(flight)
+    flight.wait(20.0)
+    assert flight.vehicle.mode.name == "HOLD" and not flight.vehicle.failsafes
+
+
+def test_a_climb_goes_on_to_its_altitude() -> None:
+    flight = VirtualFlight("ardupilot", arm=True)
+    flight.give(TakeOff(40.0))
+    flight.until(lambda: flight.vehicle.craft.up_m > 5.0)
+    part(flight)
+    flight.wait(60.0)
+    assert flight.vehicle.craft.up_m == pytest.approx(40.0, abs=2.0)
+
+
+def until(condition: Any, timeout_s: float = 90.0) -> None:
+    end_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end_s, "not in time"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_vehicle_that_is_closed_in_flight_is_found_at_rest(dialect: Any) -> None:
+    with running_autopilot(dialect, link="udpin", speedup=5, ready_s=5.0) as autopilot:
+        settings = VehicleSettings(
+            connection=autopilot.connection, dialect=dialect, arm=True, set_point_hz=40.0
+        )
+        with Vehicle(settings) as vehicle:
+            vehicle.give(TakeOff(20.0))
+            until(lambda: vehicle.outcome.status == "done")
+            vehicle.give(FAR)
+            until(lambda: vehicle.state.speed_mps > 3.0)
+            left = vehicle.state
+        with Vehicle(settings) as found:
+            until(lambda: found.state.has_position and found.state.mode)
+            assert found.state.mode == ("HOLD" if dialect == "px4" else "GUIDED")
+            until(lambda: found.state.speed_mps < 0.5, 10.0)
+            metres = 111_195 * (found.state.lat_deg - left.lat_deg)
+            assert abs(metres) < 80.0 and not found.state.failsafe
+
+
+def test_twenty_vehicles_that_do_not_end_are_closed_in_the_time_of_one() -> None:
+    """Each has a thread that is stuck, as in a call to the system that does not return."""
+    fleet = Fleet([VehicleSettings(connection=f"udpin:127.0.0.1:{5 + k}") for k in range(20)])
+    for vehicle in fleet:
+        vehicle._turn = lambda: time.sleep(2 * CLOSE_S)  # type: ignore[method-assign]
+    fleet.start()
+    start_s = time.monotonic()
+    fleet.close()
+    assert time.monotonic() - start_s < 1.5 * CLOSE_S
+
+
+def test_vehicles_out_of_reach_are_not_waited_for() -> None:
+    fleet = Fleet([VehicleSettings(connection=f"udpin:127.0.0.1:{5 + k}") for k in range(20)])
+    fleet.start()
+    start_s = time.monotonic()
+    fleet.close()
+    assert time.monotonic() - start_s < 0.5 * CLOSE_S
