@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes the tables of parameters, from the code, into the README and into docs.
 
-Run `python docs/tables.py` after a change of a scenario's, a rule's or a node's fields.
+Run `python docs/tables.py` after a change of a scenario's, a rule's or a node's fields, or of the
+arguments of a launch file.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 from rcl_interfaces.msg import ParameterType
 
 from dsse_ros.nodes.flight_settings import BridgeSettings
+from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.parameters import descriptor
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings, SimSettings
 from dsse_ros.search import PROFILES, Rules, Scenario
@@ -31,6 +33,11 @@ TYPES = {
     ParameterType.PARAMETER_DOUBLE_ARRAY: "double_array",
     ParameterType.PARAMETER_STRING_ARRAY: "string_array",
 }
+
+LAUNCH_TYPES = {
+    "bool": "bool", "int": "integer", "float": "number", "str": "text",
+    "ints": "list of integers", "names": "list of texts",
+}  # fmt: skip
 
 Rows = list[list[str]]
 
@@ -59,13 +66,14 @@ def shown(value: Any) -> str:
     return f"`[{', '.join(shown(item).strip('`') for item in value)}]`"
 
 
-def allowed(spec: Spec) -> str:
+def allowed(spec: Spec | Argument) -> str:
     """Return the allowed values."""
     if spec.choices:
         return ", ".join(f"`{choice}`" for choice in spec.choices)
+    above = spec.above if isinstance(spec, Spec) else -math.inf
     bounds = [
         f"{sign} {number(bound)}"
-        for sign, bound in ((">", spec.above), ("≥", spec.low), ("≤", spec.high))
+        for sign, bound in ((">", above), ("≥", spec.low), ("≤", spec.high))
         if math.isfinite(bound)
     ]
     return ", ".join(bounds)
@@ -132,14 +140,31 @@ def rules_table() -> str:
     return table(["Parameter", "Type", "Unit", *PROFILES, "Meaning"], rows)
 
 
+def launch_table() -> str:
+    """Return the table of the launch files' arguments, with the default in each file."""
+    rows = []
+    for name in {**MISSION, **FLIGHT}:
+        files = [arguments[name] for arguments in (MISSION, FLIGHT) if name in arguments]
+        defaults_of = [
+            shown(arguments[name].default or None) if name in arguments else "no such argument"
+            for arguments in (MISSION, FLIGHT)
+        ]
+        docs = list(dict.fromkeys(one.doc for one in files))
+        meaning = docs[0] if len(docs) == 1 else f"{docs[0]} In a flight: {docs[1]}"
+        kind = LAUNCH_TYPES[files[0].kind]
+        rows.append([f"`{name}`", kind, *defaults_of, allowed(files[-1]), meaning])
+    return table(["Argument", "Type", "In a mission", "In a flight", "Allowed", "Meaning"], rows)
+
+
 TABLES = {
+    "launch": launch_table,
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
     "mavlink_bridge": lambda: settings_table(BridgeSettings),
     "scenario": scenario_table,
     "rules": rules_table,
 }
-PAGES = ("README.md", "docs/flight.md", "docs/parameters.md")
+PAGES = ("README.md", "docs/flight.md", "docs/parameters.md", "docs/ros.md")
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
 

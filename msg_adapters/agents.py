@@ -37,7 +37,8 @@ class AgentsInfo:
         cell_size_m: Side of a cell.
         timestep_limit: Limit of the mission in steps.
         step_duration_s: Simulated time that a step takes.
-        map_frame: Name of the map frame.
+        map_frame: Name of the map frame, prefix included.
+        frame_prefix: What the names of all frames begin with.
         origin: Where the map frame lies on the Earth.
         alt_m: Flight altitude above the map plane.
         mission: Number of the mission; grows by one with each reset. A mission that is resumed
@@ -55,6 +56,7 @@ class AgentsInfo:
     timestep_limit: int
     step_duration_s: float
     map_frame: str
+    frame_prefix: str
     origin: Origin
     alt_m: float
     mission: int
@@ -71,6 +73,7 @@ class AgentsInfo:
             origin_alt_m=self.origin.alt_m,
             alt_m=self.alt_m,
             map_frame=self.map_frame,
+            frame_prefix=self.frame_prefix,
         )
 
 
@@ -99,6 +102,7 @@ def agents_from_message(message: String) -> AgentsInfo:
         timestep_limit=keys.integer("timestep_limit", 1),
         step_duration_s=keys.number("step_duration_s"),
         map_frame=keys.text("map_frame"),
+        frame_prefix=keys.text("frame_prefix", may_be_empty=True),
         origin=Origin(
             lat_deg=origin.number("lat_deg"),
             lon_deg=origin.number("lon_deg"),

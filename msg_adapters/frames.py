@@ -29,6 +29,8 @@ class GridFrame:
         origin_alt_m: Height of the map plane above the WGS84 ellipsoid at that corner.
         alt_m: Flight altitude above the map plane.
         map_frame: Name of the frame.
+        frame_prefix: What the names of the drones' frames begin with; the map frame's name has it
+            already.
 
     Raises:
         ValueError: If a value is not allowed.
@@ -41,6 +43,7 @@ class GridFrame:
     origin_alt_m: float
     alt_m: float
     map_frame: str = "map"
+    frame_prefix: str = ""
 
     def __post_init__(self) -> None:
         # Messages take Python numbers only; NumPy's would be corrupted silently.

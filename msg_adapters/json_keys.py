@@ -54,11 +54,11 @@ class Keys:
             self.refuse(key, "a list" if length is None else f"a list of {length}")
         return list(value)
 
-    def text(self, key: str) -> str:
-        """Return a text that is not empty."""
+    def text(self, key: str, *, may_be_empty: bool = False) -> str:
+        """Return a text."""
         value = self.value(key)
-        if not isinstance(value, str) or not value:
-            self.refuse(key, "a text that is not empty")
+        if not isinstance(value, str) or not (value or may_be_empty):
+            self.refuse(key, "a text" if may_be_empty else "a text that is not empty")
         return str(value)
 
     def names(self, key: str) -> tuple[str, ...]:

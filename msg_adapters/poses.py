@@ -21,9 +21,9 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus
 from msg_adapters.frames import GridFrame, cell_to_map, map_to_cell
 
 
-def base_link(drone_name: str) -> str:
+def base_link(drone_name: str, frame_prefix: str = "") -> str:
     """Return the name of a drone's body frame (REP-105): x forward, y left, z up."""
-    return f"{drone_name}/base_link"
+    return f"{frame_prefix}{drone_name}/base_link"
 
 
 def yaw_of(velocity_mps: tuple[float, float]) -> float:
@@ -78,7 +78,7 @@ def odometry(
     """
     message = Odometry() if into is None else into
     _stamp(message, frame, stamp)
-    message.child_frame_id = base_link(drone_name)
+    message.child_frame_id = base_link(drone_name, frame.frame_prefix)
     _place(message.pose.pose, frame, (col, row))
     _turn(message.pose.pose.orientation, yaw_of(velocity_mps))
     message.twist.twist.linear.x = math.hypot(*velocity_mps)
@@ -140,7 +140,7 @@ def nav_sat_fix(
     The fix is exact, hence a known covariance of zero.
 
     Args:
-        frame: The grid (unused by the fix itself, which is global).
+        frame: The grid, whose prefix the body frame has.
         lat_deg: Latitude.
         lon_deg: Longitude.
         alt_m: Height above the WGS84 ellipsoid.
@@ -148,10 +148,9 @@ def nav_sat_fix(
         drone_name: Name of the drone, whose body frame the antenna is at.
         into: Message to fill.
     """
-    del frame
     message = NavSatFix() if into is None else into
     message.header.stamp = stamp
-    message.header.frame_id = base_link(drone_name)
+    message.header.frame_id = base_link(drone_name, frame.frame_prefix)
     message.status.status = NavSatStatus.STATUS_FIX
     message.status.service = NavSatStatus.SERVICE_GPS
     message.latitude = float(lat_deg)
@@ -186,7 +185,7 @@ def transforms(
     for position, name, yaw in zip(positions, names, yaws, strict=True):
         message = TransformStamped()
         _stamp(message, frame, stamp)
-        message.child_frame_id = base_link(name)
+        message.child_frame_id = base_link(name, frame.frame_prefix)
         translation = message.transform.translation
         translation.x, translation.y, translation.z = position
         _turn(message.transform.rotation, yaw)

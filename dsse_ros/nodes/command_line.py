@@ -6,18 +6,39 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from dsse_ros.nodes.ros_arguments import (
+    Given,
+    from_ros,
+    namespace_of,
+    parameters_for,
+    split_ros_arguments,
+)
 from dsse_ros.planners import PLANNERS
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
+from dsse_ros.search.fields import Spec, check_known, specs
 from dsse_ros.search.scenario import ResolvedScenario
 
 BAD_INPUT = 2
 """Exit code after an input that is not allowed."""
 
 MAX_SEED = 2**62
+SIM_NODE, PLANNER_NODE = "dsse_sim", "dsse_planner"
+OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+"""Parameters that every ROS 2 node has."""
 _SHIPPED = Path("share") / "dsse_ros" / "config"
+_OF_SEARCH = {
+    "scenario": ("scenario", Spec("str", "")),
+    "rules": ("rules", Spec("str", "", choices=tuple(PROFILES))),
+    "planner": ("planner", Spec("str", "", choices=tuple(PLANNERS))),
+    "num_drones": ("drones", specs(Scenario)["num_drones"]),
+    "seed": ("seed", Spec("int", "", low=0, high=MAX_SEED)),
+}
+"""Parameters of the nodes that are options of a program: name and values of the option."""
+_FIELDS = {**specs(Rules), **specs(Scenario)}
 
 
 class Parser(argparse.ArgumentParser):
@@ -36,6 +57,46 @@ class Parser(argparse.ArgumentParser):
         self.add("--planner", default="greedy", choices=tuple(PLANNERS), help="planner")
         self.add("--drones", type=int, help="number of drones, by default the scenario's")
         self.add("--seed", type=int, default=0, help="of sea, persons and planner")
+        self.set_defaults(fields={})
+
+    def parse_with_ros(
+        self,
+        argv: Sequence[str] | None,
+        options: Mapping[str, tuple[str, Spec]],
+        others: Collection[str] = (),
+    ) -> argparse.Namespace:
+        """Return the arguments; parameters after --ros-args take the place of their defaults.
+
+        What belongs to the search but is no option is in `fields`, what follows --ros-args in
+        `ros`.
+
+        Args:
+            argv: Command line without the program's name, by default the process's own.
+            options: As `_OF_SEARCH`, of the program itself.
+            others: Parameters that the program has no use for itself.
+        """
+        own, ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
+        options = {**_OF_SEARCH, **options}
+        known = [*options, *_FIELDS, *others]
+        fields, defaults = {}, {}
+        try:
+            given: dict[str, Given] = {}
+            for node in (PLANNER_NODE, SIM_NODE):
+                given |= parameters_for(f"{namespace_of(ros)}/{node}", ros)
+            for name, (value, shared) in given.items():
+                of_all = name.startswith("qos_overrides.") or name in OF_EVERY_NODE
+                if name not in known and (shared or of_all):
+                    continue
+                check_known(f"the parameters of {self.prog}", [name], known)
+                option, spec = options.get(name, ("", None))
+                if spec is not None:
+                    defaults[option] = spec.check(name, value)
+                elif name in _FIELDS:
+                    fields[name] = _FIELDS[name].check(name, from_ros(_FIELDS[name], value))
+        except ValueError as error:
+            self.error(str(error))
+        self.set_defaults(fields=fields, ros=ros, **defaults)
+        return self.parse_args(own)
 
     def error(self, message: str) -> NoReturn:
         """Leave the program with that line."""
@@ -56,9 +117,11 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
     """
     if not 0 <= arguments.seed <= MAX_SEED:
         raise FieldError(f"seed: {arguments.seed} is not allowed; 0 to 2^62")
-    rules = profile(arguments.rules)
+    of_scenario = {k: v for k, v in arguments.fields.items() if k in specs(Scenario)}
+    of_rules = {k: v for k, v in arguments.fields.items() if k not in of_scenario}
+    rules = profile(arguments.rules, **of_rules)
     path = find_scenario(arguments.scenario)
-    scenario = Scenario.from_yaml(path).override(num_drones=arguments.drones)
+    scenario = Scenario.from_yaml(path).override(**of_scenario, num_drones=arguments.drones)
     return path, scenario.resolve(rules), rules
 
 
@@ -68,7 +131,7 @@ def find_scenario(name: str) -> Path:
     Raises:
         FieldError: If there is none.
     """
-    if Path(name).is_file():
+    if Path(name).exists() and not Path(name).is_dir():
         return Path(name).resolve()
     # An environment may never have been told to ament; a source tree has no share.
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.legend import Legend
-from dsse_ros.search import HOLD
-
-Cell = tuple[int, int]
+from dsse_ros.search import HOLD, ActionSet
+from dsse_ros.search.actions import Cell
 
 MISSING_ACTIONS = ("search", "repeat", "hold", "abort")
 """What a drone without a command does when the step cannot wait."""
@@ -22,13 +20,12 @@ class CommandBuffer:
     """The last command of each drone: one action for the next step, or cells to go to.
 
     Args:
-        actions: Legend of the action numbers.
+        actions: Names of the actions by number.
         num_drones: N.
     """
 
     def __init__(self, actions: Sequence[str], num_drones: int) -> None:
-        self._legend = Legend(actions)
-        self._search = list(actions).index("search")
+        self._action_set = ActionSet(actions).with_moves()
         self._num_drones = num_drones
         self.clear()
 
@@ -78,9 +75,9 @@ class CommandBuffer:
                 joint[i] = self._actions[i]
             elif goal := self._ahead(i, cells):
                 here = (int(cells[i, 0]), int(cells[i, 1]))
-                joint[i] = self._legend.action(here, self._legend.towards(here, goal))
+                joint[i] = self._action_set.action(here, self._action_set.towards(here, goal))
             elif missing_action == "search":
-                joint[i] = self._search
+                joint[i] = self._action_set.search
             elif missing_action == "repeat":
                 joint[i] = self._last.get(i, HOLD)
             self._last[i] = int(joint[i])
@@ -92,7 +89,7 @@ class CommandBuffer:
         cells = [start]
         for goal in self._goals.get(drone, ()):
             while cells[-1] != goal:
-                cells.append(self._legend.towards(cells[-1], goal))
+                cells.append(self._action_set.towards(cells[-1], goal))
         return cells
 
     def _ahead(self, drone: int, cells: NDArray[np.int64]) -> Cell | None:

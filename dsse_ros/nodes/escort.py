@@ -156,8 +156,8 @@ class Escort:
         self.finished = False
         self._task: Task | None = None
         self._holding = False
-        # The search was over, or the mission was being flown, when this began.
-        self._late = False
+        # Whether the search was over, or its mission under way, when this began; None before that.
+        self._late: bool | None = None
         # The order given last, with the stamp of its leg if it is to be done for each leg anew.
         self._given: tuple[Order, int] | None = None
         self._done = False
@@ -201,8 +201,6 @@ class Escort:
         self.leg, self._holding, self.arrived = leg, False, False
         self._task = task.value if isinstance(task, Accepted) else None
         self.refused = task.reason if isinstance(task, Rejected) else ""
-        if before is None:
-            self._late = leg.over and (self.record.took_off or not self._whole)
 
     def hold(self) -> None:
         """Have it hold until the next leg."""
@@ -228,6 +226,8 @@ class Escort:
         """
         if self.leg is None:
             return Hold() if takes_off_yet(state, outcome) else None
+        if self._late is None:
+            self._late = self.leg.over and (self.record.took_off or not self._whole)
         self._look(outcome, now_s)
         if state.flying and not self.record.took_off:
             self.record = replace(self.record, took_off=True)
@@ -337,7 +337,7 @@ class Escort:
             return False
         at_rest = not state.armed and not state.flying and not takes_off_yet(state, outcome)
         if self._whole:
-            return self.arrived or (self._late and at_rest)
+            return self.arrived or (bool(self._late) and at_rest)
         return at_rest or (self._given is not None and self._given[0] == self._end and self._done)
 
     def _wanted(self, state: VehicleState, outcome: Outcome, search_alive: bool) -> Order | None:

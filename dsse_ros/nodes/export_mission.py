@@ -15,9 +15,13 @@ from dsse_ros.nodes.flight_settings import FlightSettings
 from dsse_ros.nodes.track_files import layers, search_mission, write_missions
 from dsse_ros.planners import make_planner
 from dsse_ros.search import FieldError, SearchEnv
+from dsse_ros.search.compiler import prepare
 from dsse_ros.search.fields import specs
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Home
+
+LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
+"""Parameters of the flight that are options of the same name."""
 
 
 def play(
@@ -31,7 +35,7 @@ def play(
     """
     observations, infos = env.reset(seed=seed)
     policy = make_planner(planner, env.rules.actions, seed=seed)
-    search = env.rules.actions.index("search")
+    search = env.rules.action_set.search
     numbers = {name: i for i, name in enumerate(env.possible_agents)}
     cells = [env.positions]
     searched = [np.zeros(len(numbers), bool)]
@@ -75,12 +79,14 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     )
     add("--dialect", default=defaults.dialect, choices=of_flight["dialect"].choices,
         help="whose missions")  # fmt: skip
-    add("--every-cell", action="store_true", help="a waypoint in each cell of a straight leg")
-    for name in ("acceptance_radius", "search_altitude", "search_hold", "altitude_step"):
+    add("--every-cell", dest="merge_legs", action="store_false",
+        help="a waypoint in each cell of a straight leg")  # fmt: skip
+    for name in LENGTHS:
         spec = of_flight[name]
         add(f"--{name.replace('_', '-')}", type=float, default=getattr(defaults, name),
             help=f"{spec.doc.rstrip('.')}, {spec.unit}")  # fmt: skip
-    return parser.parse_args(argv)
+    options = {name: (name, of_flight[name]) for name in ("dialect", "merge_legs", *LENGTHS)}
+    return parser.parse_with_ros(argv, options)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -89,7 +95,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         settings = FlightSettings(
             dialect=arguments.dialect,
-            merge_legs=not arguments.every_cell,
+            merge_legs=arguments.merge_legs,
             acceptance_radius=arguments.acceptance_radius,
             search_altitude=arguments.search_altitude,
             search_hold=arguments.search_hold,
@@ -97,6 +103,7 @@ def main(argv: list[str] | None = None) -> int:
         )
         home = _home(arguments.home) if arguments.home else None
         _, scenario, rules = search_of(arguments)
+        prepare(lambda line: print(line, file=sys.stderr, flush=True))
         env = SearchEnv(scenario, rules)
     except FieldError as error:
         return fail("export_mission", error)

@@ -35,10 +35,10 @@ class FlightSettings:
     search_hold: float = field(
         "float", "How long a vehicle holds there.", 5.0, low=0, high=600, unit="s"
     )
-    altitude_step: float | None = field(
+    altitude_step: float = field(
         "float", "How much lower each vehicle flies than the one before it, so that paths do not "
-        "cross; by default 5, or less where there is not room for that; 0 for all at one "
-        "altitude.", None, low=0, high=1000, unit="m",
+        "cross; 0 for all at one altitude, negative for 5 or, where there is not room for that, "
+        "less.", -1.0, low=-1, high=1000, unit="m",
     )  # fmt: skip
     merge_legs: bool = field(
         "bool", "Whether missions fly a straight leg in one, without a waypoint in each cell.", True

@@ -57,6 +57,8 @@ TURN_S = 0.1
 STATE_S = 1.0
 """Wall time after which the state of a vehicle is told again that has not changed."""
 DIAGNOSTICS_S = 1.0
+SETTLE_S = 1.0
+"""Wall time in which all that was latched for who comes late is heard: the latest report counts."""
 MISSION_REPORT_S = 5.0
 """Wall time in which the report of a mission comes that is over."""
 
@@ -95,6 +97,7 @@ class BridgeNode(AlarmNode):
         self._unflyable = ""
         self._tracks_late = False
         self._over_since_s: float | None = None
+        self._settled_s = 0.0
         self._search_alive = False
         self._idle_s: float | None = None
         self._holding = False
@@ -182,10 +185,11 @@ class BridgeNode(AlarmNode):
         self._info, self._followed, self._tracks = info, None, None
         self._records, self._escorts, self._frames = None, [], []
         self._over_since_s, self._exported = None, False
+        self._settled_s = time.monotonic() + SETTLE_S
         self._idle_s, self._holding = None, False
         self._unflyable = ""
         try:
-            self._frames = _frames(info.frame, settings)
+            self._frames = _frames(info.frame, settings, len(info.agents))
             if self.fleet is not None:
                 directory = Path(settings.state_directory or default_directory())
                 self._records = FlightRecords(directory, info.run_id, info.mission)
@@ -336,6 +340,8 @@ class BridgeNode(AlarmNode):
         state, outcome, name = vehicle.state, vehicle.outcome, self._names[i]
         if self._tracks is not None and not escort.has_task:
             self._plan(i, escort, state.home)
+        if now_s < self._settled_s:
+            return Hold() if takes_off_yet(state, outcome) else None
         lost, refused, blocked = escort.lost, escort.refused, escort.blocked
         alive = self._search_alive and not self._foreign
         order = escort.advance(state, outcome, now_s, vehicle.trouble, search_alive=alive)
@@ -567,16 +573,16 @@ def _search_action(info: AgentsInfo) -> int:
     return info.actions.index("search") if "search" in info.actions else -1
 
 
-def _frames(frame: GridFrame, settings: BridgeSettings) -> list[GridFrame]:
+def _frames(frame: GridFrame, settings: BridgeSettings, vehicles: int) -> list[GridFrame]:
     """Return the grid at the altitude of each vehicle.
 
     Raises:
         FieldError: If there is not room for all between the altitudes that are allowed.
     """
-    if len(settings.altitudes) == settings.vehicles:
+    if len(settings.altitudes) == vehicles:
         return [replace(frame, alt_m=alt_m) for alt_m in settings.altitudes]
     highest = replace(frame, alt_m=settings.altitudes[0]) if settings.altitudes else frame
-    return layers(highest, settings, settings.vehicles, settings.min_altitude)
+    return layers(highest, settings, vehicles, settings.min_altitude)
 
 
 def _legs(stamp_ns: int, report: NDArray[Any], search: int) -> list[Leg]:

@@ -54,7 +54,7 @@ HISTORY_DTYPE = np.dtype(
 """What is kept of a drone in each step, packed: a mission may have millions of steps."""
 
 _OF_RESULT = ("actions", "held", "probabilities")
-_OF_MISSION = ("seed", "number", "not_found", "aborted", "tracks", "searches", "lost", "_stamp_ns")
+_OF_MISSION = ("seed", "number", "unsearched", "aborted", "tracks", "searches", "lost", "_stamp_ns")
 
 
 class Mission:
@@ -65,9 +65,7 @@ class Mission:
         seed: Seed of the mission under way.
         number: Missions started so far, 1 for the first.
         result: The last step's result.
-        not_found: Probability that no search so far would have found the person, the complement
-            of the cumulative probability of success: the product of (1 - POS) over the steps
-            (IAMSAR Manual, volume II).
+        unsearched: Product over the steps of 1 - POD times the probability of the cells searched.
         aborted: Whether the mission was given up because commands were missing.
         tracks: Of each drone, the cells it was in, without repeats.
         searches: Of each drone, how often it has searched in each cell of its track.
@@ -79,7 +77,7 @@ class Mission:
         self.commands = CommandBuffer(env.rules.actions, env.world.num_drones)
         self.seed = seed
         self.number = 0
-        self.not_found = 1.0
+        self.unsearched = 1.0
         self.aborted = False
         self.tracks: list[list[Cell]] = []
         self.searches: list[list[int]] = []
@@ -87,7 +85,6 @@ class Mission:
         self._past = bytearray()
         self._step_ns = max(round(env.scenario.step_duration_s * 1e9), 1)
         self._stamp_ns = 0
-        self._search = env.rules.actions.index("search")
         self.result = self.reset(seed)
 
     def reset(self, seed: int) -> StepResult:
@@ -97,7 +94,7 @@ class Mission:
             self._stamp_ns = 0
         self.seed = seed
         self.number += 1
-        self.not_found = 1.0
+        self.unsearched = 1.0
         self.aborted = False
         self.commands.clear()
         count = self.env.world.num_drones
@@ -109,10 +106,16 @@ class Mission:
         self.result = self._result(np.full(count, HOLD, np.int8), nobody, np.zeros(count))
         return self.result
 
+    def restart_time(self) -> StepResult:
+        """Let mission time start anew; the last step is now its first."""
+        self._stamp_ns = self._step_ns
+        self.result = replace(self.result, stamp_ns=self._stamp_ns)
+        return self.result
+
     @property
     def over(self) -> bool:
         """Whether no step can be done before a reset."""
-        return self.aborted or not self.env.agents or self._stamp_ns + self._step_ns >= END_NS
+        return self.aborted or not self.live or self._stamp_ns + self._step_ns >= END_NS
 
     @property
     def steps(self) -> int:
@@ -145,8 +148,8 @@ class Mission:
         if all_found and result.found.any():
             return f"found by {', '.join(names[i] for i in np.flatnonzero(result.found))}"
         limit = self.env.scenario.timestep_limit + rules.time_out_grace
-        # A mission whose stamps run out leaves its agents.
-        if self.env.agents or result.step > limit:
+        # A mission whose stamps run out leaves drones in flight.
+        if self.live or result.step > limit:
             return "out of time"
         if self.all_lost or not rules.ends_together:
             return "no drone left"
@@ -154,14 +157,21 @@ class Mission:
 
     @property
     def live(self) -> list[int]:
-        """The drones in flight."""
-        live: list[int] = np.flatnonzero(self.env.world.drones["alive"][0]).tolist()
+        """The drones in flight, none once the search has ended."""
+        world = self.env.world
+        if world.worlds["over"][0]:
+            return []
+        live: list[int] = np.flatnonzero(world.drones["alive"][0]).tolist()
         return live
 
     @property
-    def probability_of_success(self) -> float:
-        """The cumulative probability that the searches so far would have found the person."""
-        return 1.0 - self.not_found
+    def search_effort(self) -> float:
+        """How much has been searched, 0 to 1: the complement of `unsearched`.
+
+        It is no probability of success: the map learns nothing from a search in vain, so that
+        searching one cell again and again counts each time.
+        """
+        return 1.0 - self.unsearched
 
     @property
     def missing(self) -> list[int]:
@@ -201,7 +211,7 @@ class Mission:
         world = self.env.world
         live = world.drones["alive"][0].copy()
         joint = self.commands.take(self.live, self.result.cells, missing_action)
-        searching = live & (joint == self._search)
+        searching = live & (joint == self.env.rules.action_set.search)
         probabilities = np.where(searching, self._probabilities(), 0.0)
         searchers = np.flatnonzero(searching)
         cells = map(tuple, self.result.cells[searchers].tolist())
@@ -209,7 +219,7 @@ class Mission:
         self.env.advance(joint)
         self._past += _packed(self.result).tobytes()
         pod = self.env.scenario.probability_of_detection
-        self.not_found *= 1.0 - min(pod * sum(searched.values()), 1.0)
+        self.unsearched *= 1.0 - min(pod * sum(searched.values()), 1.0)
         self.result = self._result(joint, live & (joint == HOLD), probabilities)
         for drone in searchers.tolist():
             self.searches[drone][-1] += 1
@@ -252,7 +262,7 @@ class Mission:
         return self.result
 
     def _terminated(self) -> NDArray[np.bool_]:
-        """Return who is terminated (N,); where drones end together, each step clears the flags."""
+        """Return who is terminated (N,): who is lost at once, before the step that says so."""
         terminated, _ = self.env.flags
         terminated[self.lost] = True
         return terminated

@@ -20,10 +20,10 @@ from msg_adapters.geodesy import cell_to_geodetic
 
 COLUMNS = (
     "mission", "step", "time_s", "agent", "col", "row", "east_m", "north_m", "lat_deg", "lon_deg",
-    "action", "reward", "terminated", "truncated", "found", "held", "probability", "pos_cumulative",
+    "action", "reward", "terminated", "truncated", "found", "held", "probability", "search_effort",
 )  # fmt: skip
-"""Column names; `probability` is that of the cell searched, `pos_cumulative` the cumulative
-probability of success. Persons have no action and no reward."""
+"""Column names; `probability` is that of the cell searched, `search_effort` is as
+`Mission.search_effort` has it. Persons have no action and no reward."""
 
 
 class MissionLog:
@@ -87,7 +87,7 @@ class MissionLog:
                         repr(float(result.rewards[i])),
                         *(int(flag[i]) for flag in flags),
                         repr(float(result.probabilities[i])),
-                        repr(mission.probability_of_success),
+                        repr(mission.search_effort),
                     )  # fmt: skip
                 )
             else:
@@ -157,7 +157,7 @@ class MissionRecord:
         truncated: (N,) bool after the last step.
         found: (N, K) bool.
         times_s: (K,) float64 mission time.
-        pos_cumulative: Cumulative probability of success.
+        search_effort: Search effort after the last step.
     """
 
     tracks: NDArray[np.int64]
@@ -169,7 +169,7 @@ class MissionRecord:
     truncated: NDArray[np.bool_]
     found: NDArray[np.bool_]
     times_s: NDArray[np.float64]
-    pos_cumulative: float
+    search_effort: float
 
 
 def read_log(path: str | os.PathLike[str]) -> MissionRecord:
@@ -200,7 +200,7 @@ def read_log(path: str | os.PathLike[str]) -> MissionRecord:
         truncated=flags["truncated"][:, -1],
         found=flags["found"],
         times_s=table("time_s", float)[0],
-        pos_cumulative=float(drones[0][-1]["pos_cumulative"]),
+        search_effort=float(drones[0][-1]["search_effort"]),
     )
 
 

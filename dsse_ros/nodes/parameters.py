@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Collection, Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -18,7 +18,12 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from dsse_ros.nodes.command_line import OF_EVERY_NODE
+from dsse_ros.nodes.ros_arguments import from_ros
 from dsse_ros.search.fields import FieldError, Spec, check_known, shown
+
+if TYPE_CHECKING:
+    from dsse_ros.nodes.runtime import AlarmNode
 
 _TYPES = {
     "bool": Parameter.Type.BOOL,
@@ -36,7 +41,6 @@ _TYPES = {
 QOS_PREFIX = "qos_overrides."
 """Opens the names of the parameters that override the QoS of a topic."""
 
-_OF_ROS = ("use_sim_time", "start_type_description_service")
 # rclpy's own subscription when use_sim_time is set.
 _CLOCK_PREFIX = f"{QOS_PREFIX}/clock.subscription."
 _NESTED_LIST = re.compile(r"\s*\[[^'\"]*\[")
@@ -50,7 +54,7 @@ def declarable(
     Raises:
         FieldError: If a parameter that every node has is not true or false.
     """
-    if name in _OF_ROS:
+    if name in OF_EVERY_NODE:
         value = Spec("bool", "").check(name, [] if value is None else value)
     made = descriptor or ParameterDescriptor()
     if value is None:
@@ -58,11 +62,14 @@ def declarable(
     return name, value, made
 
 
-def take_overrides(node: Node, known: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def take_overrides(
+    node: AlarmNode, known: Collection[str]
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the fields and the QoS overrides a node was started with; they are undeclared.
 
     The node must have been made with `automatically_declare_parameters_from_overrides`, so that
-    values of any type arrive here and are judged in one place.
+    values of any type arrive here and are judged in one place. What a file gives to several nodes
+    may be another's: then it is left out, and the log says so.
 
     Raises:
         FieldError: If a name is not known.
@@ -71,11 +78,16 @@ def take_overrides(node: Node, known: Collection[str]) -> tuple[dict[str, Any], 
         # What has no type was given as an empty list.
         name: [] if (value := node.get_parameter(name).value) is None else value
         for name in node.get_parameters_by_prefix("")
-        if name not in _OF_ROS and not name.startswith(_CLOCK_PREFIX)
+        if name not in OF_EVERY_NODE and not name.startswith(_CLOCK_PREFIX)
     }
     for name in given:
         node.undeclare_parameter(name)
     qos = {name: given.pop(name) for name in list(given) if name.startswith(QOS_PREFIX)}
+    others = [name for name in given if name not in known and name in node.shared_names]
+    if others:
+        names = ", ".join(others)
+        node.get_logger().info(f"no parameters of {node.get_name()}, left to other nodes: {names}")
+    given = {name: value for name, value in given.items() if name not in others}
     check_known(f"the parameters of {node.get_name()}", given, sorted(known))
     return given, qos
 
@@ -92,15 +104,6 @@ def check_flat(arguments: Iterable[str]) -> None:
             raise FieldError(
                 f"{name}: {shown(value)} is not allowed; a flat list, as [col0, row0, ...]"
             )
-
-
-def from_ros(spec: Spec, value: Any) -> Any:
-    """Return a parameter's value in the shape the field has: cells come as [col, row, ...]."""
-    if spec.kind == "cells" and isinstance(value, Iterable) and not isinstance(value, str | bytes):
-        flat = list(value)
-        if flat and len(flat) % 2 == 0 and not any(isinstance(v, list | tuple) for v in flat):
-            return [flat[i : i + 2] for i in range(0, len(flat), 2)]
-    return value
 
 
 def to_ros(spec: Spec, value: Any) -> Any:

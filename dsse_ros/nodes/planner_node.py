@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import sys
+import time
+import traceback
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -18,7 +20,7 @@ from dsse_ros.nodes.qos import LATCHED, RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import Planner, make_planner
-from dsse_ros.search import HOLD
+from dsse_ros.search import HOLD, Observation
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.commands import joint_action_message
@@ -29,6 +31,11 @@ from msg_adapters.step_report import step_report_from_message
 Step = tuple[int, int, int]
 """run_id, mission and step of a report: no two steps have all alike."""
 
+_LOOK_S = 1.0
+"""Wall time between looks at what is waited for, and after which a planner that failed is asked
+again."""
+_PENDING_S = 10.0
+"""Wall time after which a step that does not come is worth a line: vehicles take that long."""
 _RUNS = 10
 """Runs whose `agents` are kept: more than there are simulations in a namespace by mistake."""
 
@@ -56,24 +63,32 @@ class PlannerNode(AlarmNode):
         self._answered: Step | None = None
         self._map_used: object = None
         self._answer: Int32MultiArray | None = None
+        self._answered_s = 0.0
+        self._failed: Step | None = None
+        self._waits_for = ""
         endpoints = Endpoints(self, qos)
         self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", RELIABLE)
-        for kind, topic, read in (
-            (String, "agents", self._on_agents),
-            (Image, "probability", self._on_map),
-            (PointCloud2, "step_report", self._on_report),
-        ):
+        self._heard_on = [
             endpoints.subscription(kind, topic, partial(self._on, topic, read), LATCHED)
+            for kind, topic, read in (
+                (String, "agents", self._on_agents),
+                (Image, "probability", self._on_map),
+                (PointCloud2, "step_report", self._on_report),
+            )
+        ]
         endpoints.check_all_used()
         # A command that was lost would stop a lockstep mission for good.
         self._resend_alarm = self.alarms.make(self._send)
+        self._retry_alarm = self.alarms.make(self._plan)
+        self.alarms.make(self._look).repeat(_LOOK_S)
 
     def _on(self, topic: str, read: Callable[[Any], None], message: Any) -> None:
         try:
             read(message)
-            self._plan()
         except ValueError as error:
             self.warn(topic, f"{topic}: {error}")
+        else:
+            self._plan()
 
     def _on_agents(self, message: String) -> None:
         info = agents_from_message(message)
@@ -102,11 +117,7 @@ class PlannerNode(AlarmNode):
                 self.get_logger().debug(f"steps {before[2] + 1} to {step[2] - 1} were not heard")
 
     def _plan(self) -> None:
-        """Answer the step if it is not answered yet and all about it is here.
-
-        Raises:
-            ValueError: If no planner can be made for these actions.
-        """
+        """Answer the step if it is not answered yet and all about it is here."""
         if self._map is None or self._report is None:
             return
         (stamp, report), (map_stamp, probability) = self._report, self._map
@@ -123,26 +134,67 @@ class PlannerNode(AlarmNode):
                 # The last drone was lost since: there is nobody to command any more.
                 self._forget_answer()
             return
-        if last is None or step[:2] != last[:2] or step[2] < last[2]:
-            settings = self.settings
-            self._planner = make_planner(settings.planner, info.actions, seed=settings.seed)
-        assert self._planner is not None
-        self._answered, self._map_used = step, self._map
         self._forget_answer()
-        if not live.any():
-            return
-        agents = {name: i for i, name in enumerate(info.agents) if live[i]}
-        cells = np.stack([report["col"], report["row"]], axis=1).astype(np.int64)
-        masks = report["action_mask"].astype(np.int8)
-        actions = self._planner(
-            {name: (cells[i], probability) for name, i in agents.items()},
-            {name: {"Found": False, "action_mask": masks[i]} for name, i in agents.items()},
-        )
-        joint = [HOLD] * len(report)
-        for name, action in actions.items():
-            joint[agents[name]] = int(action)
-        self._answer = joint_action_message(step[2], joint, mission=step[1])
+        answer = None
+        if live.any():
+            try:
+                if last is None or step[:2] != last[:2] or step[2] < last[2]:
+                    settings = self.settings
+                    self._planner = make_planner(settings.planner, info.actions, seed=settings.seed)
+                assert self._planner is not None
+                actions = _ask(self._planner, info, report, probability, live)
+                answer = joint_action_message(step[2], actions, mission=step[1])
+            except Exception as error:
+                # Of whoever wrote the planner: anything may come.
+                self._report_failure(step, error)
+                self._retry_alarm.set(_LOOK_S)
+                return
+        self._answer = answer
         self._send()
+        self._answered, self._map_used = step, self._map
+        self._answered_s = time.monotonic()
+
+    def _report_failure(self, step: Step, error: Exception) -> None:
+        """Log that the planner has failed, once for each step."""
+        if step == self._failed:
+            return
+        self._failed = step
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        self.get_logger().error(
+            f"planner {self.settings.planner} has failed in step {step[2]} of mission {step[1]}: "
+            f"{reason}"
+        )
+        self.get_logger().debug("".join(traceback.format_exception(error)))
+
+    def _look(self) -> None:
+        """Log what is waited for, when that is news."""
+        before, self._waits_for = self._waits_for, self._missing()
+        if self._waits_for and self._waits_for != before:
+            self.get_logger().info(f"waiting for {self._waits_for}")
+
+    def _missing(self) -> str:
+        """Return what is waited for, in words; "" for nothing worth a line."""
+        heard = (self._infos, self._map, self._report)
+        silent = [
+            subscription.topic_name
+            for subscription, one in zip(self._heard_on, heard, strict=True)
+            if not one
+        ]
+        if silent:
+            return f"a simulation: nothing on {', '.join(silent)} yet"
+        assert self._report is not None
+        step = _step_of(self._report[1])
+        if step == self._failed:
+            return ""
+        if step != self._answered:
+            return "agents, probability and step_report of one and the same step"
+        if self._answer is None:
+            return f"a new mission: mission {step[1]} is over"
+        if not self._publisher.get_subscription_count():
+            return f"a simulation that listens to {self._publisher.topic_name}"
+        if time.monotonic() - self._answered_s > _PENDING_S:
+            return f"step {step[2] + 1} of mission {step[1]}: its joint_action is sent again"
+        return ""
 
     def _forget_answer(self) -> None:
         self._answer = None
@@ -150,8 +202,34 @@ class PlannerNode(AlarmNode):
 
     def _send(self) -> None:
         if self._answer is not None:
+            self.get_logger().debug(f"joint_action {list(self._answer.data)}")
             self._publisher.publish(self._answer)
             self._resend_alarm.set(self.settings.resend_period)
+
+
+def _ask(
+    planner: Planner,
+    info: AgentsInfo,
+    report: NDArray[Any],
+    probability: NDArray[np.float32],
+    live: NDArray[np.bool_],
+) -> list[int]:
+    """Return what a planner has the drones do, in their order; `HOLD` for those out of the search.
+
+    Raises:
+        Exception: Whatever the planner raises, or its answer is not made of.
+    """
+    agents = {name: i for i, name in enumerate(info.agents) if live[i]}
+    cells = np.stack([report["col"], report["row"]], axis=1).astype(np.int64)
+    masks = report["action_mask"].astype(np.int8)
+    actions = planner(
+        {name: Observation(cells[i], probability) for name, i in agents.items()},
+        {name: {"Found": False, "action_mask": masks[i]} for name, i in agents.items()},
+    )
+    joint = [HOLD] * len(report)
+    for name, action in actions.items():
+        joint[agents[name]] = int(action)
+    return joint
 
 
 def _step_of(report: NDArray[Any]) -> Step:

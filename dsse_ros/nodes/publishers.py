@@ -58,13 +58,23 @@ class MissionPublishers:
         mission: What is published.
         frame: Where the grid lies.
         run_id: Identity of the simulation since its start.
+        publish_clock: Whether mission time goes out on `/clock`.
+
+    Attributes:
+        run_id: Identity that the messages carry.
     """
 
     def __init__(
-        self, endpoints: Endpoints, mission: Mission, frame: GridFrame, run_id: int
+        self,
+        endpoints: Endpoints,
+        mission: Mission,
+        frame: GridFrame,
+        *,
+        run_id: int,
+        publish_clock: bool,
     ) -> None:
         self._mission = mission
-        self._run_id = run_id
+        self.run_id = run_id
         self._frame = frame
         self._names = mission.env.possible_agents
         self._publisher = endpoints.publisher
@@ -75,7 +85,7 @@ class MissionPublishers:
         self._mission_report = self._publisher(PointCloud2, "mission_report", LATCHED)
         self._agents = self._publisher(String, "agents", LATCHED)
         self._markers = self._publisher(MarkerArray, "markers", LATCHED)
-        self._clock = self._publisher(Clock, "/clock", RELIABLE)
+        self._clock = self._publisher(Clock, "/clock", RELIABLE) if publish_clock else None
         self._diagnostics = self._publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         self._poses = self._per_drone(PoseStamped, "pose", LATCHED)
         self._odoms = self._per_drone(Odometry, "odom", RELIABLE)
@@ -83,6 +93,8 @@ class MissionPublishers:
         self._paths = self._per_drone(Path, "path", LATCHED)
         transform = tf_type()
         self._tf = transform and self._publisher(transform, "/tf", RELIABLE)
+        # The last messages of the topics that nobody keeps for who comes late.
+        self._of_time: dict[Publisher, Any] = {}
         self._before = self._cells = mission.result.cells
         # What a listener of path and markers has last seen.
         self._seen: dict[Publisher, tuple[int, ...]] = {}
@@ -110,16 +122,27 @@ class MissionPublishers:
             timestep_limit=int(env.scenario.timestep_limit or 0),
             step_duration_s=env.scenario.step_duration_s,
             map_frame=frame.map_frame,
+            frame_prefix=frame.frame_prefix,
             origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
             alt_m=frame.alt_m,
             mission=self._mission.number,
-            run_id=self._run_id,
+            run_id=self.run_id,
         )
         self._agents.publish(agents_message(info))
 
     def publish_clock(self, nanoseconds: int) -> None:
-        """Publish the mission time."""
-        self._clock.publish(clock_message(nanoseconds))
+        """Publish the mission time, if it goes out."""
+        if self._clock is not None:
+            self._publish_time(self._clock, clock_message(nanoseconds))
+
+    def _publish_time(self, publisher: Publisher, message: Any) -> None:
+        self._of_time[publisher] = message
+        publisher.publish(message)
+
+    def repeat_time(self) -> None:
+        """Publish the last `/clock` and `/tf` again, with the same stamp, for who has come late."""
+        for publisher, message in self._of_time.items():
+            publisher.publish(message)
 
     def publish_grid(self, stamp: Time, grid_scaling: str) -> None:
         """Publish the map for people."""
@@ -145,7 +168,7 @@ class MissionPublishers:
         frame, env = self._frame, self._mission.env
         report = make_step_report(
             frame,
-            run_id=self._run_id,
+            run_id=self.run_id,
             mission=self._mission.number,
             step=result.step,
             cells=result.cells,
@@ -163,7 +186,7 @@ class MissionPublishers:
         """Publish every step of the mission at once."""
         mission = self._mission
         report = make_mission_report(
-            self._frame, run_id=self._run_id, mission=mission.number, history=mission.history
+            self._frame, run_id=self.run_id, mission=mission.number, history=mission.history
         )
         self._mission_report.publish(mission_report_message(self._frame, report, stamp))
 
@@ -191,13 +214,14 @@ class MissionPublishers:
         velocities = [(dx * speed, -dy * speed) for dx, dy in way.tolist()]
         for i in heard:
             col, row = cells[i].tolist()
-            message = odometry(
+            odom = odometry(
                 self._frame, self._names[i], col, row, velocities[i], stamp, self._odom_of[i]
             )
-            self._odoms[i].publish(message)
+            self._odoms[i].publish(odom)
         if self._tf is not None:
             yaws = [yaw_of(velocity) for velocity in velocities]
-            self._tf.publish(tf_message(self._frame, cells, self._names, stamp, yaws))
+            message = tf_message(self._frame, cells, self._names, stamp, yaws)
+            self._publish_time(self._tf, message)
 
     def publish_history(self, result: StepResult, stamp: Time, reveal_person: bool) -> None:
         """Publish tracks and markers to listeners who have not seen them as they are now."""

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import (
     DurabilityPolicy,
@@ -18,6 +17,7 @@ from rclpy.qos import (
 from rclpy.subscription import Subscription
 
 from dsse_ros.nodes.parameters import QOS_PREFIX, declare
+from dsse_ros.nodes.runtime import AlarmNode
 from dsse_ros.search.fields import FieldError, Spec, check_known
 
 LATCHED = QoSProfile(
@@ -74,7 +74,7 @@ class Endpoints:
         given: The overrides the node was started with, by name.
     """
 
-    def __init__(self, node: Node, given: Mapping[str, Any]) -> None:
+    def __init__(self, node: AlarmNode, given: Mapping[str, Any]) -> None:
         self._node = node
         self._given = dict(given)
 
@@ -99,12 +99,12 @@ class Endpoints:
         )
 
     def check_all_used(self) -> None:
-        """Raise if an override is of no endpoint.
+        """Raise if an override is of no endpoint, unless a file gives it to several nodes.
 
         Raises:
             FieldError: If there is one.
         """
-        for name in self._given:
+        for name in self._given.keys() - self._node.shared_names:
             raise FieldError(f"{name} is of no topic of {self._node.get_name()}")
 
     def _profile(self, entity: str, topic: str, qos: QoSProfile) -> QoSProfile:

@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,22 +23,25 @@ import numpy as np
 import rclpy
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
 from dsse_ros.nodes.command_line import (
     BAD_INPUT,
+    OF_EVERY_NODE,
     Parser,
     fail,
     make_folder,
     search_of,
 )
+from dsse_ros.nodes.interrupts import Stop, on_signals
 from dsse_ros.nodes.mission_log import MissionRecord, read_log
 from dsse_ros.nodes.qos import LATCHED
-from dsse_ros.nodes.runtime import Stop, new_executor, on_signals
-from dsse_ros.nodes.settings import SimSettings
+from dsse_ros.nodes.ros_arguments import pairs
+from dsse_ros.nodes.runtime import init_ros, new_executor
+from dsse_ros.nodes.settings import PlannerSettings, SimSettings
 from dsse_ros.search import FieldError, Rules, Scenario
+from dsse_ros.search.compiler import COMPILING
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rendering import MissionView, save_picture
 from msg_adapters.images import image_to_probability
@@ -46,7 +49,9 @@ from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
 SILENCE_S = 60.0
-"""Wall time without a step after which the mission is given up; a first run compiles."""
+"""Wall time without a step, or the compiler at work, after which the mission is given up."""
+SIM_PARAMETERS = (*specs(SimSettings), *specs(Scenario), *specs(Rules), *OF_EVERY_NODE)
+PLANNER_PARAMETERS = (*specs(PlannerSettings), *OF_EVERY_NODE)
 STOP_S = 10.0
 """Wall time a process has to end after it was interrupted."""
 
@@ -71,14 +76,14 @@ class Watcher(Node):
         flying: Drones in flight.
         over: Whether the mission is over and its last map is here.
         probability: The last map (G, G).
-        not_found: Product of (1 - POS) over the steps seen.
+        unsearched: As `Mission.unsearched`, over the steps seen.
     """
 
     def __init__(self, search_action: int, probability_of_detection: float) -> None:
         super().__init__("dsse_watcher")
         self.step = -1
         self.flying = 0
-        self.not_found = 1.0
+        self.unsearched = 1.0
         self.probability: NDArray[np.float32] | None = None
         self._search = search_action
         self._pod = probability_of_detection
@@ -109,8 +114,8 @@ class Watcher(Node):
         searched = report[report["action"] == self._search]
         if seen is not None and len(searched):
             cells = {(int(col), int(row)) for col, row in zip(searched["col"], searched["row"])}  # noqa: B905
-            covered = sum(float(seen[row, col]) for col, row in cells)
-            self.not_found *= 1.0 - min(self._pod * covered, 1.0)
+            probability = sum(float(seen[row, col]) for col, row in cells)
+            self.unsearched *= 1.0 - min(self._pod * probability, 1.0)
 
     def line(self) -> str:
         """Return the state of the search for the progress line."""
@@ -119,18 +124,21 @@ class Watcher(Node):
         row, col = np.unravel_index(int(self.probability.argmax()), self.probability.shape)
         best = float(self.probability[row, col])
         flying = f"{self.flying} drones" if self.flying else "over"
-        searched = f"searched {1.0 - self.not_found:.1%}"
-        return f"best cell ({col}, {row}) {best:.1%}, {flying}, {searched}"
+        effort = f"search effort {1.0 - self.unsearched:.1%}"
+        return f"best cell ({col}, {row}) {best:.1%}, {flying}, {effort}"
 
 
 @contextlib.contextmanager
 def process(
-    module: str, parameters: dict[str, Any], log: Path
+    module: str, parameters: dict[str, Any], log: Path, ros: Sequence[str] = ()
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a node with these parameters as a process of its own; it is stopped at the end."""
+    """Run a node with these parameters as a process of its own; it is stopped at the end.
+
+    Further ROS arguments come before the parameters.
+    """
     # Not by -m, which would prefer a source tree in the working directory to the installation.
     program = f"import sys; del sys.path[0]; from dsse_ros.nodes.start import {module}; "
-    command = [sys.executable, "-c", program + f"sys.exit({module}())", "--ros-args"]
+    command = [sys.executable, "-c", program + f"sys.exit({module}())", "--ros-args", *ros]
     for name, value in parameters.items():
         # A text is quoted, as what follows := is read as YAML.
         text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
@@ -166,6 +174,22 @@ def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
     raise MissionFailed(f"{name} ended with code {code}; see {log}")
 
 
+def ros_for(parameters: Collection[str], ros: Sequence[str]) -> list[str]:
+    """Return ROS arguments without those of -p that are for no node or another one."""
+    words: list[str] = []
+    for flag, value in pairs(ros):
+        name = value.partition(":=")[0]
+        if flag != "--param" or ":" in name or name in parameters:
+            words += [flag, value] if value else [flag]
+    return words
+
+
+def compiling(log: Path) -> bool:
+    """Return whether a node's last word is that it compiles."""
+    _, announced, after = log.read_text(errors="replace").rpartition(COMPILING)
+    return bool(announced) and not after.strip()
+
+
 def fly(
     arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Rules, stop: Stop
 ) -> Watcher:
@@ -183,8 +207,10 @@ def fly(
     if arguments.drones is not None:
         sim["num_drones"] = arguments.drones
     planner = {"planner": arguments.planner, "seed": arguments.seed}
+    sim_ros = ros_for(SIM_PARAMETERS, arguments.ros)
+    planner_ros = ros_for(PLANNER_PARAMETERS, arguments.ros)
     sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
-    watcher = Watcher(rules.actions.index("search"), scenario.probability_of_detection)
+    watcher = Watcher(rules.action_set.search, scenario.probability_of_detection)
     executor = new_executor()
     executor.add_node(watcher)
     bar = tqdm(
@@ -192,10 +218,10 @@ def fly(
         mininterval=0.1 if sys.stdout.isatty() else 2.0,
         bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
     )  # fmt: skip
-    heard = time.monotonic()
+    heard, said = time.monotonic(), False
 
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
-        nonlocal heard
+        nonlocal heard, said
         executor.spin_once(timeout_sec=0.1)
         if stop.wanted:
             raise MissionStopped
@@ -205,16 +231,20 @@ def fly(
             bar.set_description_str(watcher.line(), refresh=False)
             # The step that finds the time out is one more than the limit.
             bar.update(min(watcher.step, bar.total) - bar.n)
+        if watcher.step < 0 and compiling(sim_log):
+            if not said:
+                bar.write(COMPILING)
+            said, heard = True, time.monotonic()
         if time.monotonic() - heard > SILENCE_S:
             raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
         if watcher.count_publishers("step_report") > 1:
             raise MissionFailed("another mission is on this ROS_DOMAIN_ID; choose one of your own")
 
-    with bar, process("sim_node", sim, sim_log) as sim_process:
+    with bar, process("sim_node", sim, sim_log, sim_ros) as sim_process:
         # The planner comes when the watcher is there, so that no step is missed.
         while watcher.step < 0:
             watch("sim_node", sim_process, sim_log)
-        with process("planner_node", planner, planner_log) as planner_process:
+        with process("planner_node", planner, planner_log, planner_ros) as planner_process:
             while not watcher.over:
                 watch("sim_node", sim_process, sim_log)
                 check_running(planner_process, "planner_node", planner_log)
@@ -247,7 +277,7 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
         "time at sea": f"{minutes} min {seconds} s",
         "drones": f"{len(metres)}, {down} lost" if down else f"{len(metres)}",
         "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
-        "probability covered": f"{record.pos_cumulative:.1%}",
+        "search effort": f"{record.search_effort:.1%}",
         "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
     }
     title = scenario.name or "Mission"
@@ -281,7 +311,11 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add_search("santos")
     parser.add("--rate", type=float, default=20.0, help="steps/s at most, 0: no limit")
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
-    return parser.parse_args(argv)
+    return parser.parse_with_ros(
+        argv,
+        {"step_rate": ("rate", specs(SimSettings)["step_rate"])},
+        {*SIM_PARAMETERS, *PLANNER_PARAMETERS},
+    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -297,10 +331,12 @@ def main(argv: list[str] | None = None) -> int:
     # An interrupt between the start of a node and its `finally` would leave it behind.
     on_signals(stop)
     try:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        init_ros(["run_mission", "--ros-args", *arguments.ros])
         watcher = fly(arguments, path, scenario, rules, stop)
         record = read_log(arguments.out / "mission.csv")
         save_picture(picture(record, watcher, scenario), arguments.out / "mission.png")
+    except FieldError as error:
+        return fail("run_mission", error)
     except MissionFailed as error:
         fail("run_mission", error)
         return 1

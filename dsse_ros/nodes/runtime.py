@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import sys
 import time
 import weakref
 from collections.abc import Callable, Iterator
-from types import FrameType
 from typing import Any
 
 import rclpy
@@ -28,13 +26,14 @@ from rclpy.utilities import remove_ros_args
 
 from dsse_ros.nodes.alarms import Alarms
 from dsse_ros.nodes.command_line import fail
+from dsse_ros.nodes.interrupts import Stop, leave_on_signals, on_signals
 from dsse_ros.nodes.parameters import declarable
+from dsse_ros.nodes.ros_arguments import UnreadableFileError, parameters_for, split_ros_arguments
 from dsse_ros.search import FieldError
 
 MAX_DOMAIN = 232
 """The last domain whose ports there are (DDSI-RTPS 2.3, 9.6.1.1)."""
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _LOOK_S = 0.1
 """Wall time between looks at whether a signal has come."""
 _WARN_S = 1.0
@@ -43,6 +42,8 @@ _ELSEWHERE_S = 0.05
 
 _nodes: weakref.WeakSet[Node] = weakref.WeakSet()
 """All nodes, also those that are still being made."""
+_ros_arguments: list[str] = []
+"""What followed --ros-args on the command line; rcl keeps it, but does not hand it out."""
 
 
 def new_executor() -> Executor:
@@ -66,6 +67,7 @@ class AlarmNode(Node):
     Attributes:
         alarms: In seconds of wall time.
         finished: Whether the node has done what it was started for, and its process ends.
+        shared_names: The parameters that only files give to it, and to other nodes as well.
     """
 
     finished = False
@@ -73,6 +75,9 @@ class AlarmNode(Node):
     def __init__(self, name: str) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         _nodes.add(self)
+        with _as_field_error():
+            given = parameters_for(self.get_fully_qualified_name(), _ros_arguments)
+        self.shared_names = frozenset(name for name, one in given.items() if one.shared)
         self.alarms = Alarms(time.monotonic)
         self._warned: dict[str, float] = {}
         self.create_timer(
@@ -99,7 +104,7 @@ class AlarmNode(Node):
 
 
 def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | None) -> int:
-    """Make a node, spin it until SIGINT or SIGTERM, and return the process's exit code.
+    """Make a node, spin it until it has ended, SIGINT or SIGTERM; returns the process's exit code.
 
     The process is taken to end soon after: from then on it ignores both signals.
 
@@ -111,7 +116,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     node: AlarmNode | None = None
     stop = Stop()
     try:
-        on_signals(_leave)
+        leave_on_signals(_destroy_nodes)
         with _as_field_error():
             _init([name, *(sys.argv[1:] if argv is None else argv)])
             node = make_node()
@@ -137,37 +142,21 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     return 0
 
 
-class Stop:
-    """Handler of signals that only notes that one has come.
-
-    Attributes:
-        wanted: Whether one has.
-    """
-
-    wanted = False
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Note it."""
-        self.wanted = True
-
-
-def _leave(number: int, frame: FrameType | None) -> None:
-    """End the process while its node is being made, with the code a shell has for the signal.
-
-    No exception would do: numba, which may be compiling, loses or mistakes some.
-    """
-    on_signals(signal.SIG_IGN)
+def _destroy_nodes() -> None:
+    """Destroy all nodes: otherwise their files in shared memory would stay."""
     for node in list(_nodes):
         with contextlib.suppress(Exception):
-            # Otherwise its files in shared memory would stay.
             Node.destroy_node(node)
-    os._exit(128 + number)
 
 
-def on_signals(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
-    """Have SIGINT and SIGTERM handled by this."""
-    for number in _SIGNALS:
-        signal.signal(number, handler)
+def init_ros(arguments: list[str]) -> None:
+    """Start rclpy with a command line, the program's name first.
+
+    Raises:
+        FieldError: If an argument is not allowed.
+    """
+    with _as_field_error():
+        _init(arguments)
 
 
 def _init(arguments: list[str]) -> None:
@@ -182,6 +171,7 @@ def _init(arguments: list[str]) -> None:
             raise FieldError(
                 f"{rest[0]!r} is no argument; parameters are given as --ros-args -p name:=value"
             )
+        _ros_arguments[:] = split_ros_arguments(arguments)[1]
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     domain = rclpy.get_default_context().get_domain_id()
     if domain > MAX_DOMAIN:
@@ -201,6 +191,7 @@ def _as_field_error() -> Iterator[None]:
         InvalidParameterTypeException,
         InvalidParameterValueException,
         NameValidationException,
+        UnreadableFileError,
     ) as error:
         raise FieldError(str(error)) from None
     except Exception as error:

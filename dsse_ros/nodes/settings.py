@@ -21,7 +21,9 @@ class SimSettings(FlightSettings):
         FieldError: If a value is not allowed.
     """
 
-    scenario: str = field("str", "Path of the scenario's YAML file; empty for the defaults.", "")
+    scenario: str = field(
+        "str", "YAML file, or name of a scenario of the package; empty for the defaults.", ""
+    )
     rules: str = field("str", "Profile of the rules.", "paper", choices=tuple(PROFILES))
     step_mode: str = field(
         "str",
@@ -55,6 +57,9 @@ class SimSettings(FlightSettings):
     auto_reset: bool = field(
         "bool", "Whether a mission that is over is followed by one with the next seed.", False
     )
+    exit_at_end: bool = field(
+        "bool", "Whether the node ends with a mission that no other follows.", False
+    )
     real_time_factor: float = field(
         "float", "Realtime: simulated seconds per second of wall time.", 1.0, above=0, high=1e6
     )
@@ -72,6 +77,9 @@ class SimSettings(FlightSettings):
         "bool", "Whether mission time goes out on /clock and stamps the messages.", True
     )
     map_frame: str = field("str", "Frame of the map and of the poses.", "map")
+    frame_prefix: str = field(
+        "str", "What the names of all frames begin with, the map's too; such as a/.", ""
+    )
     grid_scaling: str = field(
         "str",
         "How probabilities become 0..100 in probability_grid.",
@@ -116,13 +124,19 @@ class SimSettings(FlightSettings):
             raise FieldError(f"run_id: 0 is not allowed; -1 or 1 to {MAX_ID}")
         if not self.map_frame:
             raise FieldError("map_frame: '' is not allowed; a name")
+        for name in ("map_frame", "frame_prefix"):
+            if getattr(self, name).startswith("/"):
+                raise FieldError(
+                    f"{name}: {getattr(self, name)!r} is not allowed; tf2 has no frame that begins "
+                    "with a slash"
+                )
         if self.resume and not self.snapshot_file:
             raise FieldError("resume: True is not allowed without snapshot_file, to start from")
 
 
 RUN_TIME_SETTINGS = frozenset(
     {
-        "step_mode", "step_rate", "command_timeout", "missing_action", "auto_reset",
+        "step_mode", "step_rate", "command_timeout", "missing_action", "auto_reset", "exit_at_end",
         "real_time_factor", "seed", "grid_scaling", "reveal_person", "odom_rate",
         "export_directory", "export_tracks", "dialect", "acceptance_radius", "search_altitude",
         "search_hold", "merge_legs",

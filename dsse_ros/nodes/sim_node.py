@@ -25,11 +25,15 @@ from nav_msgs.msg import Path
 from nav_msgs.srv import GetMap
 from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock
+from rclpy.duration import Duration
+from rclpy.logging import LoggingSeverity
 from rclpy.parameter import Parameter
 from std_msgs.msg import Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.nodes import simulation_interfaces
+from dsse_ros.nodes.command_line import find_scenario
 from dsse_ros.nodes.mission import Mission
 from dsse_ros.nodes.mission_log import MissionLog
 from dsse_ros.nodes.pace import Pace
@@ -51,6 +55,7 @@ from dsse_ros.nodes.track_files import (
     write_missions,
 )
 from dsse_ros.search import FieldError, Scenario, SearchEnv, Snapshot, SnapshotError, profile
+from dsse_ros.search.compiler import prepare
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
@@ -83,6 +88,14 @@ _OF_PACE = {"step_mode", "step_rate", "real_time_factor", "odom_rate", "command_
 
 HISTORY_PERIOD_S = 0.5
 DIAGNOSTICS_PERIOD_S = 1.0
+EXIT_S = 1.5
+"""Wall time from the end of the mission to that of the node: tracks and diagnostics go out once."""
+ACKNOWLEDGED_S = 5.0
+"""Wall time that a listener has to acknowledge what it was sent."""
+IDLE_S = 1.0
+"""Wall time without a step after which the node says what it waits for, and repeats the time."""
+_MOST_NAMES = 8
+"""Drones that a line of the log names."""
 
 
 class SimNode(AlarmNode):
@@ -107,21 +120,30 @@ class SimNode(AlarmNode):
             origin_lon_deg=scenario.origin_lon,
             origin_alt_m=scenario.origin_alt,
             alt_m=scenario.altitude,
-            map_frame=self.settings.map_frame,
+            map_frame=self.settings.frame_prefix + self.settings.map_frame,
+            frame_prefix=self.settings.frame_prefix,
         )
         self.mission = Mission(env, self._seed())
         if self.settings.snapshot_file:
             _check_snapshot_file(self.settings.snapshot_file)
         if self.settings.resume:
             self._resume()
-        # From outside the mission's random numbers: the same seed stays the same mission.
-        self.run_id = (
-            self.settings.run_id if self.settings.run_id > 0 else 1 + secrets.randbelow(MAX_ID)
+        self.publishers_ = MissionPublishers(
+            endpoints,
+            self.mission,
+            self.frame,
+            run_id=self._run_id(),
+            publish_clock=self.settings.publish_clock,
         )
-        self.publishers_ = MissionPublishers(endpoints, self.mission, self.frame, self.run_id)
         self.paused = False
+        self.stopped = False
         self.rejected: Counter[str] = Counter()
+        self.duplicates = 0
         self.timeouts = 0
+        self._last_joint_action: tuple[int, Any] = (0, None)
+        self._refused_after: int | None = None
+        self._waits = False
+        self._wall_clock = Clock()
         self._crowd_seen: Counter[str] = Counter()
         self._pace = Pace()
         self._pace.set_period(time.monotonic(), self._period_s())
@@ -136,6 +158,8 @@ class SimNode(AlarmNode):
         self._step_alarm = self.alarms.make(self._on_step_alarm)
         self._timeout_alarm = self.alarms.make(self._on_timeout)
         self._odom_alarm = self.alarms.make(self._publish_odometry)
+        self._exit_alarm = self.alarms.make(self._exit)
+        self._idle_alarm = self.alarms.make(self._on_idle)
         self.alarms.make(self._publish_history).repeat(HISTORY_PERIOD_S)
         self.alarms.make(self._publish_diagnostics).repeat(DIAGNOSTICS_PERIOD_S)
         self.add_on_set_parameters_callback(self._check_change)
@@ -157,7 +181,9 @@ class SimNode(AlarmNode):
 
         settings = SimSettings(**of(SETTINGS_SPECS))
         rules = profile(settings.rules, **of(RULES_SPECS))
-        scenario = Scenario.of(settings.scenario or None).override(**of(SCENARIO_SPECS))
+        path = find_scenario(settings.scenario) if settings.scenario else None
+        scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
+        prepare(self.get_logger().info)
         env = SearchEnv(scenario, rules)
         declare(self, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
         declare(self, SCENARIO_SPECS, _in_force(env.scenario))
@@ -178,7 +204,7 @@ class SimNode(AlarmNode):
             self._publish_odometry()
         if "grid_scaling" in changes:
             self.publishers_.publish_grid(self.stamp(), self.settings.grid_scaling)
-        if "auto_reset" in changes:
+        if changes.keys() & {"auto_reset", "exit_at_end"}:
             self._follow_on()
 
     # Wiring
@@ -221,6 +247,36 @@ class SimNode(AlarmNode):
         seed = self.settings.seed
         return seed if seed >= 0 else int(np.random.SeedSequence().generate_state(1)[0])
 
+    def _run_id(self) -> int:
+        """Return the run_id that the parameter asks for."""
+        # From outside the mission's random numbers: the same seed stays the same mission.
+        run_id = self.settings.run_id
+        return run_id if run_id > 0 else 1 + secrets.randbelow(MAX_ID)
+
+    def restart(self) -> None:
+        """Start a new mission and mission time anew, as if the node was started again."""
+        self.publishers_.run_id = self._run_id()
+        self.mission.reset(self._seed())
+        self._restart_time()
+        self._publish_start()
+
+    def restart_time(self) -> None:
+        """Start mission time anew, with the step that the mission is in."""
+        self._restart_time()
+        self._publish()
+        self._first_stamp = self._report_stamp
+
+    def _restart_time(self) -> None:
+        self.mission.restart_time()
+        # Stamps come again: what vehicles have said of them was about others.
+        self._progress = dict.fromkeys(self._progress, Progress())
+
+    def stop(self) -> None:
+        """Restart, and hold the mission there."""
+        self.restart()
+        self.set_paused(True)
+        self.stopped = True
+
     def reset(self, seed: int | None = None) -> None:
         """Start a new mission with this seed, by default the parameter's."""
         self.mission.reset(self._seed() if seed is None else seed)
@@ -235,13 +291,16 @@ class SimNode(AlarmNode):
         )
         self._places.clear()
         self._lost.clear()
+        self._exit_alarm.cancel()
         self.publishers_.publish_agents()
         self._publish()
         self._first_stamp = self._report_stamp
 
     def step(self) -> None:
         """Do one step now; drones without a command follow `missing_action`."""
-        self.mission.advance(self.settings.missing_action)
+        self.stopped = False
+        result = self.mission.advance(self.settings.missing_action)
+        self._debug(lambda: f"step {result.step}: {self._shown_actions(result.actions)}")
         self._publish()
         self._save_snapshot()
         if self.mission.over:
@@ -262,6 +321,17 @@ class SimNode(AlarmNode):
         given_up = mission.aborted or mission.all_lost
         if self.settings.auto_reset and mission.over and not given_up:
             self.reset(mission.seed + 1)
+        elif self.settings.exit_at_end and mission.over:
+            self._exit_alarm.set(EXIT_S)
+
+    def _exit(self) -> None:
+        """End the node when every listener has all that was published."""
+        deadline_s = time.monotonic() + ACKNOWLEDGED_S
+        for publisher in self.publishers:
+            left_s = max(deadline_s - time.monotonic(), 0.0)
+            publisher.wait_for_all_acked(Duration(seconds=left_s))
+        self.get_logger().info("exit_at_end: the node ends with its mission")
+        self.finished = True
 
     def try_step(self) -> str:
         """Do one step if nothing speaks against it; returns what does, or nothing."""
@@ -277,8 +347,8 @@ class SimNode(AlarmNode):
         result, stamp, settings = self.mission.result, self.stamp(), self.settings
         self._report_stamp = stamp
         self._record()
-        if settings.publish_clock:
-            self.publishers_.publish_clock(result.stamp_ns)
+        self._waits = False
+        self.publishers_.publish_clock(result.stamp_ns)
         self._pace.begin(time.monotonic(), on_schedule=self._in_flight)
         self.publishers_.publish_step(result, stamp, settings.grid_scaling)
         self.publishers_.publish_odometry(stamp, 0.0 if self._in_flight else 1.0)
@@ -345,7 +415,9 @@ class SimNode(AlarmNode):
         mode = settings.step_mode if not self.paused and not self.mission.over else "manual"
         self._step_alarm.cancel()
         self._timeout_alarm.cancel()
+        self._idle_alarm.repeat(IDLE_S)
         if mode == "realtime":
+            self._idle_alarm.cancel()
             self._step_alarm.set(self._pace.left_s(time.monotonic()))
             # It goes on from step to step, or it would never ring at a high step_rate.
             self._odom_alarm.repeat(1.0 / settings.odom_rate)
@@ -365,13 +437,8 @@ class SimNode(AlarmNode):
             and not self.paused
             and not mission.over
             and not mission.missing
-            and self._arrived()
+            and not self._late()
         )
-
-    def _arrived(self) -> bool:
-        if not self.settings.wait_for_vehicles:
-            return True
-        return all(self._has_arrived(drone) for drone in self.mission.live)
 
     def _has_arrived(self, drone: int) -> bool:
         """Return whether a vehicle is in its drone's cell and, if it tells, done there."""
@@ -398,6 +465,29 @@ class SimNode(AlarmNode):
             self._step_without_waiting()
         else:
             self._step_when_ready()
+
+    def _on_idle(self) -> None:
+        """Do what helps who has come while nothing happens."""
+        self.publishers_.repeat_time()
+        if not self._waits and self.settings.step_mode == "lockstep" and self._awaited():
+            self.get_logger().info(f"step {self.mission.result.step}: {self._awaited()}")
+        self._waits = True
+
+    def _awaited(self) -> str:
+        """Return what the next step waits for, "" for nothing."""
+        if self.paused or self.mission.over or self.settings.step_mode == "realtime":
+            return ""
+        if self.settings.step_mode == "manual":
+            return "waiting for a call of ~/step"
+        awaited = (("commands", self.mission.missing), ("vehicles", self._late()))
+        shown = [f"{what} of {self._some_names(drones)}" for what, drones in awaited if drones]
+        return f"waiting for {' and '.join(shown)}" if shown else ""
+
+    def _late(self) -> list[int]:
+        """Return the drones whose vehicles have to arrive before the next step."""
+        if not self.settings.wait_for_vehicles or self.mission.over:
+            return []
+        return [drone for drone in self.mission.live if not self._has_arrived(drone)]
 
     def _on_timeout(self) -> None:
         if self._ready():
@@ -430,6 +520,19 @@ class SimNode(AlarmNode):
     def _names(self, drones: list[int]) -> str:
         return ", ".join(self.mission.env.possible_agents[i] for i in drones)
 
+    def _some_names(self, drones: list[int]) -> str:
+        more = len(drones) - _MOST_NAMES
+        return self._names(drones[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+    def _shown_actions(self, actions: NDArray[np.int8]) -> str:
+        legend = self.mission.env.rules.actions
+        return ", ".join(legend[action] if action >= 0 else "none" for action in actions.tolist())
+
+    def _debug(self, text: Callable[[], str]) -> None:
+        """Log what is worth making only if somebody wants to read it."""
+        if self.get_logger().is_enabled_for(LoggingSeverity.DEBUG):
+            self.get_logger().debug(text())
+
     # Commands
 
     def _take(self, topic: str, drone: int | None, parsed: Any) -> Any:
@@ -437,10 +540,15 @@ class SimNode(AlarmNode):
         if not isinstance(parsed, Rejected):
             refused = self.mission.refuse(drone)
             if refused is None:
+                self._debug(lambda: f"{topic}: {parsed.value}")
                 return parsed.value
             parsed = refused
         self.rejected[parsed.code] += 1
-        self.warn(parsed.code, f"{topic}: {parsed.reason}")
+        if parsed.code != "mission_over" or self._refused_after != self.mission.number:
+            self.warn(parsed.code, f"{topic}: {parsed.reason}")
+        if parsed.code == "mission_over":
+            # It stays over: who goes on is told once.
+            self._refused_after = self.mission.number
         return None
 
     def _on_action(self, drone: int, message: Int8) -> None:
@@ -480,8 +588,15 @@ class SimNode(AlarmNode):
             mission.env.rules.actions,
             live,
         )
+        last_mission, last = self._last_joint_action
+        if message.data == last and (isinstance(parsed, Rejected) or mission.refuse()):
+            # A resend that has crossed the step it was for.
+            self.duplicates += 1
+            return
         actions = self._take("joint_action", None, parsed)
         if actions is not None:
+            self.duplicates += message.data == last and mission.number == last_mission
+            self._last_joint_action = (mission.number, message.data)
             mission.command_all(actions)
             self._step_when_ready()
 
@@ -549,7 +664,7 @@ class SimNode(AlarmNode):
 
     def set_paused(self, paused: bool) -> None:
         """Hold the mission, or let it go on from where it was."""
-        self.paused = paused
+        self.paused, self.stopped = paused, False
         self._pace.hold(time.monotonic(), paused)
         self._arm()
 
@@ -618,34 +733,37 @@ class SimNode(AlarmNode):
         elif mission.over:
             message = "mission over"
         elif self.paused:
-            message = "paused"
+            message = "stopped" if self.stopped else "paused"
         crowd = self._crowd()
         causes = self._causes(crowd)
+        awaited = self._awaited() if self._waits else ""
         if causes and level == DiagnosticStatus.OK:
             level = DiagnosticStatus.WARN
-        message = "; ".join([message, *causes])
+        message = "; ".join([message, *([awaited] if awaited else []), *causes])
         missing = [] if mission.over else mission.missing
         values: dict[str, object] = {
             "step": mission.result.step,
             "mission": mission.number,
-            "run_id": self.run_id,
+            "run_id": self.publishers_.run_id,
             "seed": mission.seed,
             "step_mode": self.settings.step_mode,
             "drones_in_flight": len(mission.live),
             "missing_drones": self._names(missing),
             "lost_drones": self._names(mission.lost),
             "timeouts": self.timeouts,
-            "pos_cumulative": f"{mission.probability_of_success:.6f}",
+            "search_effort": f"{mission.search_effort:.6f}",
             **{f"publishers.{topic}": count for topic, count in crowd.items()},
+            "duplicates": self.duplicates,
             "rejected": sum(self.rejected.values()),
         }
         if self.settings.wait_for_vehicles:
-            late = [] if mission.over else [i for i in mission.live if not self._has_arrived(i)]
-            values["awaited_vehicles"] = self._names(late)
+            values["awaited_vehicles"] = self._names(self._late())
         values |= {f"lost.drone{i}": reason for i, reason in sorted(self._lost.items())}
         values |= {f"rejected.{code}": n for code, n in sorted(self.rejected.items())}
         name = self.get_fully_qualified_name().lstrip("/")
-        self.publishers_.publish_diagnostics(self.stamp(), name, level, message, values)
+        # What watches over nodes compares it with the wall clock.
+        stamp = self._wall_clock.now().to_msg()
+        self.publishers_.publish_diagnostics(stamp, name, level, message, values)
 
     def _causes(self, crowd: dict[str, int]) -> list[str]:
         """Return what a person should look at."""
@@ -662,6 +780,8 @@ class SimNode(AlarmNode):
             "step_report": "listeners hear all missions mixed; give each its own namespace",
             "joint_action": "the last command of a drone before a step wins",
         }
+        if self.settings.publish_clock:
+            says["/clock"] = "time jumps to and fro; only one may have publish_clock"
         if self.settings.wait_for_vehicles:
             says["drone0/vehicle_state"] = "two bridges would fly the same vehicles; stop one"
         crowd = Counter({t: self.count_publishers(self.resolve_topic_name(t)) for t in says})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services of simulation_interfaces, where that package is installed.
+"""The services of simulation_interfaces 1.0 and later, where that package is installed.
 
 It is the standard that Gazebo and Isaac Sim follow; it is not among the ROS 2 wheels.
 """
@@ -26,56 +26,81 @@ def serve(node: SimNode) -> bool:
     except ImportError:
         return False
 
-    def succeed(response: Any) -> Any:
-        response.result.result = Result.RESULT_OK
-        return response
+    stopped, playing, paused = (
+        SimulationState.STATE_STOPPED,
+        SimulationState.STATE_PLAYING,
+        SimulationState.STATE_PAUSED,
+    )
+    has_time = node.settings.publish_clock
 
-    def fail(response: Any, reason: str) -> Any:
-        response.result.result = Result.RESULT_OPERATION_FAILED
+    def answer(response: Any, code: int = Result.RESULT_OK, reason: str = "") -> Any:
+        response.result.result = code
         response.result.error_message = reason
         return response
 
-    def reset(_: Any, response: Any) -> Any:
-        node.reset()
-        return succeed(response)
+    def reset(request: Any, response: Any) -> Any:
+        of, scope = ResetSimulation.Request, request.scope
+        if scope in (of.SCOPE_DEFAULT, of.SCOPE_ALL, of.SCOPE_TIME | of.SCOPE_STATE):
+            node.restart()
+        elif scope == of.SCOPE_STATE:
+            node.reset()
+        elif scope == of.SCOPE_TIME and has_time:
+            node.restart_time()
+        else:
+            return answer(
+                response,
+                Result.RESULT_FEATURE_UNSUPPORTED,
+                f"scope: {scope} is not allowed; {'time, ' if has_time else ''}state or all: "
+                "nothing can be spawned",
+            )
+        return answer(response)
 
     def step(request: Any, response: Any) -> Any:
-        if not node.paused:
-            return fail(response, "the simulation is not paused")
+        if state() != paused:
+            return answer(response, Result.RESULT_OPERATION_FAILED, "the simulation is not paused")
         number = node.mission.number
         for _ in range(int(request.steps)):
             refusal = node.try_step()
             if refusal:
-                return fail(response, refusal)
+                return answer(response, Result.RESULT_OPERATION_FAILED, refusal)
             if node.mission.number != number:
                 # auto_reset: the rest would be steps of another mission.
                 break
-        return succeed(response)
+        return answer(response)
+
+    def state() -> int:
+        if node.stopped:
+            return int(stopped)
+        return int(paused if node.paused else playing)
 
     def get_state(_: Any, response: Any) -> Any:
-        paused = node.paused or node.mission.over
-        response.state.state = (
-            SimulationState.STATE_PAUSED if paused else SimulationState.STATE_PLAYING
-        )
-        return succeed(response)
+        response.state.state = state()
+        return answer(response)
 
     def set_state(request: Any, response: Any) -> Any:
         wanted = request.state.state
-        if wanted == SimulationState.STATE_STOPPED:
-            node.reset()
-            node.set_paused(True)
-        elif wanted in (SimulationState.STATE_PAUSED, SimulationState.STATE_PLAYING):
-            node.set_paused(wanted == SimulationState.STATE_PAUSED)
+        if wanted not in (stopped, playing, paused):
+            return answer(
+                response,
+                Result.RESULT_FEATURE_UNSUPPORTED,
+                f"state: {wanted} is not allowed; stopped, playing or paused",
+            )
+        if wanted == state():
+            return answer(response, SetSimulationState.Response.ALREADY_IN_TARGET_STATE)
+        if wanted == stopped:
+            node.stop()
         else:
-            return fail(response, f"state {wanted} is not allowed; stopped, playing or paused")
-        return succeed(response)
+            node.set_paused(wanted == paused)
+        return answer(response)
 
     def get_features(_: Any, response: Any) -> Any:
         response.features.features = [
             SimulatorFeatures.SIMULATION_RESET,
-            SimulatorFeatures.SIMULATION_STATE_PAUSE,
+            *([SimulatorFeatures.SIMULATION_RESET_TIME] if has_time else []),
+            SimulatorFeatures.SIMULATION_RESET_STATE,
             SimulatorFeatures.SIMULATION_STATE_GETTING,
             SimulatorFeatures.SIMULATION_STATE_SETTING,
+            SimulatorFeatures.SIMULATION_STATE_PAUSE,
             SimulatorFeatures.STEP_SIMULATION_SINGLE,
             SimulatorFeatures.STEP_SIMULATION_MULTIPLE,
         ]

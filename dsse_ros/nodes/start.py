@@ -7,9 +7,13 @@ Nothing is imported before the program is chosen, so that what cannot be importe
 from __future__ import annotations
 
 import importlib
-import os
-import signal
+import json
 import sys
+from importlib import metadata
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from dsse_ros.nodes.interrupts import leave_on_signals
 
 MISSING = 1
 """Exit code where something that the program needs is not installed."""
@@ -20,9 +24,10 @@ _ROS = ("rclpy", "rpyutils", "ament_index_python")
 def start(program: str) -> int:
     """Run the program, a module of this package with a `main`; returns its exit code.
 
-    Until the program handles signals itself, Ctrl-C ends the process at once with code 130.
+    Until the program handles signals itself, Ctrl-C ends the process at once with code 130, even
+    while something is compiled.
     """
-    signal.signal(signal.SIGINT, lambda number, frame: os._exit(128 + number))
+    leave_on_signals()
     try:
         module = importlib.import_module(f"dsse_ros.nodes.{program}")
     except ImportError as error:
@@ -46,7 +51,21 @@ def missing(error: ImportError) -> str | None:
         return f"an import has failed in Python {sys.version.partition(' ')[0]}: {reason}"
     if name in _ROS or name.endswith(("_msgs", "_srvs", "_interfaces")):
         return f"ROS 2 not found ({reason}): source a ROS 2, or use `make sim`, which brings one"
-    return f"{name} not found: pip install 'dsse_ros[viz]', or use `make sim`, which brings it"
+    return f"{name} not found: pip install '{clone()}[viz]', or use `make sim`, which brings it"
+
+
+def clone() -> str:
+    """Return the folder that pip has installed the package from, or one that says which it is.
+
+    Its name alone would be that of whatever somebody puts on PyPI.
+    """
+    try:
+        noted = metadata.distribution("dsse_ros").read_text("direct_url.json")
+        url = str(json.loads(noted or "{}")["url"])
+    except (metadata.PackageNotFoundError, KeyError, ValueError):
+        url = ""
+    folder = Path(unquote(urlsplit(url).path)) if url.startswith("file:") else None
+    return str(folder) if folder and (folder / "setup.py").is_file() else "/path/to/the/clone"
 
 
 def sim_node() -> int:

@@ -65,7 +65,7 @@ def layers(
     """
     room_m = max(frame.alt_m - lowest_m, 0.0) / max(vehicles - 1, 1)
     step_m = settings.altitude_step
-    if step_m is None:
+    if step_m < 0:
         step_m = min(ALTITUDE_STEP_M, room_m)
     elif step_m > room_m and vehicles > 1:
         raise FieldError(

@@ -30,11 +30,11 @@ def make_planner(name: str, actions: Sequence[str], *, seed: int = 0) -> Planner
 
     Args:
         name: A key of `PLANNERS`.
-        actions: Legend of the action numbers, as the rules give it.
+        actions: Names of the actions by number, as the rules give them.
         seed: Of all that the planner draws.
 
     Raises:
-        ValueError: If the name is unknown or the legend lacks an action that the planner needs.
+        ValueError: If the name is unknown or an action that the planner needs is missing.
     """
     if not isinstance(name, str) or name not in PLANNERS:
         raise ValueError(f"planner: {name!r} is not known; one of {', '.join(PLANNERS)}")

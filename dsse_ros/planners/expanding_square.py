@@ -16,9 +16,9 @@ from math import atan2, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.legend import Legend
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.routes import RouteFollower
+from dsse_ros.search.actions import ActionSet
 
 _STARBOARD_TURNS = ((0, -1), (1, 0), (0, 1), (-1, 0))
 
@@ -30,17 +30,17 @@ def make_expanding_square(actions: Sequence[str], *, seed: int = 0) -> RouteFoll
     contiguous arcs, one per drone, on about the same side of the datum from ring to ring.
 
     Args:
-        actions: Legend of the action numbers.
+        actions: Names of the actions by number.
         seed: For the choice of the cell to step aside to when a way is blocked.
 
     Raises:
-        ValueError: If the legend lacks search or a straight move.
+        ValueError: If search or a straight move is missing.
     """
     return RouteFollower(square_routes, actions, seed=seed)
 
 
 def square_routes(
-    cells: Sequence[Cell], probability: NDArray[np.float32], legend: Legend
+    cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
 ) -> list[list[Cell]]:
     """Return the route of each drone; together they have every cell of the grid once.
 
@@ -49,14 +49,14 @@ def square_routes(
     Args:
         cells: Present cell of each drone.
         probability: Map (G, G); the first of its greatest values is the datum, NaN is none.
-        legend: Measures the way to the ends of an arc.
+        actions: Measure the way to the ends of an arc.
     """
     size = len(probability)
     row, col = divmod(int(np.argmax(np.nan_to_num(probability, nan=-np.inf))), size)
     datum = (col, row)
     drones = sorted(range(len(cells)), key=lambda drone: _clockwise(datum, cells[drone]))
     routes: list[list[Cell]] = [[] for _ in cells]
-    for drone, route in zip(drones, shared_square(datum, size, len(cells), legend), strict=True):
+    for drone, route in zip(drones, shared_square(datum, size, len(cells), actions), strict=True):
         routes[drone] = route
     return routes
 
@@ -77,7 +77,7 @@ def square_spiral(datum: Cell, size: int) -> Iterator[Cell]:
                 yield col, row
 
 
-def shared_square(datum: Cell, size: int, drones: int, legend: Legend) -> list[list[Cell]]:
+def shared_square(datum: Cell, size: int, drones: int, actions: ActionSet) -> list[list[Cell]]:
     """Divide the square spiral into one route per drone, clockwise from the north-west diagonal.
 
     A drone enters its arc of the next ring at the nearer end. The lengths of the routes differ
@@ -99,7 +99,7 @@ def shared_square(datum: Cell, size: int, drones: int, legend: Legend) -> list[l
             end = start + each + (i in favoured)
             arc = cells[start:end]
             if route and arc:
-                first, last = (legend.distance(route[-1], arc[k]) for k in (0, -1))
+                first, last = (actions.distance(route[-1], arc[k]) for k in (0, -1))
                 if last < first:
                     arc.reverse()
             route += arc

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.legend import Legend
 from dsse_ros.planners.planner import Cell, Observation, cells_of, probability_of
+from dsse_ros.search.actions import ActionSet
 
 
 class Greedy:
@@ -24,15 +24,15 @@ class Greedy:
     it is. Drone i is the i-th live drone.
 
     Args:
-        actions: Legend of the action numbers.
+        actions: Names of the actions by number.
         seed: Not used, the policy draws nothing.
 
     Raises:
-        ValueError: If the legend lacks search or a straight move.
+        ValueError: If search or a straight move is missing.
     """
 
     def __init__(self, actions: Sequence[str], *, seed: int = 0) -> None:
-        self._legend = Legend(actions)
+        self._actions = ActionSet(actions).with_moves()
 
     def __call__(
         self,
@@ -47,11 +47,11 @@ class Greedy:
         taken = set(present)
         actions = {}
         for agent, cell, goal in zip(observations, present, goals, strict=True):
-            end = self._legend.towards(cell, goal)
+            end = self._actions.towards(cell, goal)
             if end in taken:
                 end = cell
             taken.add(end)
-            actions[agent] = self._legend.action(cell, end)
+            actions[agent] = self._actions.action(cell, end)
         return actions
 
 

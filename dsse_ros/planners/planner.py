@@ -9,11 +9,8 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-Cell: TypeAlias = tuple[int, int]
-"""(col, row): col grows to the east, row to the south."""
-
-Observation: TypeAlias = tuple[NDArray[np.integer[Any]], NDArray[np.float32]]
-"""(position (2,) = (col, row), probability (G, G) indexed [row, col])."""
+from dsse_ros.search.actions import Cell
+from dsse_ros.search.observation import Observation
 
 
 class Planner(Protocol):
@@ -34,18 +31,18 @@ class Planner(Protocol):
 
 
 PlannerFactory: TypeAlias = Callable[..., Planner]
-"""Called with the legend (names of the actions) and the keyword `seed`."""
+"""Called with the names of the actions and the keyword `seed`."""
 
 
 def cells_of(observations: Mapping[str, Observation]) -> list[Cell]:
     """Return the present cell of every drone, in the order of the observations."""
     cells = []
-    for position, _ in observations.values():
-        col, row = position
+    for observation in observations.values():
+        col, row = observation.position
         cells.append((int(col), int(row)))
     return cells
 
 
 def probability_of(observations: Mapping[str, Observation]) -> NDArray[np.float32]:
     """Return the map (G, G) that all drones share; there must be an observation."""
-    return next(iter(observations.values()))[1]
+    return next(iter(observations.values())).probability

@@ -10,7 +10,7 @@ import numpy as np
 
 from dsse_ros.planners.avoidance import settle
 from dsse_ros.planners.planner import Observation, cells_of
-from dsse_ros.search.rules import ACTION_VECTORS
+from dsse_ros.search.actions import ActionSet
 
 
 class RandomMoves:
@@ -20,18 +20,15 @@ class RandomMoves:
     search where they are.
 
     Args:
-        actions: Legend of the action numbers; names that are no known action stay in the cell.
+        actions: Names of the actions by number.
         seed: Of all draws.
 
     Raises:
-        ValueError: If the legend lacks search.
+        ValueError: If search is missing.
     """
 
     def __init__(self, actions: Sequence[str], *, seed: int = 0) -> None:
-        if "search" not in actions:
-            raise ValueError(f"actions: search missing in {list(actions)!r}")
-        self._search = list(actions).index("search")
-        self._vectors = [ACTION_VECTORS.get(name, (0, 0)) for name in actions]
+        self._actions = ActionSet(actions)
         self._rng = np.random.default_rng(seed)
 
     def __call__(
@@ -46,12 +43,10 @@ class RandomMoves:
             allowed = np.flatnonzero(infos[agent]["action_mask"])
             actions.append(int(allowed[int(draw * allowed.size)]))
         present = cells_of(observations)
-        wishes = [
-            (col + self._vectors[action][0], row + self._vectors[action][1])
-            for (col, row), action in zip(present, actions, strict=True)
-        ]
+        moves = (self._actions.moves[action] for action in actions)
+        wishes = [(col + dx, row + dy) for (col, row), (dx, dy) in zip(present, moves, strict=True)]
         granted = settle(present, wishes)
         return {
-            agent: action if wish == end else self._search
+            agent: action if wish == end else self._actions.search
             for agent, action, wish, end in zip(observations, actions, wishes, granted, strict=True)
         }

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import settle_around
-from dsse_ros.planners.legend import Legend
 from dsse_ros.planners.planner import Cell, Observation, cells_of, probability_of
+from dsse_ros.search.actions import ActionSet
 
 PATIENCE = 2
 """Turns that a drone waits for a blocked cell before it steps aside."""
 
 RoutePlan: TypeAlias = Callable[
-    [Sequence[Cell], NDArray[np.float32], Legend], Sequence[Sequence[Cell]]
+    [Sequence[Cell], NDArray[np.float32], ActionSet], Sequence[Sequence[Cell]]
 ]
 """From the drones' cells and the map (G, G) to one route per drone, none empty."""
 
@@ -61,16 +61,16 @@ class RouteFollower:
 
     Args:
         plan: Makes the routes.
-        actions: Legend of the action numbers.
+        actions: Names of the actions by number.
         seed: For the choice of the cell to step aside to.
 
     Raises:
-        ValueError: If the legend lacks search or a straight move.
+        ValueError: If search or a straight move is missing.
     """
 
     def __init__(self, plan: RoutePlan, actions: Sequence[str], *, seed: int = 0) -> None:
         self._plan = plan
-        self._legend = Legend(actions)
+        self._actions = ActionSet(actions).with_moves()
         self._rng = np.random.default_rng(seed)
         self._tracks: dict[str, Track] = {}
         self._size = 0
@@ -103,14 +103,14 @@ class RouteFollower:
                 exits[drone] = self._exits(cell, track.goal)
                 wishes.append(None)
             else:
-                wishes.append(self._legend.towards(cell, track.goal))
+                wishes.append(self._actions.towards(cell, track.goal))
 
         granted = settle_around(present, wishes, exits)
         for track, wish, end in zip(tracks, wishes, granted, strict=True):
             blocked = wish is not None and wish != end
             track.waited = track.waited + 1 if blocked else 0
         return {
-            agent: self._legend.action(cell, end)
+            agent: self._actions.action(cell, end)
             for agent, cell, end in zip(observations, present, granted, strict=True)
         }
 
@@ -118,7 +118,7 @@ class RouteFollower:
         self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]
     ) -> None:
         self._size = len(probability)
-        routes = self._plan(cells, probability, self._legend)
+        routes = self._plan(cells, probability, self._actions)
         self._tracks = {a: Track(route) for a, route in zip(agents, routes, strict=True)}
         self._swept = False
 
@@ -129,7 +129,7 @@ class RouteFollower:
 
     def _exits(self, cell: Cell, goal: Cell) -> list[Cell]:
         """Return the neighbouring cells, the one on the way to the goal first."""
-        others = self._legend.neighbours(cell, self._size)
+        others = self._actions.neighbours(cell, self._size)
         self._rng.shuffle(others)
-        ahead = self._legend.towards(cell, goal)
+        ahead = self._actions.towards(cell, goal)
         return others if ahead == cell else [ahead, *(c for c in others if c != ahead)]

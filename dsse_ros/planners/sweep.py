@@ -8,26 +8,26 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.legend import Legend
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.routes import RouteFollower
+from dsse_ros.search.actions import ActionSet
 
 
 def make_sweep(actions: Sequence[str], *, seed: int = 0) -> RouteFollower:
     """Return a planner that searches every cell once, each drone in its own share.
 
     Args:
-        actions: Legend of the action numbers.
+        actions: Names of the actions by number.
         seed: For the choice of the cell to step aside to when a way is blocked.
 
     Raises:
-        ValueError: If the legend lacks search or a straight move.
+        ValueError: If search or a straight move is missing.
     """
     return RouteFollower(sweep_routes, actions, seed=seed)
 
 
 def sweep_routes(
-    cells: Sequence[Cell], probability: NDArray[np.float32], legend: Legend
+    cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
 ) -> list[list[Cell]]:
     """Return the route of each drone through its share, from the corner nearest to it.
 
@@ -37,13 +37,13 @@ def sweep_routes(
     Args:
         cells: Present cell of each drone.
         probability: Any map (G, G); only its size matters.
-        legend: Measures the way to the corners.
+        actions: Measure the way to the corners.
     """
     drones = sorted(range(len(cells)), key=lambda drone: cells[drone])
     routes: list[list[Cell]] = [[] for _ in cells]
     for drone, (cols, rows) in zip(drones, shares(len(probability), len(cells)), strict=True):
         passes = [boustrophedon(c, r) for r in (rows, rows[::-1]) for c in (cols, cols[::-1])]
-        ways = [legend.distance(cells[drone], route[0]) for route in passes]
+        ways = [actions.distance(cells[drone], route[0]) for route in passes]
         routes[drone] = passes[ways.index(min(ways))]
     return routes
 

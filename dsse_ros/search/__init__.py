@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search as arrays: rules, scenario, world, and its PettingZoo environments."""
 
+from dsse_ros.search.actions import ACTION_VECTORS, ActionSet
 from dsse_ros.search.fields import FieldError
-from dsse_ros.search.parallel_env import SearchEnv, aec_env, parallel_env, raw_env
-from dsse_ros.search.rules import ACTION_VECTORS, PROFILES, Rules, profile
+from dsse_ros.search.observation import Observation
+from dsse_ros.search.parallel_env import SearchEnv, aec_env, env, parallel_env, raw_env
+from dsse_ros.search.rules import PROFILES, Rules, profile
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.vector_env import JointVectorEnv, LazyMaps, VectorEnv, vector_env
@@ -13,9 +15,11 @@ __all__ = [
     "ACTION_VECTORS",
     "HOLD",
     "PROFILES",
+    "ActionSet",
     "FieldError",
     "JointVectorEnv",
     "LazyMaps",
+    "Observation",
     "Rules",
     "Scenario",
     "SearchEnv",
@@ -24,6 +28,7 @@ __all__ = [
     "VectorEnv",
     "World",
     "aec_env",
+    "env",
     "parallel_env",
     "profile",
     "raw_env",

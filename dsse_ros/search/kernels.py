@@ -58,7 +58,8 @@ CONSTANTS = np.dtype(
         ("drift_remainder_less_one", "?"),
         ("drift_axes_independent", "?"),
         ("drift_by_speed", "?"),
-        ("drone_speed", "f8"),
+        ("cell_size", "f8"),
+        ("step_duration_s", "f8"),
         ("reset_sea_steps", "i8"),
         ("circle", "?"),
         ("circle_on_previous_datum", "?"),
@@ -105,7 +106,7 @@ DRONES = np.dtype(
         ("start_y", "i8"),
         ("earned", "f8"),  # sum of rewards, before collisions replaced any
         ("reward", "f8"),  # of the last step
-        ("alive", "?"),
+        ("alive", "?"),  # in the search; without a flag and not alive: withdrawn
         ("terminated", "?"),  # since the last reset
         ("truncated", "?"),
         ("found", "?"),  # found a person in the last step
@@ -429,10 +430,12 @@ def persons_step(c, w, gauss, persons):
 @part
 def drift_per_step(c, x, y):
     """Return the drift (x, y) in cells per step of a vector."""
-    if not c.drift_by_speed:
+    norm = np.sqrt(x * x + y * y)
+    if not c.drift_by_speed or norm == 0.0:
         return x, y
-    share = np.hypot(x, y) / c.drone_speed
-    return x * share, y * share
+    # In the order of operations of DSSE 1.1.9: the last bit can decide when a cell is reached.
+    steps = c.cell_size / norm / c.step_duration_s
+    return x / steps, y / steps
 
 
 @part
@@ -641,6 +644,8 @@ def settle_flags(c, w, drones, persons):
     for n in range(len(drones)):
         d = drones[n]
         if not d.alive:
+            # One without a flag was withdrawn since the last step.
+            d.terminated = d.terminated or not d.truncated
             continue
         d.terminated = d.terminated or all_found
         if d.terminated or d.truncated:
@@ -650,7 +655,11 @@ def settle_flags(c, w, drones, persons):
             d.alive = c.ends_together
         flying += d.alive
     w.flying = flying
-    w.over = any_flag if c.ends_together else flying == 0
+    w.over = flying == 0 or (c.ends_together and any_flag)
+    if c.ends_together and w.over:
+        # Whom the end of all ends, it truncates.
+        for n in range(len(drones)):
+            drones[n].truncated = drones[n].truncated or not drones[n].terminated
 
 
 @part
@@ -658,7 +667,8 @@ def step_world(c, w, drones, persons, gauss, tails, occupied, actions):
     """Advance one world: drones in index order, then the sea, then collisions."""
     if c.ends_together:
         for n in range(len(drones)):
-            drones[n].terminated = drones[n].truncated = False
+            if drones[n].alive:
+                drones[n].terminated = drones[n].truncated = False
     if c.found_persons_stay:
         for p in range(len(persons)):
             persons[p].found = False

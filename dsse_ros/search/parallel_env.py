@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import repeat
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -16,23 +16,19 @@ from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
 
 from dsse_ros.search import rendering
 from dsse_ros.search.fields import FieldError, Spec, shown
+from dsse_ros.search.observation import Observation
 from dsse_ros.search.options import check_options, check_seed
-from dsse_ros.search.rules import ACTION_VECTORS, Rules
+from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
-
-T = TypeVar("T")
-
-Observation = tuple[NDArray[np.int64], NDArray[np.float32]]
-"""Position (2,) int64 as (x, y) and probability (G, G) float32 as [y, x], of one agent."""
 
 
 class SearchEnv(ParallelEnv[str, Observation, int]):
     """A drone swarm searching for persons at sea (PettingZoo parallel API).
 
-    Observations are `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell
-    (x, y) and the map [y, x], one read-only array that all agents share. `infos[agent]` has
+    An `Observation` is of `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's
+    cell (x, y) and the map [y, x], one read-only array that all agents share. `infos[agent]` has
     `Found`, whether every person has been found, and `action_mask` (A,) int8, 0 where a move
     would leave the grid. Actions are numbers of `rules.actions`.
 
@@ -91,7 +87,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     def _bind(self) -> None:
         """Make all that shares memory with the world's arrays, or must not be copied."""
         world = self.world
-        self._masks = _masks_by_cell(self.rules.actions, world.grid_size)
+        self._masks = self.rules.action_set.masks(world.grid_size)
         self._actions = np.zeros((1, world.num_drones), np.int8)
         self._action_bytes = self._actions[0].data.cast("B")
         # Views on the world's arrays; x and y open each drone's record.
@@ -131,11 +127,12 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         Args:
             seed: Seeds the world's generator; without one it goes on where it is.
             options: For this mission only: `drones_positions`, `vector`,
-                `person_initial_position`, `person_pod_multipliers`. As PettingZoo's tests ask,
-                other names are ignored, unless they look like a misspelling of these.
+                `person_initial_position`, `person_pod_multipliers`. The name `options`, which
+                PettingZoo's tests pass, is ignored.
 
         Raises:
-            FieldError: If an option is not allowed; the mission under way stays as it is.
+            FieldError: If an option is unknown or not allowed; the mission under way stays as
+                it is.
         """
         start = check_options({} if options is None else options, self.scenario, self.rules)
         if seed is not None:
@@ -160,7 +157,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         """Advance the mission by one step.
 
         Args:
-            actions: One action number per live agent; those of other agents are ignored.
+            actions: One action number per live agent; those of other agents are ignored, and one
+                that was withdrawn needs none.
 
         Raises:
             FieldError: If an action is missing or not allowed; the mission stays as it is.
@@ -179,7 +177,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         else:
             terminations, truncations = (
                 {agent: values[i] for agent, i in zip(agents, live)}
-                for values in (flags.tolist() for flags in self.flags)
+                for values in (self._terminated.tolist(), self._truncated.tolist())
             )
         observations, infos = self._observe(agents, live)
         self._show()
@@ -196,11 +194,14 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     def withdraw(self, drone: int) -> bool:
         """Take a drone out of the mission; it stays where it is and the others go on.
 
+        The next step terminates it: it does nothing there, whatever its action, earns 0, and is
+        then no longer in `agents`. If it was the last one, that step ends the mission.
+
         Args:
             drone: Its number.
 
         Returns:
-            Whether it was still in the search. The last one to leave ends the mission.
+            Whether it was still in the search.
 
         Raises:
             FieldError: If there is no such drone.
@@ -209,10 +210,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         if self._over[0] or not self._alive[drone]:
             return False
         self._alive[drone] = False
-        self._terminated[drone] = True
         self._flying[0] -= 1
-        self._over[0] = self._flying[0] == 0
-        self._note_live()
         return True
 
     def snapshot(self) -> Snapshot:
@@ -232,11 +230,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
 
     @property
     def flags(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Terminated and truncated (N,) of all drones; whom the end of all ends, it truncates."""
-        terminated, truncated = self._terminated.copy(), self._truncated.copy()
-        if self.rules.ends_together and self._over[0]:
-            truncated |= ~terminated
-        return terminated, truncated
+        """Terminated and truncated (N,) of all drones."""
+        return self._terminated.copy(), self._truncated.copy()
 
     @property
     def positions(self) -> NDArray[np.int64]:
@@ -303,7 +298,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
                 self._camera = rendering.Camera()
             return self._camera.rgb_array(view)
         if self._viewer is None:
-            self._viewer = rendering.Viewer()
+            self._viewer = rendering.Viewer(float(self.metadata["render_fps"]))  # type: ignore[arg-type]
         self._viewer.show(view)
         return None
 
@@ -332,8 +327,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
             self._note_live()
 
     def _note_live(self) -> None:
-        """Take from the world which drones are in the search."""
-        self._live = [] if self._over[0] else np.flatnonzero(self._alive).tolist()
+        """Take from the world which drones have no flag yet; a world not begun has none."""
+        out = self._terminated | self._truncated | self._over[0]
+        self._live = np.flatnonzero(~out).tolist()
         self.agents = [self.possible_agents[i] for i in self._live]
         self._no_flags = dict.fromkeys(self.agents, False)
 
@@ -342,7 +338,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Return observations and infos of these agents."""
         cells = self._xy.copy() if len(agents) == len(self._xy) else self._xy[live]
-        observations = dict(zip(agents, zip(cells, repeat(self.probability))))
+        pairs = zip(cells, repeat(self.probability))
+        # A third of the time of Observation(*pair).
+        observations = dict(zip(agents, map(tuple.__new__, repeat(Observation), pairs)))
         masks, found = self._masks, self._adrift[0] == 0
         infos = {
             agent: {"Found": found, "action_mask": masks[y][x]}
@@ -362,7 +360,10 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
                 raise FieldError(
                     f"actions: {shown(actions)} is not allowed; one number per live agent"
                 ) from None
-            numbers = bytearray(self._byte_of(agent, actions) for agent in self.agents)
+            numbers = bytearray(
+                self._byte_of(agent, actions) if self._alive[i] else HOLD & 0xFF
+                for agent, i in zip(self.agents, self._live)
+            )
         if len(numbers) == len(self._action_bytes):
             self._action_bytes[:] = numbers
         else:
@@ -383,30 +384,9 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         except (TypeError, ValueError):
             if noop:
                 return HOLD & 0xFF
-        legend = ", ".join(f"{i} {name}" for i, name in enumerate(self.rules.actions))
-        raise FieldError(f"{agent}: action {shown(value)} is not allowed; {legend}") from None
-
-
-def _masks_by_cell(actions: tuple[str, ...], grid_size: int) -> list[list[NDArray[np.int8]]]:
-    """Return the action masks (A,) as [y][x]; equal ones, and equal rows, are one object.
-
-    The last row and column are for a drone just outside, at -1 or G.
-    """
-
-    def mask(west: bool, east: bool, north: bool, south: bool) -> NDArray[np.int8]:
-        blocked = {(-1, 0): west, (1, 0): east, (0, -1): north, (0, 1): south}
-        vectors = (ACTION_VECTORS[name] for name in actions)
-        free = [not (blocked.get((dx, 0)) or blocked.get((0, dy))) for dx, dy in vectors]
-        made = np.array(free, np.int8)
-        made.flags.writeable = False
-        return made
-
-    def along(make: Callable[[bool, bool], T]) -> list[T]:
-        edges = [(i == 0, i == grid_size - 1) for i in range(grid_size)] + [(False, False)]
-        distinct = {edge: make(*edge) for edge in set(edges)}
-        return [distinct[edge] for edge in edges]
-
-    return along(lambda north, south: along(lambda west, east: mask(west, east, north, south)))
+        raise FieldError(
+            f"{agent}: action {shown(value)} is not allowed; {self.rules.action_set}"
+        ) from None
 
 
 class Conventional(BaseParallelWrapper[str, Any, int]):
@@ -531,3 +511,7 @@ def aec_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
     return wrappers.OrderEnforcingWrapper(
         wrappers.AssertOutOfBoundsWrapper(raw_env(*args, **kwargs))
     )
+
+
+env = aec_env
+"""The name under which PettingZoo's users look for it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -232,9 +233,13 @@ def save_picture(view: MissionView, path: str | os.PathLike[str]) -> None:
 
 
 class Viewer:
-    """A window that shows the mission; without a display it draws and shows nothing."""
+    """A window that shows the mission; without a display it draws and shows nothing.
 
-    def __init__(self) -> None:
+    Args:
+        fps: Pictures per second at most.
+    """
+
+    def __init__(self, fps: float) -> None:
         new_figure()
         from matplotlib import pyplot
 
@@ -242,13 +247,21 @@ class Viewer:
         self._figure = pyplot.figure(figsize=(8.0, 5.6), layout="constrained")
         self._picture = Picture(self._figure)
         self._interactive = pyplot.get_backend().lower() != "agg"
+        self._period_s = 1.0 / fps
+        self._due_s = -math.inf
 
     def show(self, view: MissionView) -> None:
-        """Draw the mission and let the window handle its events."""
+        """Draw the mission once its turn has come, and let the window handle its events."""
+        self._pause(self._due_s - time.monotonic())
+        self._due_s = time.monotonic() + self._period_s
         self._picture.draw(view)
         self._figure.canvas.draw()
         if self._interactive:
-            self._pyplot.pause(0.001)
+            self._pause(0.001)
+
+    def _pause(self, seconds: float) -> None:
+        if seconds > 0:
+            (self._pyplot.pause if self._interactive else time.sleep)(seconds)
 
     def close(self) -> None:
         """Close the window."""

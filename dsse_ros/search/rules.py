@@ -10,25 +10,14 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, ActionSet
 from dsse_ros.search.fields import FieldError, check_all, check_known, field, shown, specs
 
-ACTION_VECTORS: dict[str, tuple[int, int]] = {
-    "left": (-1, 0),
-    "right": (1, 0),
-    "up": (0, -1),
-    "down": (0, 1),
-    "up_left": (-1, -1),
-    "up_right": (1, -1),
-    "down_left": (-1, 1),
-    "down_right": (1, 1),
-    "search": (0, 0),
-}
-"""Step of each action in cells (dx to the east, dy to the south)."""
-
-_PLUS = ("left", "right", "up", "down", "search")
-_STAR = ("left", "right", "up", "down", "up_left", "up_right", "down_left", "down_right", "search")
+_PLUS = (*STRAIGHT, "search")
+_STAR = (*STRAIGHT, *DIAGONAL, "search")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,6 +145,11 @@ class Rules:
             raise FieldError(
                 f"actions: {list(self.actions)!r} is not allowed; different names, search included"
             )
+
+    @cached_property
+    def action_set(self) -> ActionSet:
+        """The actions with their moves and masks."""
+        return ActionSet(self.actions)
 
     def override(self, **values: Any) -> Rules:
         """Return the rules with these fields replaced.

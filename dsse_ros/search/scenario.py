@@ -224,8 +224,8 @@ class Scenario:
             ),
             "timestep_limit": self.timestep_limit or rules.timestep_limit,
         }
-        given = {f.name: getattr(self, f.name) for f in dataclasses.fields(Scenario)}
-        resolved = ResolvedScenario(**{**given, **derived})
+        given = {name: getattr(self, name) for name in SPECS}
+        resolved = ResolvedScenario(**{**given, **derived, "stated": self})
         if resolved.pre_search_steps > MAX_PRE_SEARCH_STEPS:
             raise FieldError(
                 f"pre_search_minutes: {self.pre_search_minutes:g} is not allowed; at most "
@@ -273,7 +273,11 @@ class Scenario:
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedScenario(Scenario):
-    """A scenario with nothing left to derive."""
+    """A scenario with nothing left to derive.
+
+    Attributes:
+        stated: The scenario that it was derived from.
+    """
 
     grid_size: int
     cell_size: float
@@ -287,6 +291,19 @@ class ResolvedScenario(Scenario):
     dispersion_inc: float
     person_pod_multipliers: tuple[float, ...]
     timestep_limit: int
+    stated: Scenario = dataclasses.field(repr=False, compare=False)
+
+    def override(self, **values: Any) -> Scenario:
+        """Return the scenario as it was stated, with these fields replaced.
+
+        What was derived is derived anew: the cell of another altitude, the drift in cells of
+        other drones. Where nothing is replaced, nothing is.
+
+        Raises:
+            FieldError: If a key is unknown or a value is not allowed.
+        """
+        changed = self.stated.override(**values)
+        return self if changed == self.stated else changed
 
     @property
     def step_duration_s(self) -> float:

@@ -17,32 +17,58 @@ from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
-from dsse_ros.search.rules import ACTION_VECTORS, Rules
-from dsse_ros.search.scenario import ResolvedScenario, Scenario
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 
 HOLD = -1
 """The action of a drone that does nothing; it is rewarded like a move."""
 
 
-def constants_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
-    """Return scenario and rules as the kernels read them, (1,) of `kernels.CONSTANTS`."""
+_OF_SCENARIO = (
+    "grid_size", "timestep_limit", "pre_search_steps", "probability_of_detection", "sigma_x",
+    "sigma_y", "dispersion_inc", "cell_size", "step_duration_s",
+)  # fmt: skip
+_OF_RULES = (
+    "move", "leave_grid", "collisions", "collision", "search_min_probability",
+    "search_min_inclusive", "search_below", "search_scale", "find", "find_bonus",
+    "one_find_per_search", "found_persons_stay", "time_out", "time_out_grace", "time_out_acts",
+    "time_out_total", "both_flags", "ends_together", "drift_axes_independent", "drift_by_speed",
+    "reset_sea_steps", "circle", "circle_on_previous_datum", "person_first", "person_walks_blind",
+    "person_scatter",
+)  # fmt: skip
+
+
+def constants_of(
+    scenario: ResolvedScenario, rules: Rules, *, auto_reset: bool = False
+) -> NDArray[np.void]:
+    """Return scenario and rules as the kernels read them, (1,) of `kernels.CONSTANTS`.
+
+    Raises:
+        TypeError: If the kernels read other names than are set here.
+    """
+    actions = rules.action_set
+    unused = [(0, 0)] * (kernels.MAX_ACTIONS - len(actions))
+    dx, dy = zip(*actions.moves, *unused, strict=True)
+    values: dict[str, Any] = {
+        **{name: getattr(scenario, name) for name in _OF_SCENARIO},
+        **{name: getattr(rules, name) for name in _OF_RULES},
+        "num_actions": len(actions),
+        "search_action": actions.search,
+        "dx": dx,
+        "dy": dy,
+        "leave_terminates": rules.leave_policy == "terminate",
+        "leave_flies_on": rules.leave_policy == "fly_on",
+        "drift_remainder_dropped": rules.drift_remainder == "dropped",
+        "drift_remainder_less_one": rules.drift_remainder == "less_one",
+        "person_drifts": rules.person_motion == "drift",
+        "auto_reset": auto_reset,
+    }
+    if differing := values.keys() ^ set(kernels.CONSTANTS.names or ()):
+        raise TypeError(f"kernels.CONSTANTS: not on both sides: {', '.join(sorted(differing))}")
     constants = np.zeros(1, kernels.CONSTANTS)
-    for name in kernels.CONSTANTS.names or ():
-        for source in (scenario, rules):
-            if hasattr(source, name):
-                constants[name] = getattr(source, name)
-                break
-    vectors = [ACTION_VECTORS[name] for name in rules.actions]
-    constants["num_actions"] = len(vectors)
-    constants["search_action"] = rules.actions.index("search")
-    constants["dx"][0, : len(vectors)] = [dx for dx, _ in vectors]
-    constants["dy"][0, : len(vectors)] = [dy for _, dy in vectors]
-    constants["leave_terminates"] = rules.leave_policy == "terminate"
-    constants["leave_flies_on"] = rules.leave_policy == "fly_on"
-    constants["drift_remainder_dropped"] = rules.drift_remainder == "dropped"
-    constants["drift_remainder_less_one"] = rules.drift_remainder == "less_one"
-    constants["person_drifts"] = rules.person_motion == "drift"
+    for name, value in values.items():
+        constants[name] = value
     return constants
 
 
@@ -63,7 +89,8 @@ class World:
             `kernels.WORLDS`, `kernels.DRONES` and `kernels.PERSONS`.
         maps: (B, G, G) float32, the probability of cell [row, col].
         rewards: (B, N) float64 of the last step, a view on `drones`.
-        terminated, truncated: (B, N) bool since the last reset, views on `drones`.
+        terminated, truncated: (B, N) bool since the last reset, views on `drones`; when drones
+            end together, each has one of them at the end.
         found: (B, N) bool, whether the drone found a person in the last step, a view on `drones`.
 
     Raises:
@@ -86,8 +113,7 @@ class World:
         self.grid_size = resolved.grid_size
         self.num_worlds = num_worlds
         self.num_drones = resolved.num_drones
-        self.constants = constants_of(resolved, rules)
-        self.constants["auto_reset"] = auto_reset
+        self.constants = constants_of(resolved, rules, auto_reset=auto_reset)
         self.worlds = np.zeros(num_worlds, kernels.WORLDS)
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
         self.persons = np.zeros((num_worlds, resolved.person_amount), kernels.PERSONS)
@@ -261,7 +287,7 @@ class World:
     @cached_property
     def _identity(self) -> dict[str, Any]:
         parts = {
-            "scenario": dataclasses.asdict(self.scenario),
+            "scenario": {name: getattr(self.scenario, name) for name in SPECS},
             "rules": dataclasses.asdict(self.rules),
         }
         # As a file has it: through JSON a tuple becomes a list.

@@ -210,6 +210,7 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
                 "connections": [autopilot.connection for autopilot in autopilots],
                 "dialect": arguments.dialect, "arm": True, "speed": float(scenario.drone_speed),
                 "acceptance_radius": RADIUS_M, "pose_rate": min(50.0, 200.0 / drones),
+                "state_directory": str(out / "state"),
                 # Wall time, in which vehicle time goes faster.
                 "planner_timeout": 60.0, "set_point_rate": min(5.0 * arguments.speedup, 200.0),
             },

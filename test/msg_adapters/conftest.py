@@ -26,5 +26,6 @@ st.register_type_strategy(
         origin_alt_m=st.floats(-100, 3000),
         alt_m=st.floats(0, 500),
         map_frame=st.sampled_from(["map", "sea"]),
+        frame_prefix=st.sampled_from(["", "a/"]),
     ),
 )

@@ -26,6 +26,7 @@ INFOS = st.builds(
     timestep_limit=st.integers(1, 10**9),
     step_duration_s=NUMBERS,
     map_frame=st.text(min_size=1, max_size=8),
+    frame_prefix=st.text(max_size=8),
     origin=st.builds(
         Origin, lat_deg=st.floats(-90, 90), lon_deg=st.floats(-180, 180), alt_m=NUMBERS
     ),
@@ -43,6 +44,7 @@ INFO = AgentsInfo(
     timestep_limit=100,
     step_duration_s=13.0,
     map_frame="map",
+    frame_prefix="",
     origin=Origin(-24.04, -46.17, 0.0),
     alt_m=120.0,
     mission=1,
@@ -107,6 +109,7 @@ def test_a_missing_key_is_named(field):
         (["timestep_limit"], -1),
         (["mission"], None),
         (["mission"], 2**32),
+        (["frame_prefix"], None),
         (["run_id"], 0),
         (["run_id"], 2**32),
         (["origin", "lat_deg"], "south"),

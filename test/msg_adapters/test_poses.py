@@ -54,7 +54,7 @@ def test_odometry_turned_back_into_the_map_frame_is_the_velocity(frame, col, row
     message = poses.odometry(frame, "drone3", col, row, (east, north), STAMP)
     assert (message.header.frame_id, message.child_frame_id) == (
         frame.map_frame,
-        "drone3/base_link",
+        f"{frame.frame_prefix}drone3/base_link",
     )
     assert xyz(message.pose.pose.position) == pytest.approx(place(frame, (col, row)))
     turn, speed = message.pose.pose.orientation, message.twist.twist.linear
@@ -117,7 +117,10 @@ def test_a_fix_is_exact_and_says_so():
     frame = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
     message = poses.nav_sat_fix(frame, np.float64(-24.03), np.float32(-46.0), 120, STAMP, "drone12")
     assert (message.latitude, message.longitude, message.altitude) == (-24.03, -46.0, 120.0)
-    assert message.header.frame_id == "drone12/base_link" and message.header.stamp == STAMP
+    assert (
+        message.header.frame_id == f"{frame.frame_prefix}drone12/base_link"
+        and message.header.stamp == STAMP
+    )
     assert message.status.status == NavSatStatus.STATUS_FIX
     assert message.status.service == NavSatStatus.SERVICE_GPS
     assert message.position_covariance_type == NavSatFix.COVARIANCE_TYPE_KNOWN
@@ -133,7 +136,8 @@ def test_transforms_place_each_drones_body_where_its_pose_is(frame, cells):
     for made, cell, name, yaw in zip(
         poses.transforms(frame, cells, names, STAMP, yaws), cells, names, yaws, strict=True
     ):
-        assert (made.header.frame_id, made.child_frame_id) == (frame.map_frame, f"{name}/base_link")
+        child = f"{frame.frame_prefix}{name}/base_link"
+        assert (made.header.frame_id, made.child_frame_id) == (frame.map_frame, child)
         assert xyz(made.transform.translation) == place(frame, cell)
         rotation = made.transform.rotation
         assert 2 * math.atan2(rotation.z, rotation.w) == pytest.approx(yaw)

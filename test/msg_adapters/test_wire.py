@@ -64,6 +64,7 @@ def info():
         timestep_limit=100,
         step_duration_s=13.0,
         map_frame="map",
+        frame_prefix="",
         origin=agents.Origin(-24.04, -46.17, 0.0),
         alt_m=120.0,
         mission=0,

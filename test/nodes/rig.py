@@ -126,10 +126,10 @@ def free_domain() -> int:
 
 
 class Process:
-    """A program of the package, started with `python -m`.
+    """A program of the package, started with `python -m`, or a script.
 
     Args:
-        arguments: What follows `python -m`.
+        arguments: What follows `python -m`, or `python` where it is a file.
         log: Where its output goes.
         domain: ROS domain.
     """
@@ -138,7 +138,7 @@ class Process:
         self.log = log
         with log.open("wb") as output:
             self.child = subprocess.Popen(
-                [sys.executable, "-m", *arguments],
+                [sys.executable, *([] if arguments[0].endswith(".py") else ["-m"]), *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,

@@ -45,7 +45,9 @@ CASES = {
     "not YAML": scenario("a: [1, 2", "not YAML"),
     "not a mapping": scenario("- 1\n- 2", "mapping"),
     "not text": Case("-p scenario:={x}", "not UTF-8", files={"x": "\udcff\udcfe"}),
-    "missing scenario": Case("-p scenario:=/no/such.yaml", "No such file"),
+    "missing scenario": Case(
+        "-p scenario:=/no/such.yaml", "'/no/such.yaml' is no file and none of those shipped"
+    ),
     "0 drones": Case("-p num_drones:=0", "num_drones: 0 is not allowed"),
     "more drones than cells": Case("-p grid_size:=3 -p num_drones:=10", "at most 9"),
     "person outside": Case(
@@ -55,6 +57,24 @@ CASES = {
     "odd number of cell parts": Case("-p drones_positions:=[1,2,3]", "drones_positions"),
     "NaN vector": Case("-p vector:=[.nan,0.0]", "vector"),
     "infinite sigma": Case("-p sigma:=.inf", "sigma"),
+    "unknown parameter in a file of its own": Case(
+        "--params-file {x}",
+        "did you mean num_drones?",
+        files={"x": "dsse_sim: {ros__parameters: {num_dornes: 3}}"},
+    ),
+    "unknown parameter in a file of its own and in one for all": Case(
+        "--params-file {x} --params-file {y}",
+        "did you mean num_drones?",
+        files={
+            "x": "dsse_sim: {ros__parameters: {num_dornes: 3}}",
+            "y": "/**: {ros__parameters: {num_dornes: 3}}",
+        },
+    ),
+    "value not allowed in a file for all": Case(
+        "--params-file {x}",
+        "num_drones: 0 is not allowed",
+        files={"x": "/**: {ros__parameters: {num_drones: 0}}"},
+    ),
     "unknown parameter": Case("-p num_dornes:=3", "num_drones"),
     "wrong type": Case("-p num_drones:=three", "num_drones: 'three' is not allowed"),
     "float for an integer": Case("-p num_drones:=3.0", "num_drones: 3.0 is not allowed"),

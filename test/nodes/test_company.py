@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import array
 import json
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from rig import ALL, Rig, Sim, content
+from nav_msgs.msg import Odometry
+from rig import ALL, BEST_EFFORT, Rig, Sim, content, stamp_ns
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import Int32MultiArray, String
 
 ENDLESS: dict[str, Any] = {
@@ -51,7 +54,50 @@ def test_a_second_simulation_on_the_same_topics_is_noticed(rig: Rig) -> None:
     health = sim.health_when(lambda values: values["publishers.step_report"] == "2")
     assert health["level"] == DiagnosticStatus.WARN
     rig.until(lambda: "2 nodes publish step_report" in sim.process.output, "a warning")
+    rig.until(lambda: "mission 1" in other.output, "its mission")
     other.stop()
+
+
+def test_a_second_clock_is_noticed_by_whoever_publishes_one(rig: Rig) -> None:
+    one = rig.sim(ENDLESS, "-r", "/clock:=/ours/clock", namespace="/one_clock")
+    assert one.health()["publishers./clock"] == "1"
+    other = rig.sim(ENDLESS, "-r", "/clock:=/ours/clock", namespace="/two_clocks")
+    for sim in (one, other):
+        health = sim.health_when(lambda values: values["publishers./clock"] == "2")
+        assert health["level"] == DiagnosticStatus.WARN
+        assert "2 nodes publish /clock" in health["message"]
+    other.process.stop()
+    one.health_when(lambda values: values["publishers./clock"] == "1")
+
+
+def test_without_publish_clock_there_is_no_clock_and_no_second_one_to_notice(rig: Rig) -> None:
+    remap = ("-r", "/clock:=/nobodys/clock")
+    sim = rig.sim(ENDLESS | {"publish_clock": False}, *remap, namespace="/no_clock")
+    assert "publishers./clock" not in sim.health()
+    assert rig.node.get_publishers_info_by_topic("/nobodys/clock") == []
+    sim.fly(1, 1)
+    # The stamps are of the node's own clock, and diagnostics of the wall's in any case.
+    assert abs(stamp_ns(sim.reports.last) / 1e9 - time.time()) < 60
+
+
+def test_the_names_of_all_frames_begin_with_the_prefix(rig: Rig) -> None:
+    sim = rig.sim(ENDLESS | {"frame_prefix": "a/", "map_frame": "sea"}, namespace="/prefixed")
+    odom = rig.listen(Odometry, "/prefixed/drone1/odom")
+    fixes = rig.listen(NavSatFix, "/prefixed/drone1/fix", BEST_EFFORT)
+    rig.until(lambda: sim.fly(1, 1) is not None and odom and fixes, "odometry and fixes")
+    assert (odom.last.header.frame_id, odom.last.child_frame_id) == ("a/sea", "a/drone1/base_link")
+    assert fixes.last.header.frame_id == "a/drone1/base_link"
+    assert sim.reports.last.header.frame_id == "a/sea"
+    assert rig.first(PoseStamped, "/prefixed/drone0/pose").header.frame_id == "a/sea"
+    told = json.loads(rig.first(String, "/prefixed/agents").data)
+    assert (told["map_frame"], told["frame_prefix"]) == ("a/sea", "a/")
+    pose = PoseStamped()
+    for frame in ("sea", "a/sea"):
+        pose.header.frame_id = frame
+        pose.pose.position.x = pose.pose.position.y = 65.0
+        sim.talk(PoseStamped, "drone0/command_pose").publish(pose)
+    health = sim.health_after("foreign_frame")
+    assert health["missing_drones"] == "drone1"
 
 
 def test_missions_in_namespaces_of_their_own_do_not_hear_each_other(rig: Rig) -> None:

@@ -301,6 +301,16 @@ def test_a_bridge_started_anew_has_nobody_take_off_who_is_out_of_the_search(
     assert led.finished or not (landed or led.lost or over)
 
 
+@pytest.mark.parametrize("state", [ON_GROUND, FLYING], ids=["on the ground", "in the air"])
+def test_of_the_steps_that_come_late_in_one_go_the_last_one_counts(state: VehicleState) -> None:
+    led = escort()
+    vehicle = Vehicle(led, state)
+    for step in range(5):
+        follow(led, 13 * step, step, 1, over=step == 4)
+    vehicle.turn()
+    assert vehicle.orders == ([Return()] if state.flying else [])
+
+
 def test_a_mission_that_was_begun_is_not_begun_again_by_a_bridge_started_anew() -> None:
     for state in (ON_GROUND, FLYING):
         led = escort(whole=True)

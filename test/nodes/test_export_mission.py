@@ -71,9 +71,29 @@ def test_the_flight_is_as_asked_for(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == [tmp_path / "drone0.plan", tmp_path / "drone0.waypoints"]
 
 
+def test_ros_arguments_count_as_the_options_of_their_names(tmp_path: Path) -> None:
+    parameters = tmp_path / "parameters.yaml"
+    parameters.write_text(
+        "/**: {ros__parameters: {search_altitude: 20.0, dialect: px4, of_others: 1}}"
+    )
+    named, ros = tmp_path / "named", tmp_path / "ros"
+    short = ["-p", "timestep_limit:=20", "-p", "drones_positions:=[3,3]"]
+    given = ["-p", "scenario:=sitl", "-p", "seed:=2", "-p", "merge_legs:=false", "-r", "__ns:=/a"]
+    options = ["--scenario", "sitl", "--seed", "2", "--every-cell", "--dialect", "px4"]
+    options += ["--search-altitude", "20"]
+    export("--out", ros, "--ros-args", "--params-file", parameters, *given, *short)
+    export("--out", named, *options, "--ros-args", *short)
+    files = sorted(path.name for path in named.iterdir())
+    assert files == ["drone0.plan", "drone0.waypoints"]
+    for name in files:
+        assert (ros / name).read_bytes() == (named / name).read_bytes()
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
+        (("--ros-args", "-p", "sigmma:=1.0"), "did you mean sigma?"),
+        (("--ros-args", "-p", "search_hold:=-1.0"), "search_hold: -1.0 is not allowed"),
         (("--scenario", "nowhere"), "scenario: 'nowhere' is no file and none of those shipped"),
         (("--home", "1,2"), "home: '1,2' is not allowed; LAT,LON,ALT"),
         (("--home", "nan,0,0"), "a place on Earth"),

@@ -9,10 +9,12 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetMap
 from rig import LATCHED, Rig, Sim, cells, content, occupancy, stamp_ns, steps_of
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
@@ -28,7 +30,7 @@ HOLD = -1
 START = [(0, 0), (3, 0), (6, 0)]
 DEFAULTS = {
     "seed": 7, "auto_reset": False, "command_timeout": 0.0, "missing_action": "search",
-    "step_rate": 0.0,
+    "step_rate": 0.0, "step_mode": "lockstep",
 }  # fmt: skip
 
 
@@ -66,6 +68,96 @@ def goal(sim: Sim, drone: int, cell: tuple[int, int]) -> None:
 def goals(sim: Sim, drone: int, *track: tuple[int, int]) -> None:
     frame = agents_from_message(sim.rig.first(String, "agents")).frame
     sim.talk(Path, f"drone{drone}/command_path").publish(path(frame, track, to_stamp(0)))
+
+
+def test_a_resend_that_has_crossed_the_step_is_no_refusal(sim: Sim) -> None:
+    before = sim.health()
+    mission = sim.search[1]
+    # In flight when the step is done, and when the mission is over.
+    for step, actions in enumerate([(RIGHT, DOWN, DOWN), (UP, UP, SEARCH), (UP, UP, UP)]):
+        sim.joint(*actions, mission=mission)
+        sim.rig.until(lambda step=step: sim.step_number == step + 1)  # type: ignore[misc]
+        sim.joint(*actions, mission=mission, step=step)
+        if not sim.flying:
+            break
+    sim.settle()
+    health = sim.health()
+    assert int(health["duplicates"]) - int(before["duplicates"]) == sim.step_number
+    assert health["rejected"] == before["rejected"]
+    # Anything but an exact duplicate is refused.
+    sim.joint(UP, UP, LEFT, mission=mission, step=step)
+    sim.health_after("stale_step")
+
+
+def test_a_resend_after_a_reset_is_no_refusal_either(sim: Sim) -> None:
+    before = sim.health()
+    mission = sim.search[1]
+    sim.joint(RIGHT, DOWN, DOWN, mission=mission)
+    sim.rig.until(lambda: sim.step_number == 1)
+    sim.reset()
+    sim.joint(RIGHT, DOWN, DOWN, mission=mission, step=0)
+    sim.settle()
+    health = sim.health()
+    assert (health["step"], health["rejected"]) == ("0", before["rejected"])
+    assert int(health["duplicates"]) == int(before["duplicates"]) + 1
+    # Without the mission it is a command of this one.
+    sim.joint(RIGHT, DOWN, DOWN)
+    sim.rig.until(lambda: sim.step_number == 1)
+
+
+def test_the_node_says_whose_commands_it_waits_for(sim: Sim) -> None:
+    logged = sim.process.output.count("waiting for commands of")
+    sim.command(1, "down")
+    text = "waiting for commands of drone0, drone2"
+    health = sim.health_when(lambda h: text in h["message"])
+    assert health["level"] in (b"\0", b"\1") and health["state"] == "running"
+    sim.rig.until(lambda: f"step 0: {text}" in sim.process.output, "the line in the log")
+    # Once a step, not once a second.
+    sim.health()
+    sim.health()
+    assert sim.process.output.count("waiting for commands of") == logged + 1
+    sim.set(step_mode="manual")
+    sim.health_when(lambda h: "waiting for a call of ~/step" in h["message"])
+    sim.pause(True)
+    assert "waiting" not in sim.health()["message"]
+
+
+def test_while_it_waits_the_clock_is_repeated_and_stands_still(sim: Sim) -> None:
+    with sim.rig.listening(Clock, "/clock") as clock:
+        sim.rig.until(lambda: len(clock) >= 3, "a clock for who comes late")
+        now = stamp_ns(sim.reports.last)
+        assert {m.clock.sec * 10**9 + m.clock.nanosec for m in clock} == {now} and now > 0
+        sim.fly(SEARCH, SEARCH, SEARCH)
+        sim.rig.until(lambda: clock.last.clock == sim.reports.last.header.stamp)
+    assert stamp_ns(sim.reports[0]) == 13 * 10**9
+
+
+def test_diagnostics_have_the_time_of_the_wall(sim: Sim) -> None:
+    with sim.rig.listening(DiagnosticArray, "/diagnostics") as inbox:
+        sim.rig.until(lambda: inbox)
+        assert abs(stamp_ns(inbox.last) / 1e9 - time.time()) < 60
+
+
+def test_who_goes_on_commanding_a_mission_that_is_over_is_told_once(sim: Sim) -> None:
+    sim.fly(UP, UP, UP)
+    before = sim.process.output.count("the mission is over")
+    for _ in range(3):
+        sim.joint(SEARCH, SEARCH, SEARCH)
+        sim.health_after("mission_over")
+        time.sleep(1.1)
+    assert sim.process.output.count("the mission is over") == before + 1
+
+
+def test_the_log_shows_commands_and_steps_to_who_asks(rig: Rig) -> None:
+    fields = {"num_drones": 2, "seed": 1, "publish_clock": False}
+    loud = rig.sim(fields, "--log-level", "debug", namespace="/loud")
+    loud.fly(RIGHT, SEARCH)
+    for text in ("joint_action: (1, 4)", "step 1: right, search"):
+        rig.until(lambda text=text: text in loud.process.output, text)  # type: ignore[misc]
+    quiet = rig.sim(fields, namespace="/quiet")
+    quiet.fly(RIGHT, SEARCH)
+    quiet.settle()
+    assert "right, search" not in quiet.process.output
 
 
 def test_nothing_moves_until_all_drones_have_commanded(sim: Sim) -> None:

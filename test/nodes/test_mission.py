@@ -46,7 +46,7 @@ def test_the_same_seed_and_commands_give_the_same_mission(
         if first.over:
             break
         assert same(fly(first, joint), fly(second, joint))
-        assert first.not_found == second.not_found
+        assert first.unsearched == second.unsearched
 
 
 @given(seeds, joints)
@@ -106,7 +106,7 @@ def test_the_steps_of_a_mission_out_of_time_are_its_limit(rules: str) -> None:
 
 
 @given(joints)
-def test_the_probability_of_success_is_that_of_the_cells_searched(
+def test_the_search_effort_is_that_of_the_cells_searched(
     actions: list[list[int]],
 ) -> None:
     flown = mission(1, person_initial_position=(6, 6))
@@ -118,8 +118,8 @@ def test_the_probability_of_success_is_that_of_the_cells_searched(
         fly(flown, joint)
         searched = {tuple(cells[i].tolist()) for i in live if joint[i] == SEARCH}
         missed *= 1.0 - sum(float(before[row, col]) for col, row in searched)
-        assert flown.probability_of_success == pytest.approx(1.0 - missed, abs=1e-6)
-        assert 0.0 <= flown.probability_of_success <= 1.0
+        assert flown.search_effort == pytest.approx(1.0 - missed, abs=1e-6)
+        assert 0.0 <= flown.search_effort <= 1.0
 
 
 def test_a_cell_that_two_drones_search_counts_once() -> None:
@@ -128,11 +128,11 @@ def test_a_cell_that_two_drones_search_counts_once() -> None:
         person_initial_position=(3, 3), probability_of_detection=0.5, nobody_is_found=True,
     )  # fmt: skip
     fly(flown, [SEARCH, 1])
-    alone = flown.probability_of_success
+    alone = flown.search_effort
     assert alone == 0.5
     p = float(flown.env.probability[3, 3])
     fly(flown, [SEARCH, SEARCH])
-    assert flown.probability_of_success == pytest.approx(1 - (1 - alone) * (1 - 0.5 * p))
+    assert flown.search_effort == pytest.approx(1 - (1 - alone) * (1 - 0.5 * p))
 
 
 def test_the_track_has_each_cell_once_per_visit() -> None:

@@ -60,7 +60,7 @@ def test_what_is_read_is_what_was_flown(
     assert record.persons.tolist() == np.stack([persons["x"], persons["y"]], axis=1).tolist()
     assert np.array_equal(record.person_found, persons["found"])
     assert record.times_s.tolist() == [13.0 * k for k in range(len(results))]
-    assert record.pos_cumulative == mission.probability_of_success
+    assert record.search_effort == mission.search_effort
 
 
 def test_every_place_is_given_as_cell_metres_and_degrees(tmp_path: Path) -> None:

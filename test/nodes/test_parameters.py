@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,8 +20,10 @@ from rig import occupancy as cells_of
 from dsse_ros.nodes.parameters import descriptor, from_ros, to_ros
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings
 from dsse_ros.nodes.sim_node import RULES_SPECS, SCENARIO_SPECS, SETTINGS_SPECS
+from dsse_ros.search import Scenario, profile
 from dsse_ros.search.fields import FieldError, Spec, specs
 
+ROOT = Path(__file__).resolve().parents[2]
 ALL_SPECS = {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
 of_any_field = pytest.mark.parametrize("name", sorted(ALL_SPECS))
 
@@ -48,13 +53,42 @@ def test_a_value_survives_the_way_through_a_parameter(data: st.DataObject, kind:
 def test_the_range_of_a_descriptor_is_what_the_field_allows(name: str) -> None:
     spec = ALL_SPECS[name]
     made = descriptor(name, spec, read_only=True)
-    for limits, step in ((made.integer_range, 1), (made.floating_point_range, 1e-6)):
-        for limit in limits:
-            spec.check(name, limit.to_value)
-            spec.check(name, limit.from_value if spec.low == limit.from_value else limit.to_value)
-            for outside in (limit.from_value - step, limit.to_value + step * limit.to_value):
-                with pytest.raises(FieldError):
-                    spec.check(name, type(limit.to_value)(outside))
+    ranges = [*made.integer_range, *made.floating_point_range]
+    largest = {"int": 2**62, "float": sys.float_info.max}.get(spec.kind)
+    bounds = (spec.low, spec.above, spec.high)
+    if largest is None or not any(map(math.isfinite, bounds)):
+        assert ranges == []
+        if largest is not None:
+            assert {spec.check(name, largest), spec.check(name, -largest)} == {largest, -largest}
+        return
+    (limits,) = ranges
+    assert len(made.integer_range) == (spec.kind == "int")
+
+    def allowed(value: Any) -> bool:
+        try:
+            return bool(spec.check(name, value) == value)
+        except FieldError:
+            return False
+
+    def beyond(value: Any, towards: float) -> Any:
+        if spec.kind == "int":
+            return value + int(math.copysign(1, towards))
+        return math.nextafter(value, towards)
+
+    # The range of ROS includes its ends; "greater than 0" cannot be said in it.
+    first = limits.from_value
+    if first == spec.above:
+        assert not allowed(first)
+        first = beyond(first, math.inf)
+    assert allowed(first) and allowed(limits.to_value)
+    for end, open_end, towards in (
+        (limits.from_value, max(spec.low, spec.above) == -math.inf, -math.inf),
+        (limits.to_value, spec.high == math.inf, math.inf),
+    ):
+        if open_end:
+            assert end == math.copysign(largest, towards)
+        else:
+            assert not allowed(beyond(end, towards))
 
 
 @pytest.fixture(scope="module")
@@ -200,3 +234,44 @@ def test_a_change_counts_from_then_on(sim: Sim) -> None:
         sim.fly(4, 4)
         sim.rig.until(lambda: len(grids) == 3)
         assert 0 < cells_of(grids.last).max() < 100
+
+
+SHARED = """
+/**:
+  ros__parameters:
+    scenario: {scenario}
+    planner: sweep
+    resend_period: 0.2
+    speed: 5.0
+    nobody: [1, 2]
+    controller: {{gain: 1.0}}
+    qos_overrides: {{/b/joint_action: {{publisher: {{depth: 20}}}}}}
+dsse_planner:
+  ros__parameters:
+    seed: 3
+"""
+
+
+def test_one_file_for_all_nodes_stops_none_of_them(rig: Rig) -> None:
+    file = rig.folder / "shared.yaml"
+    file.write_text(SHARED.format(scenario="santos"))
+    planner = rig.start("planner_node", {}, "--params-file", str(file), "-r", "__ns:=/b")
+    sim = rig.sim({"step_rate": 0.0}, "--params-file", str(file), namespace="/b")
+    rig.until(lambda: not sim.flying, "the end of the mission")
+    assert sim.get("num_drones", "grid_size") == [4, 20]
+    left = "no parameters of {}, left to other nodes: "
+    for process, name, own in (
+        (sim.process, "dsse_sim", "sigma"),
+        (planner, "dsse_planner", "seed"),
+    ):
+        (line,) = (line for line in process.output.splitlines() if left.format(name) in line)
+        assert "nobody" in line and "controller.gain" in line and "speed" in line
+        assert own not in line
+
+
+@pytest.mark.parametrize("name", ["paper_zone", "sitl", "santos.yaml"])
+def test_a_scenario_of_the_package_is_known_by_its_name(rig: Rig, name: str) -> None:
+    stem = name.removesuffix(".yaml")
+    sim = rig.sim({"scenario": name}, namespace=f"/{stem}")
+    of_file = Scenario.from_yaml(ROOT / "config" / f"{stem}.yaml").resolve(profile("paper"))
+    assert sim.get("grid_size", "num_drones") == [of_file.grid_size, of_file.num_drones]

@@ -5,16 +5,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
-from rig import LATCHED, Inbox, Rig
+from rig import LATCHED, Inbox, Process, Rig
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.mission import Mission
 from dsse_ros.planners import make_planner
-from dsse_ros.search import parallel_env
+from dsse_ros.search import Observation, parallel_env
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.images import probability_image
 from msg_adapters.stamps import to_stamp
@@ -45,13 +46,14 @@ class Stage:
             agents=tuple(env.possible_agents), actions=env.rules.actions, rules="paper",
             seed=mission.seed, grid_size=env.world.grid_size, cell_size_m=scenario.cell_size,
             timestep_limit=scenario.timestep_limit, step_duration_s=scenario.step_duration_s,
-            map_frame="map", origin=Origin(0.0, 0.0, 0.0), alt_m=120.0, mission=mission.number,
-            run_id=run_id,
+            map_frame="map", frame_prefix="", origin=Origin(0.0, 0.0, 0.0), alt_m=120.0,
+            mission=mission.number, run_id=run_id,
         )  # fmt: skip
         stamp = to_stamp(result.stamp_ns)
         report = make_step_report(
             info.frame, run_id=run_id, mission=mission.number, step=result.step,
-            cells=result.cells, actions=result.actions, rewards=result.rewards, terminated=result.terminated, truncated=result.truncated,
+            cells=result.cells, actions=result.actions, rewards=result.rewards,
+            terminated=result.terminated, truncated=result.truncated,
             found=result.found, held=result.held, action_mask=env.action_masks(),
         )  # fmt: skip
         messages = {
@@ -91,7 +93,7 @@ def mission(seed: int = 0, drones: int = 3, grid: int = 6, **options: Any) -> Mi
 def expected(flown: Mission, planner: object) -> list[int]:
     env = flown.env
     observations = {
-        name: (flown.result.cells[i], env.probability)
+        name: Observation(flown.result.cells[i], env.probability)
         for i, name in enumerate(env.possible_agents)
         if i in flown.live
     }
@@ -293,3 +295,76 @@ def test_a_planner_that_was_restarted_goes_on_with_the_mission(rig: Rig) -> None
             assert health["step"] == str(sim.step_number) and step >= until
     # One more: the action after the last.
     assert sim.step_number >= 60
+
+
+FAILING = """
+import sys
+from dsse_ros.nodes import planner_node
+
+class Failing:
+    asked = 0
+
+    def __call__(self, observations, infos):
+        self.asked += 1
+        step = self.asked
+        if step == 2:
+            raise KeyError("of the\\nsecond time")
+        if step == 4:
+            return {"nobody": 0}
+        return dict.fromkeys(observations, 4)
+
+planner = Failing()
+planner_node.make_planner = lambda *arguments, **options: planner
+sys.exit(planner_node.main())
+"""
+
+
+@pytest.mark.parametrize("level", ["info", "debug"])
+def test_a_planner_that_fails_is_told_on_a_line_and_asked_again(
+    rig: Rig, level: str, tmp_path: Path
+) -> None:
+    script = tmp_path / "failing.py"
+    script.write_text(FAILING)
+    sim = rig.sim({"num_drones": 2, "grid_size": 6, "probability_of_detection": 0.0},
+                  namespace=f"/{level}")  # fmt: skip
+    options = [
+        "--ros-args",
+        "-r",
+        f"__ns:=/{level}",
+        "--log-level",
+        f"{level}.dsse_planner:={level}",
+    ]
+    process = Process([str(script), *options], tmp_path / "planner.log", rig.domain)
+    rig.processes.append(process)
+    # Each of the two failures holds the step up, and the next try answers it.
+    rig.until(lambda: sim.step_number >= 5, "the steps after both")
+    errors = [line for line in process.output.splitlines() if "[ERROR]" in line]
+    assert [line.partition("has failed in ")[2] for line in errors] == [
+        "step 1 of mission 1: KeyError: 'of the\\nsecond time'",
+        "step 2 of mission 1: KeyError: 'nobody'",
+    ]
+    assert process.output.count("Traceback") == (2 if level == "debug" else 0)
+    process.kill()
+
+
+def test_the_planner_says_what_it_waits_for(rig: Rig) -> None:
+    planner = rig.start("planner_node", {"resend_period": 0.1}, "-r", "__ns:=/wait")
+
+    def says(*words: str) -> bool:
+        return any(all(word in line for word in words) for line in planner.output.splitlines())
+
+    rig.until(
+        lambda: says("waiting for", "/wait/agents", "/wait/probability", "/wait/step_report"),
+        "what it waits for",
+    )
+    sim = rig.sim(
+        {"num_drones": 2, "grid_size": 6, "probability_of_detection": 0.0, "timestep_limit": 5},
+        namespace="/wait",
+    )
+    rig.until(lambda: not sim.flying, "the end")
+    rig.until(lambda: says("waiting for a new mission", "mission 1 is over"), "that it is over")
+    sim.pause(True)
+    sim.reset()
+    rig.until(lambda: says("waiting for step 1 of mission 2"), "the step that does not come")
+    sim.process.stop()
+    rig.until(lambda: says("waiting for a simulation that listens to /wait/joint_action"))

@@ -101,8 +101,8 @@ def test_the_summary_says_what_the_csv_says(flown: list[Path]) -> None:
         each = ", ".join(f"{metres:.0f}" for metres in flown_m.values())
         assert said["flown"] == f"{sum(flown_m.values()):.0f} m ({each})"
         assert said["reward"].startswith(f"{sum(float(row['reward']) for row in drones):.1f} (")
-        covered = float(drones[-1]["pos_cumulative"])
-        assert said["probability covered"] == f"{covered:.1%}"
+        effort = float(drones[-1]["search_effort"])
+        assert said["search effort"] == f"{effort:.1%}"
         assert said["picture"] == str(out / "mission.png")
         assert console.count("Traceback") == 0
 
@@ -110,7 +110,7 @@ def test_the_summary_says_what_the_csv_says(flown: list[Path]) -> None:
 def test_the_progress_line_ends_where_the_mission_does(flown: list[Path]) -> None:
     for out in flown:
         lines = (out / "console.log").read_text().replace("\r", "\n")
-        progress = re.findall(r"step (\d+)/180 .* (\d+ drones|over), searched [\d.]+%", lines)
+        progress = re.findall(r"step (\d+)/180 .* (\d+ drones|over), search effort [\d.]+%", lines)
         assert progress[-1] == (rows(out)[-1]["step"], "over")
 
 
@@ -175,6 +175,12 @@ def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
         (["--rules", "v9"], "paper"),
         (["--out", "{file}"], "out: "),
         (["--no-such"], "--no-such"),
+        (["--ros-args", "-p", "num_dornes:=3"], "did you mean num_drones?"),
+        (["--ros-args", "-p", "num_drones:=0"], "num_drones: 0 is not allowed"),
+        (["--ros-args", "-p", "planner:=oracle"], "planner: 'oracle' is not allowed"),
+        (["--ros-args", "-p", "sigma:=wide"], "sigma: 'wide' is not allowed"),
+        (["--ros-args", "--params-file", "/no/such"], "/no/such: No such file"),
+        (["--ros-args", "--log-level", "loud"], "loud"),
     ],
 )
 def test_bad_input_is_refused_on_one_line_with_code_2(
@@ -192,3 +198,30 @@ def test_bad_input_is_refused_on_one_line_with_code_2(
     assert (code, output) == (2, "")
     (line,) = errors.splitlines()
     assert line.startswith("run_mission: ") and says in line
+
+
+def test_ros_arguments_are_the_nodes_and_the_summary_s_too(tmp_path: Path) -> None:
+    file = tmp_path / "parameters.yaml"
+    file.write_text(
+        "/**: {ros__parameters: {seed: 7, of_others: 1, rules: v1}}\n"
+        "/**/dsse_planner: {ros__parameters: {planner: sweep, resend_period: 0.2}}"
+    )
+    options = ["--rate", "0", "--ros-args", "--params-file", str(file), "-r", "__ns:=/a"]
+    options += ["-p", "timestep_limit:=9", "-p", "resend_period:=0.3", "--log-level", "warn"]
+    run = start(tmp_path, *options, "--", "--drones", "2")
+    try:
+        assert run.wait() == 0, run.output
+    finally:
+        run.kill()
+    assert "of 9\n" in run.output and "step 9/9 " in run.output.replace("\r", "\n")
+    assert {row["agent"] for row in rows(tmp_path)} == {"drone0", "drone1", "person0"}
+    assert "INFO" not in (tmp_path / "sim_node.log").read_text()
+    plain = tmp_path / "plain"
+    (tmp_path / "short.yaml").write_text(SANTOS.read_text().replace("180", "9"))
+    named = ["--rate", "0", "--drones", "2", "--seed", "7", "--planner", "sweep", "--rules", "v1"]
+    other = start(plain, *named, "--scenario", str(tmp_path / "short.yaml"))
+    try:
+        assert other.wait() == 0, other.output
+    finally:
+        other.kill()
+    assert (tmp_path / "mission.csv").read_bytes() == (plain / "mission.csv").read_bytes()

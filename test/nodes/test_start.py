@@ -10,18 +10,22 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rig import ENVIRONMENT, TIMEOUT_S, free_domain
 
-from dsse_ros.nodes import start
+from dsse_ros.nodes import run_mission, start
+from dsse_ros.search.compiler import COMPILING
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = sorted(path.name for path in (ROOT / "scripts").iterdir())
 OF_ROS = [name for name in PROGRAMS if name != "export_mission"]
 
 
-def launch(program: str, folder: Path, before: str = "", *arguments: str) -> subprocess.Popen[str]:
+def launch(
+    program: str, folder: Path, before: str = "", *arguments: str, output: Any = subprocess.PIPE
+) -> subprocess.Popen[str]:
     """Start a program as its executable does, with an empty cache of compiled code.
 
     Args:
@@ -29,6 +33,7 @@ def launch(program: str, folder: Path, before: str = "", *arguments: str) -> sub
         folder: For the cache.
         before: Python to run first.
         arguments: The program's.
+        output: Where its output goes.
     """
     code = f"{before}\nfrom dsse_ros.nodes.start import {program}\nimport sys\n"
     return subprocess.Popen(
@@ -36,7 +41,7 @@ def launch(program: str, folder: Path, before: str = "", *arguments: str) -> sub
         env=os.environ | ENVIRONMENT | {
             "NUMBA_CACHE_DIR": str(folder / "cache"), "ROS_DOMAIN_ID": str(free_domain())
         },
-        cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        cwd=ROOT, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
         text=True,
     )  # fmt: skip
 
@@ -78,7 +83,31 @@ def test_ctrl_c_before_a_program_is_at_work_ends_it_at_once_and_quietly(
     finally:
         child.kill()
     assert child.returncode == 130
-    assert output == ""
+    if moment is compiling:
+        (output,) = output.splitlines()
+        assert output.endswith(COMPILING)
+    else:
+        assert output == ""
+
+
+def test_a_node_says_that_it_compiles_where_it_does_and_nowhere_else(tmp_path: Path) -> None:
+    for cold in (True, False):
+        log = tmp_path / f"{cold}.log"
+        seen = False
+        with log.open("wb") as output:
+            child = launch("sim_node", tmp_path, output=output)
+            try:
+                while "mission 1" not in log.read_text():
+                    assert child.poll() is None, log.read_text()
+                    if cold and compiling(child.pid, tmp_path):
+                        seen = seen or run_mission.compiling(log)
+                    time.sleep(0.005)
+                assert not run_mission.compiling(log)
+            finally:
+                child.kill()
+                child.wait()
+        assert seen == cold
+        assert log.read_text().count(COMPILING) == cold
 
 
 def test_ctrl_c_in_a_terminal_ends_a_mission_that_still_compiles(tmp_path: Path) -> None:
@@ -147,6 +176,8 @@ def test_whatever_else_is_missing_is_named_on_one_line(
     output, _ = child.communicate(timeout=TIMEOUT_S)
     (line,) = output.splitlines()
     assert line.startswith(f"run_mission: {says}")
+    # A name on PyPI would be whoever's.
+    assert "install" not in line or f"pip install '{start.clone()}[viz]'" in line
     assert child.returncode == start.MISSING
 
 
@@ -166,6 +197,10 @@ def test_a_defect_of_the_package_itself_is_not_taken_for_something_missing() -> 
     assert start.missing(ImportError("cannot import name 'x'", name="dsse_ros.nodes.qos")) is None
     with pytest.raises(ModuleNotFoundError):
         start.start("no_such_program")
+
+
+def test_what_to_install_is_named_by_the_folder_it_was_installed_from() -> None:
+    assert start.clone() == str(ROOT)
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

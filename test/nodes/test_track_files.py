@@ -16,10 +16,13 @@ FRAME = GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0)
 
 
 @given(
-    st.integers(1, 250), st.floats(0.0, 100.0), st.none() | st.floats(0.0, 20.0), st.floats(1, 300)
+    st.integers(1, 250),
+    st.floats(0.0, 100.0),
+    st.just(-1.0) | st.floats(0.0, 20.0),
+    st.floats(1, 300),
 )
 def test_layers_are_as_far_apart_as_asked_and_none_is_too_low(
-    vehicles: int, lowest_m: float, step_m: float | None, alt_m: float
+    vehicles: int, lowest_m: float, step_m: float, alt_m: float
 ) -> None:
     frame = GridFrame(10, 130.0, -24.0, -46.0, 0.0, alt_m)
     settings = FlightSettings(altitude_step=step_m)
@@ -27,13 +30,13 @@ def test_layers_are_as_far_apart_as_asked_and_none_is_too_low(
     try:
         altitudes = [one.alt_m for one in layers(frame, settings, vehicles, lowest_m)]
     except FieldError as error:
-        assert step_m is not None and step_m * (vehicles - 1) > room_m
+        assert step_m >= 0 and step_m * (vehicles - 1) > room_m
         assert "altitude_step" in str(error) and "\n" not in str(error)
         return
     assert len(altitudes) == vehicles and altitudes[0] == alt_m
     assert min(altitudes) >= min(lowest_m, alt_m) - 1e-9
     steps = [high - low for high, low in zip(altitudes, altitudes[1:], strict=False)]
-    wanted = min(5.0, room_m / max(vehicles - 1, 1)) if step_m is None else step_m
+    wanted = min(5.0, room_m / max(vehicles - 1, 1)) if step_m < 0 else step_m
     assert steps == pytest.approx([wanted] * (vehicles - 1), abs=1e-6)
 
 

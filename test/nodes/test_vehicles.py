@@ -82,6 +82,18 @@ def test_a_step_waits_until_the_last_vehicle_is_near_the_centre_of_its_cell(sim:
     assert sim.next_report(seen)["action"].tolist() == [RIGHT, RIGHT, LEFT]
 
 
+def test_the_node_says_whose_vehicles_it_waits_for(sim: Sim) -> None:
+    all_there(sim)
+    pose(sim, 1, 0, 0)
+    sim.joint(RIGHT, RIGHT, LEFT)
+    sim.health_when(lambda h: "waiting for vehicles of drone1" in h["message"])
+    pose(sim, 2, 0, 0)
+    sim.reset()
+    text = "waiting for commands of drone0, drone1, drone2 and vehicles of drone0, drone1, drone2"
+    sim.health_when(lambda h: text in h["message"])
+    sim.rig.until(lambda: f"step 0: {text}" in sim.process.output, "the line in the log")
+
+
 def test_a_step_waits_for_the_end_of_a_search_though_the_vehicle_is_there(sim: Sim) -> None:
     all_there(sim)
     sim.fly(SEARCH, SEARCH, SEARCH)

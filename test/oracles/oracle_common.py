@@ -106,6 +106,12 @@ def write_maps(path: Path, source: Json, cases: list[tuple[Json, dict[str, np.nd
     np.savez_compressed(path, meta=np.array(json.dumps(meta)), **arrays)
 
 
+def write_drift(path: Path, source: Json, cases: list[Json], datums: np.ndarray) -> None:
+    """Write the datums, and `meta`, a JSON text with provenance and cases."""
+    meta = {"provenance": source, "cases": cases}
+    np.savez_compressed(path, meta=np.array(json.dumps(meta)), datum=datums)
+
+
 def write_json(path: Path, source: Json, key: str, items: list[Json]) -> None:
     """Write `{"provenance": ..., key: [...]}` with one line per field and per step."""
 

@@ -86,6 +86,37 @@ def record_maps() -> list[tuple[Json, dict[str, np.ndarray]]]:
     return out
 
 
+def record_drift() -> tuple[list[Json], np.ndarray]:
+    """Return 300 cases and their datums (case, step 0 to 100, 2) as (col, row).
+
+    One in three vectors lies along an axis: there a sum of increments comes to a whole cell most
+    often, and its last bit decides the step.
+    """
+    grid, calls, rng = 60, 100, random.Random(9)
+    cases, datums = [], []
+    for n in range(300):
+        decimals = 1 + n % 2
+        vector = [round(rng.uniform(-1.5, 1.5), decimals) for _ in range(2)]
+        if n % 3 == 0:
+            vector[n // 3 % 2] = 0.0
+        case: Json = {"grid": grid, "vector": vector, "start": (grid // 2, grid // 2)}
+        if n >= 200:
+            case["grid_cell_size"] = rng.choice([50, 80, 100, 150])
+            case["drone_speed"] = rng.choice([5, 7, 12, 20])
+        more = {name: case[name] for name in ("grid_cell_size", "drone_speed") if name in case}
+        env = make(
+            grid_size=grid, vector=tuple(vector), person_initial_position=case["start"], **more
+        )
+        path = []
+        for _ in range(calls + 1):
+            row, col = env.probability_matrix.supposed_position
+            path.append((col, row))
+            env.step({"drone0": LEFT})
+        cases.append(case)
+        datums.append(path)
+    return cases, np.array(datums, np.uint8)
+
+
 @dataclass
 class Episode:
     """A script. Persons do not drift (vector 0), so they stay where `place` puts them."""

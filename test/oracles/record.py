@@ -12,7 +12,7 @@ from pathlib import Path
 
 import oracle_v1
 import oracle_v2
-from oracle_common import WHEELS, provenance, write_json, write_maps
+from oracle_common import WHEELS, provenance, write_drift, write_json, write_maps
 
 
 def main() -> None:
@@ -26,7 +26,7 @@ def main() -> None:
     prefix, oracle = {"0.1.13": ("v1", oracle_v1), "1.1.9": ("v2", oracle_v2)}[arguments.version]
     source = {
         what: provenance(arguments.version, arguments.wheel, what)
-        for what in ("maps", "episodes", "person")
+        for what in ("maps", "episodes", "person", "drift")
     }
     out = arguments.directory
     out.mkdir(parents=True, exist_ok=True)
@@ -40,6 +40,8 @@ def main() -> None:
     write_json(
         out / f"{prefix}_person.json", source["person"], "situations", oracle.record_person()
     )
+    if prefix == "v2":
+        write_drift(out / "v2_drift.npz", source["drift"], *oracle_v2.record_drift())
 
 
 if __name__ == "__main__":

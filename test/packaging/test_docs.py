@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsse_ros.nodes import launch_arguments
 from dsse_ros.nodes.commands import MISSING_ACTIONS
 from dsse_ros.nodes.mission_log import COLUMNS, MissionRecord, read_log
 from dsse_ros.nodes.run_mission import parse, summary
@@ -68,21 +69,6 @@ def table(page: Path, heading: str, column: str) -> dict[str, Row]:
             found[row[column].strip("`")] = row
         elif not head or not cells:
             head = cells
-    return found
-
-
-def launch_arguments() -> dict[str, list[str]]:
-    """Names in the tables of launch arguments, by the heading of their column."""
-    found: dict[str, list[str]] = {}
-    column = ""
-    for line in section(ROS, "Launch file").splitlines():
-        cells = [cell.strip().strip("`") for cell in line.split("|")[1:-1]]
-        if not cells:
-            column = ""
-        elif not column:
-            column = cells[0]
-        elif not cells[0].startswith("---"):
-            found.setdefault(column, []).append(cells[0])
     return found
 
 
@@ -367,22 +353,24 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "column"),
-    [("mission.launch.py", "Argument"), ("flight.launch.py", "Flight argument")],
+    ("name", "arguments"),
+    [
+        ("mission.launch.py", launch_arguments.MISSION),
+        ("flight.launch.py", launch_arguments.FLIGHT),
+    ],
 )
-def test_the_launch_arguments_are_those_of_the_launch_file(name: str, column: str) -> None:
-    assert len(list((ROOT / "launch").iterdir())) == 2
-    module = ast.parse((ROOT / "launch" / name).read_text(encoding="utf-8"))
-    (arguments,) = (
-        {key.value for key in node.value.keys if isinstance(key, ast.Constant)}
-        for node in module.body
-        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Dict)
-    )
-    assert set(launch_arguments()[column]) == arguments
+def test_the_launches_on_the_pages_have_arguments_that_exist(
+    name: str, arguments: Mapping[str, launch_arguments.Argument]
+) -> None:
     launches = re.findall(rf"ros2 launch dsse_ros {re.escape(name)}(.*)", commands())
     assert launches
-    for given in launches:
-        assert set(re.findall(r"(\w+):=", given)) <= arguments
+    for line in launches:
+        given = dict(re.findall(r"(\w+):=(\S+)", line.partition("#")[0]))
+        assert given.keys() <= arguments.keys()
+        for argument, text in given.items():
+            arguments[argument].value(argument, text)
+    documented = table(ROS, "Launch files", "Argument")
+    assert arguments.keys() <= documented.keys()
 
 
 # The rest

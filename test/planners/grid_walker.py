@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners import Planner
-from dsse_ros.search.rules import ACTION_VECTORS
+from dsse_ros.search import ACTION_VECTORS, Observation
 
 STRAIGHT = ("left", "right", "up", "down", "search")
 DIAGONAL = (
@@ -78,7 +78,7 @@ class GridWalker:
     def step(self, planner: Planner) -> dict[str, int]:
         """Do one step as the planner says; return its actions."""
         observations = {
-            agent: (np.array(cell, np.int64), self.probability)
+            agent: Observation(np.array(cell, np.int64), self.probability)
             for agent, cell in self.cells.items()
         }
         infos = {agent: {"Found": False, "action_mask": self.mask(agent)} for agent in self.cells}

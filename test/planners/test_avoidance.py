@@ -9,15 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsse_ros.planners.avoidance import settle, settle_around
-from dsse_ros.planners.legend import Legend
 from dsse_ros.planners.planner import Cell
+from dsse_ros.search import ActionSet
 
 
 @st.composite
 def crowds(draw: st.DrawFn) -> tuple[list[Cell], list[Cell], list[list[Cell]]]:
     """Drones in different cells, the neighbour or own cell each wishes for, and its neighbours."""
     size = draw(st.integers(1, 6))
-    legend = Legend(draw(st.sampled_from([STRAIGHT, DIAGONAL])))
+    legend = ActionSet(draw(st.sampled_from([STRAIGHT, DIAGONAL])))
     every = [(col, row) for col in range(size) for row in range(size)]
     present = draw(st.lists(st.sampled_from(every), unique=True, min_size=1))
     around = [legend.neighbours(cell, size) for cell in present]

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsse_ros.planners import make_planner
-from dsse_ros.planners.legend import Legend
 from dsse_ros.planners.sweep import boustrophedon, shares, sweep_routes
+from dsse_ros.search import ActionSet
 
 legends = st.sampled_from([STRAIGHT, DIAGONAL])
 
@@ -63,7 +63,7 @@ def test_a_share_is_entered_at_its_nearest_corner(
     starts = data.draw(st.lists(every, unique=True, min_size=count, max_size=count))
     cells = [(k % size, k // size) for k in starts]
     walker = GridWalker(size, cells)
-    legend = Legend(STRAIGHT)
+    legend = ActionSet(STRAIGHT)
     for cell, route in zip(cells, sweep_routes(cells, walker.probability, legend), strict=True):
         cols, rows = zip(*route, strict=True)
         corners = [(c, r) for c in (min(cols), max(cols)) for r in (min(rows), max(rows))]
@@ -113,7 +113,7 @@ def test_when_drones_are_lost_the_others_search_their_own_shares(
     starts = default_start(size, count)
     walker = GridWalker(size, starts, actions)
     planner = make_planner("sweep", actions)
-    routes = sweep_routes(starts, walker.probability, Legend(actions))
+    routes = sweep_routes(starts, walker.probability, ActionSet(actions))
     for _ in range(data.draw(st.integers(1, size))):
         walker.step(planner)
     gone = data.draw(st.sets(st.integers(0, count - 1), min_size=1, max_size=count - 1))

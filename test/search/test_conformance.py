@@ -13,6 +13,7 @@ from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, ren
 from pettingzoo.test.state_test import state_test
 from play import started
 
+from dsse_ros import search
 from dsse_ros.search import aec_env, parallel_env, raw_env
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -50,6 +51,12 @@ def test_every_render_mode_conforms(num_drones: int) -> None:
 @swarms
 def test_states_conform(num_drones: int) -> None:
     state_test(aec_env(**swarm(num_drones)), parallel_env(**swarm(num_drones)))
+
+
+def test_the_environments_have_the_names_of_pettingzoo_s_own() -> None:
+    made = [getattr(search, name)(num_drones=2) for name in ("env", "raw_env", "parallel_env")]
+    assert [isinstance(env, AECEnv) for env in made] == [True, True, False]
+    api_test(made[0])
 
 
 def test_agents_are_numbered_from_zero_and_spaces_are_always_the_same_objects() -> None:

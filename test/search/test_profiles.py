@@ -3,16 +3,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test
-from play import some_actions, started
+from play import started
 
-from dsse_ros.search import PROFILES, aec_env, parallel_env, profile, vector_env
+from dsse_ros.search import (
+    PROFILES,
+    FieldError,
+    Rules,
+    aec_env,
+    parallel_env,
+    profile,
+    vector_env,
+)
+from dsse_ros.search.fields import specs
 
 RULES = tuple(PROFILES)
 
@@ -64,22 +72,79 @@ def test_a_million_steps_keep_the_world_whole(rules: str) -> None:
         out = now_out
 
 
-@pytest.mark.parametrize("rules", RULES)
-def test_any_single_field_can_be_overridden(rules: str) -> None:
-    for field in dataclasses.fields(profile(rules)):
-        value = getattr(profile(rules), field.name)
-        if isinstance(value, bool):
-            other: Any = not value
-        elif isinstance(value, float):
-            other = value + 0.25 if field.name != "search_min_probability" else 0.5
-        else:
-            continue
-        changed = profile(rules, **{field.name: other})
-        assert getattr(changed, field.name) == other
-        env = parallel_env(rules=changed, grid_size=5, num_drones=2)
-        env.reset(seed=0)
-        for _ in range(8):
-            env.step(some_actions(env, np.random.default_rng(0)))
+PLACE: dict[str, Any] = {
+    "grid_size": 6, "drones_positions": [(2, 3), (3, 3), (0, 0), (5, 5)], "vector": (0.37, -0.61),
+    "person_initial_position": (2, 3), "person_amount": 2, "probability_of_detection": 0.5,
+    "timestep_limit": 25, "sigma": 1.5, "dispersion_inc": 0.02,
+}  # fmt: skip
+OTHERS: dict[str, tuple[Any, ...]] = {
+    "actions": (("search", "down", "right", "up", "left"),),
+    "leave_policy": ("stay", "fly_on"),
+    "search_min_probability": (0.2,),
+    "time_out_grace": (2,),
+    "drift_remainder": ("dropped", "less_one"),
+    "reset_sea_steps": (1,),
+    "person_motion": ("drift",),
+    "person_scatter": (2,),
+    "grid_size": (7,),
+    "vector": ((0.5, 0.25),),
+    "person_initial_position": ((1, 1),),
+    "timestep_limit": (9,),
+}
+"""Other values of the fields of which neither the opposite nor a little more will do."""
+WHERE: dict[str, dict[str, Any]] = {
+    # All the probability is in one cell, which is searched in vain.
+    "search_min_inclusive": {"search_min_probability": 1.0, "probability_of_detection": 0.0},
+    # More than a cell in one step.
+    "drift_remainder": {"vector": (2.4, 0.3), "grid_size": 30},
+    # The map runs away from the persons.
+    "person_walks_blind": {"vector": (2.0, 0.0), "grid_size": 30, "sigma": 0.5},
+}
+"""What makes a field matter that hardly ever does."""
+
+
+def history(rules: Rules, place: dict[str, Any]) -> list[bytes]:
+    """The whole state of many worlds, step after step of random actions."""
+    env = vector_env(40, place, rules=rules, lazy=True)
+    env.reset(seed=5)
+    states = [env.world.state_bytes()]
+    generator = np.random.default_rng(1)
+    for _ in range(40):
+        shape = (40, env.world.num_drones)
+        env.step(generator.integers(0, len(rules.actions), shape).astype(np.int8))
+        states.append(env.world.state_bytes())
+    return states
+
+
+def others(name: str, value: Any) -> tuple[Any, ...]:
+    """Other values of a field of the rules."""
+    if name in OTHERS:
+        return OTHERS[name]
+    return (not value,) if isinstance(value, bool) else (value + 0.25,)
+
+
+# The profile's name is only that; unknown actions are a matter of the single environment, below.
+@pytest.mark.parametrize("name", sorted(specs(Rules).keys() - {"profile", "noop_actions"}))
+def test_every_field_of_the_rules_changes_the_search(name: str) -> None:
+    usual = profile("paper")
+    needed = WHERE.get(name, {})
+    of_rules = {k: v for k, v in needed.items() if k in specs(Rules) and k not in PLACE}
+    of_place = {k: v for k, v in needed.items() if k not in of_rules}
+    # The scenario's own value would take the place of the profile's.
+    place = {k: v for k, v in (PLACE | of_place).items() if k != name}
+    usual = usual.override(**of_rules)
+    for other in others(name, getattr(usual, name)):
+        changed = history(usual.override(**{name: other}), place)
+        assert changed != history(usual, place), other
+
+
+def test_a_number_that_is_no_action_is_refused_or_does_nothing() -> None:
+    env = started(num_drones=2)
+    with pytest.raises(FieldError, match="action 99 is not allowed"):
+        env.step({"drone0": 99, "drone1": 4})
+    env = started(num_drones=2, noop_actions=True)
+    env.step({"drone0": 99, "drone1": 4})
+    assert env.positions.tolist() == [[0, 0], [1, 0]]
 
 
 def test_v1_ends_for_all_when_one_leaves() -> None:

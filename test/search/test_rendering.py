@@ -296,6 +296,22 @@ def test_a_window_without_a_display_shows_nothing_and_says_nothing() -> None:
     assert printed == "None\n"
 
 
+def test_a_window_shows_no_more_pictures_a_second_than_render_fps() -> None:
+    printed = run(
+        "import time\n"
+        "from dsse_ros.search import parallel_env\n"
+        "env = parallel_env(grid_size=4, render_mode='human')\n"
+        "env.metadata = {**env.metadata, 'render_fps': 1}\n"
+        "env.reset(seed=0)\n"
+        "began = time.monotonic()\n"
+        "for _ in range(2):\n"
+        "    env.render()\n"
+        "print(time.monotonic() - began)\n"
+    )
+    # Waiting has a least time whatever the machine does.
+    assert float(printed) >= 1.9
+
+
 def test_the_search_needs_no_matplotlib_and_pictures_say_that_they_do() -> None:
     printed = run(
         "import sys\n"

@@ -128,6 +128,11 @@ def test_a_resolved_scenario_leaves_nothing_open_and_resolves_to_itself() -> Non
         scenario.sigma = 3.0  # type: ignore[misc]
 
 
+def test_a_resolved_scenario_stays_as_it_is_under_other_rules() -> None:
+    scenario = parallel_env(rules="v2").scenario
+    assert parallel_env(scenario, rules="paper").scenario == scenario
+
+
 def test_a_resolved_scenario_is_overridden_like_any_other() -> None:
     scenario = parallel_env(sigma=2.0, num_drones=2, vector=(1.0, 0.0)).scenario
     changed = parallel_env(scenario, sigma=5.0, num_drones=3, timestep_limit=7).scenario
@@ -137,6 +142,31 @@ def test_a_resolved_scenario_is_overridden_like_any_other() -> None:
     )
     moved = parallel_env(scenario, drones_positions=[[3, 3]], grid_size=5).scenario
     assert (moved.drones_positions, moved.grid_size) == (((3, 3),), 5)
+
+
+@pytest.mark.parametrize(
+    ("stated", "changed"),
+    [
+        ({}, {"altitude": 60.0}),
+        ({}, {"field_of_view": 90.0}),
+        ({"zone_size": 1000.0}, {"altitude": 60.0}),
+        ({"zone_size": 1000.0}, {"cell_size": 100.0}),
+        ({"cell_size": 100.0}, {"altitude": 60.0}),
+        ({"current_speed": 1.0, "current_toward": 90.0}, {"drone_speed": 5.0}),
+        ({}, {"grid_size": 20}),
+        ({"num_drones": 3}, {"grid_size": 2}),
+        ({}, {"person_amount": 3}),
+        ({"sigma": 2.0}, {"sigma_x": 1.0}),
+    ],
+)
+def test_what_was_derived_is_derived_anew_after_an_override(
+    stated: dict[str, Any], changed: dict[str, Any]
+) -> None:
+    expected = resolved(**stated, **changed)
+    scenario = parallel_env(stated).scenario
+    assert parallel_env(scenario.override(**changed)).scenario == expected
+    assert parallel_env(scenario, **changed).scenario == expected
+    assert parallel_env(scenario.resolve(PAPER), **changed).scenario == expected
 
 
 @pytest.mark.parametrize(

@@ -60,8 +60,12 @@ def test_world_b_is_the_single_environment_of_seed_s_plus_b(rules: str, threads:
                 resets += 1
                 assert not rewards[b].any() and not (terminated | truncated)[b].any()
             else:
-                single.step({a: int(actions[b, int(a[5:])]) for a in single.agents})
+                *_, ended, cut, _ = single.step(
+                    {a: int(actions[b, int(a[5:])]) for a in single.agents}
+                )
                 assert np.array_equal(rewards[b], single.world.rewards[0])
+                assert all(terminated[b, int(a[5:])] == flag for a, flag in ended.items())
+                assert all(truncated[b, int(a[5:])] == flag for a, flag in cut.items())
             for mine, theirs in (
                 (batch.world.worlds, single.world.worlds),
                 (batch.world.drones, single.world.drones),

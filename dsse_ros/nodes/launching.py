@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Launch descriptions from tables of arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, List  # noqa: UP035
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from dsse_ros.nodes.launch_arguments import Argument, Start, starts
+
+
+def describe(arguments: Mapping[str, Argument]) -> LaunchDescription:
+    """Return the description of `MISSION` or `FLIGHT`: arguments, then nodes."""
+    given: set[str] = set()
+
+    def note_given(context: LaunchContext) -> None:
+        # Once an argument is declared, a default looks like what somebody has given.
+        given.update(arguments.keys() & context.launch_configurations.keys())
+
+    def nodes(context: LaunchContext) -> list[Node]:
+        texts = {name: context.launch_configurations[name] for name in arguments}
+        share = get_package_share_directory("dsse_ros")
+        made = starts(arguments, texts, given, share)
+        return [_node(name, start, texts["namespace"]) for name, start in made.items()]
+
+    declared = [
+        DeclareLaunchArgument(
+            name,
+            default_value=one.default,
+            description=one.doc,
+            choices=list(one.choices) or None,
+        )
+        for name, one in arguments.items()
+    ]
+    return LaunchDescription(
+        [OpaqueFunction(function=note_given), *declared, OpaqueFunction(function=nodes)]
+    )
+
+
+def _node(executable: str, start: Start, namespace: str) -> Node:
+    files = [Path(file) for file in start.files]
+    parameters = [_typed(start.before), *files, _typed(start.after)]
+    rviz = executable == "rviz2"
+    return Node(
+        package="rviz2" if rviz else "dsse_ros",
+        executable=executable,
+        namespace=namespace,
+        parameters=[one for one in parameters if one],
+        arguments=list(start.arguments),
+        output="screen",
+        # A bridge that is interrupted has its vehicles hold first, and DDS takes its time.
+        sigterm_timeout="20",
+        # None of ours can do without the others; whoever closes RViz has only seen enough.
+        on_exit=None if rviz else Shutdown(reason=f"{executable} has ended"),
+    )
+
+
+def _typed(parameters: Mapping[str, Any]) -> dict[str, ParameterValue]:
+    """Return parameters that keep their types: launch would read a text as YAML once more."""
+    return {name: ParameterValue(one, value_type=_type(one)) for name, one in parameters.items()}
+
+
+def _type(value: Any) -> Any:
+    # launch_ros takes list[int] for another type than List[int].
+    if isinstance(value, list):
+        return List[int] if isinstance(value[0], int) else List[str]  # noqa: UP006
+    return type(value)

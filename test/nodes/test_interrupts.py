@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Signals end a program that starts at once, wherever its main thread is."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+# A lock that is taken twice is never had: as long in C as LLVM could ever be.
+IN_C = """
+import ctypes
+from dsse_ros.nodes.interrupts import leave_on_signals
+
+leave_on_signals(lambda: print("cleaned up", flush=True))
+libc, mutex = ctypes.CDLL(None), ctypes.create_string_buffer(64)
+libc.pthread_mutex_lock(mutex)
+print("in C", flush=True)
+libc.pthread_mutex_lock(mutex)
+"""
+IN_PYTHON = """
+from dsse_ros.nodes.interrupts import leave_on_signals
+
+leave_on_signals(lambda: print("cleaned up", flush=True))
+print("in Python", flush=True)
+while True:
+    pass
+"""
+HANDED_OVER = """
+import signal, time
+from dsse_ros.nodes.interrupts import Stop, leave_on_signals, on_signals
+
+leave_on_signals()
+stop = Stop()
+on_signals(stop)
+signal.raise_signal(signal.SIGINT)
+time.sleep(1)
+print("noted" if stop.wanted else "missed")
+"""
+
+
+@pytest.mark.parametrize("code", [IN_C, IN_PYTHON], ids=["in C", "in Python"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("times", [1, 3])
+def test_a_signal_ends_a_program_wherever_it_is(
+    code: str, number: signal.Signals, times: int
+) -> None:
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    try:
+        assert child.stdout and child.stdout.readline().startswith("in ")
+        for _ in range(times):
+            child.send_signal(number)
+        output, _ = child.communicate(timeout=30)
+    finally:
+        child.kill()
+    assert child.returncode == 128 + number
+    assert output == "cleaned up\n"
+
+
+def test_whoever_takes_the_signals_over_has_them() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", HANDED_OVER], capture_output=True, text=True, timeout=30
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "noted\n", "")

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the kernels read comes from the scenario and the rules, every name of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dsse_ros.search import PROFILES, Scenario, World, kernels, profile
+from dsse_ros.search.world import constants_of
+
+
+@pytest.mark.parametrize("misspelt", ["colision", "find_bonuss"])
+def test_a_constant_that_nothing_sets_is_refused(
+    misspelt: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = kernels.CONSTANTS
+    fields = [(name, known[name]) for name in known.names or ()]
+    monkeypatch.setattr(kernels, "CONSTANTS", np.dtype([*fields, (misspelt, "f8")], align=True))
+    with pytest.raises(TypeError, match=misspelt):
+        World(Scenario(), profile("paper"))
+
+
+def test_a_constant_that_the_kernels_do_not_read_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    known = kernels.CONSTANTS
+    fields = [(name, known[name]) for name in known.names or () if name != "collision"]
+    monkeypatch.setattr(kernels, "CONSTANTS", np.dtype(fields, align=True))
+    with pytest.raises(TypeError, match="collision"):
+        World(Scenario(), profile("paper"))
+
+
+@pytest.mark.parametrize("rules", PROFILES)
+def test_the_constants_have_the_values_of_scenario_and_rules(rules: str) -> None:
+    chosen = profile(rules)
+    scenario = Scenario(sigma_x=1.5, sigma_y=2.5, drone_speed=7.0).resolve(chosen)
+    constants = constants_of(scenario, chosen)[0]
+    checked = 0
+    for source in (scenario, chosen):
+        for name, value in vars(source).items():
+            if name in (constants.dtype.names or ()):
+                assert constants[name] == value, name
+                checked += 1
+    assert checked > 30
+    moves = list(zip(constants["dx"].tolist(), constants["dy"].tolist(), strict=True))
+    assert tuple(moves[: constants["num_actions"]]) == chosen.action_set.moves
+    assert chosen.actions[constants["search_action"]] == "search"
