@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, List  # noqa: UP035
 
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch_ros.actions import Node
@@ -28,6 +28,9 @@ def describe(arguments: Mapping[str, Argument]) -> LaunchDescription:
         texts = {name: context.launch_configurations[name] for name in arguments}
         share = get_package_share_directory("dsse_ros")
         made = starts(arguments, texts, given, share)
+        for package in {_package(name) for name in made}:
+            # Launch would find one missing when it has started others, and leave those behind.
+            get_package_prefix(package)
         return [_node(name, start, texts["namespace"]) for name, start in made.items()]
 
     declared = [
@@ -47,9 +50,8 @@ def describe(arguments: Mapping[str, Argument]) -> LaunchDescription:
 def _node(executable: str, start: Start, namespace: str) -> Node:
     files = [Path(file) for file in start.files]
     parameters = [_typed(start.before), *files, _typed(start.after)]
-    rviz = executable == "rviz2"
     return Node(
-        package="rviz2" if rviz else "dsse_ros",
+        package=_package(executable),
         executable=executable,
         namespace=namespace,
         parameters=[one for one in parameters if one],
@@ -58,8 +60,12 @@ def _node(executable: str, start: Start, namespace: str) -> Node:
         # A bridge that is interrupted has its vehicles hold first, and DDS takes its time.
         sigterm_timeout="20",
         # None of ours can do without the others; whoever closes RViz has only seen enough.
-        on_exit=None if rviz else Shutdown(reason=f"{executable} has ended"),
+        on_exit=None if executable == "rviz2" else Shutdown(reason=f"{executable} has ended"),
     )
+
+
+def _package(executable: str) -> str:
+    return "rviz2" if executable == "rviz2" else "dsse_ros"
 
 
 def _typed(parameters: Mapping[str, Any]) -> dict[str, ParameterValue]:

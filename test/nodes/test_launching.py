@@ -13,6 +13,7 @@ pytest.importorskip("launch.actions", reason="launch comes with a full ROS 2, no
 pytest.importorskip("launch_ros.actions", reason="launch_ros comes with a full ROS 2")
 
 import yaml
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchContext
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
@@ -74,3 +75,13 @@ def test_values_reach_the_nodes_with_their_types(file: str) -> None:
 def test_lists_reach_the_bridge() -> None:
     bridge = parameters(expand("flight", connections="[tcp:a:1, tcp:b:2]", system_ids="[4, 5]")[2])
     assert bridge["connections"] == ["tcp:a:1", "tcp:b:2"] and bridge["system_ids"] == [4, 5]
+
+
+def test_nothing_is_started_where_rviz_is_wanted_and_missing() -> None:
+    try:
+        get_package_prefix("rviz2")
+    except PackageNotFoundError:
+        with pytest.raises(PackageNotFoundError, match="rviz2"):
+            expand("mission", rviz="true")
+    else:
+        assert len(expand("mission", rviz="true")) == 3
