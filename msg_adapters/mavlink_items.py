@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mission items and position targets as the fields of MAVLink messages.
+"""Mission items as the fields of MAVLink messages, without pymavlink.
 
 Messages: https://mavlink.io/en/messages/common.html; use of the fields:
 https://mavlink.io/en/services/mission.html ("Frames & Positional Information").
@@ -11,8 +11,6 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from msg_adapters.mission_items import (
     FRAME_GLOBAL,
     FRAME_GLOBAL_RELATIVE_ALT,
@@ -21,24 +19,16 @@ from msg_adapters.mission_items import (
     MissionItem,
 )
 
+FRAME_GLOBAL_INT = 5
+FRAME_GLOBAL_RELATIVE_ALT_INT = 6
+FRAME_GLOBAL_TERRAIN_ALT = 10
+FRAME_GLOBAL_TERRAIN_ALT_INT = 11
+
 _WIRE_FRAMES = {
-    FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL_INT,
-    FRAME_GLOBAL_RELATIVE_ALT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-    mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
+    FRAME_GLOBAL: FRAME_GLOBAL_INT,
+    FRAME_GLOBAL_RELATIVE_ALT: FRAME_GLOBAL_RELATIVE_ALT_INT,
+    FRAME_GLOBAL_TERRAIN_ALT: FRAME_GLOBAL_TERRAIN_ALT_INT,
 }
-_POSITION_AND_VELOCITY = (
-    mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
-)
-_POSITION_ONLY = (
-    _POSITION_AND_VELOCITY
-    | mavlink.POSITION_TARGET_TYPEMASK_VX_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_VY_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_VZ_IGNORE
-)
 _FILE_FRAMES = {wire: frame for frame, wire in _WIRE_FRAMES.items()}
 _DEGREE = 10**7
 
@@ -96,43 +86,6 @@ def item_from_fields(fields: Mapping[str, Any]) -> MissionItem:
         lon_deg=fields["y"] / scale,
         alt_m=fields["z"],
     )
-
-
-def position_target_fields(
-    lat_deg: float,
-    lon_deg: float,
-    alt_m: float,
-    *,
-    velocity_mps: tuple[float, float] | None = None,
-    above_sea: bool = False,
-    time_boot_ms: int = 0,
-) -> dict[str, Any]:
-    """Return a place to fly to as the fields of SET_POSITION_TARGET_GLOBAL_INT, without target.
-
-    Args:
-        lat_deg: WGS84 latitude.
-        lon_deg: WGS84 longitude.
-        alt_m: Altitude above home, or above mean sea level.
-        velocity_mps: Velocity to north and east with which to pass it, None to stop there.
-        above_sea: Whether the altitude is above mean sea level.
-        time_boot_ms: Time since the sender's start.
-
-    Raises:
-        ValueError: If the place is not finite or does not fit the message.
-    """
-    unused = ("vz", "afx", "afy", "afz", "yaw", "yaw_rate")
-    north_mps, east_mps = velocity_mps or (0.0, 0.0)
-    return {
-        "time_boot_ms": time_boot_ms,
-        "coordinate_frame": _WIRE_FRAMES[FRAME_GLOBAL if above_sea else FRAME_GLOBAL_RELATIVE_ALT],
-        "type_mask": _POSITION_ONLY if velocity_mps is None else _POSITION_AND_VELOCITY,
-        "lat_int": _integer("latitude", lat_deg, _DEGREE),
-        "lon_int": _integer("longitude", lon_deg, _DEGREE),
-        "alt": float(alt_m),
-        "vx": north_mps,
-        "vy": east_mps,
-        **dict.fromkeys(unused, 0.0),
-    }
 
 
 def _integer(name: str, value: float, scale: int) -> int:

@@ -9,19 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
+NAV_WAYPOINT = 16
+NAV_LOITER_TIME = 19
+NAV_RETURN_TO_LAUNCH = 20
+NAV_LAND = 21
+NAV_TAKEOFF = 22
 
-NAV_WAYPOINT: int = mavlink.MAV_CMD_NAV_WAYPOINT
-NAV_LOITER_TIME: int = mavlink.MAV_CMD_NAV_LOITER_TIME
-NAV_RETURN_TO_LAUNCH: int = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
-NAV_LAND: int = mavlink.MAV_CMD_NAV_LAND
-NAV_TAKEOFF: int = mavlink.MAV_CMD_NAV_TAKEOFF
-
-FRAME_GLOBAL: int = mavlink.MAV_FRAME_GLOBAL
+FRAME_GLOBAL = 0
 """Altitude above mean sea level."""
-FRAME_MISSION: int = mavlink.MAV_FRAME_MISSION
+FRAME_MISSION = 2
 """No place: the fields of the place are mere numbers. PX4 takes a return in no other frame."""
-FRAME_GLOBAL_RELATIVE_ALT: int = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+FRAME_GLOBAL_RELATIVE_ALT = 3
 """Altitude above home."""
 
 Firmware = Literal["ardupilot", "px4"]

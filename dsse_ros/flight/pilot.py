@@ -295,7 +295,6 @@ class Pilot:
             helm.aim(helm.state.lat_deg, helm.state.lon_deg, helm.state.alt_m)
         if self._missing_until_s is None:
             self._missing_until_s = helm.now + _GIVES_BACK_S
-            self.counts["offboard_lost"] += 1
             if helm.own_modes is not None:
                 helm.own_modes |= {helm.guided}
         if helm.now > self._missing_until_s:
@@ -311,6 +310,9 @@ class Pilot:
         if self._misses_set_points:
             self._suspect = False
             return
+        if self._missing_until_s is not None and mode == helm.guided:
+            # That was it.
+            self.counts["offboard_lost"] += 1
         self._missing_until_s = None
         if before.armed and not helm.state.armed:
             self._disarmed_s = helm.now

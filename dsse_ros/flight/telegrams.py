@@ -11,9 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight import messages
 from dsse_ros.flight.messages import Address
-from msg_adapters.mavlink_items import position_target_fields
 
 
 @dataclass(frozen=True)
@@ -208,6 +209,21 @@ _HEARD: dict[str, type] = {
 _FIELDS = {kind: tuple(field.name for field in fields(kind)) for kind in _HEARD.values()}
 
 _MAVLINK_VERSION = 3
+_ABOVE_SEA = mavlink.MAV_FRAME_GLOBAL_INT
+_ABOVE_HOME = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+_NO_VELOCITY = (
+    mavlink.POSITION_TARGET_TYPEMASK_VX_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_VY_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_VZ_IGNORE
+)
+_POSITION = (
+    _NO_VELOCITY
+    | mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+)
 
 HEARD_NAMES = frozenset(_HEARD) | {
     "MISSION_REQUEST_LIST",
@@ -251,12 +267,19 @@ def write(said: Said) -> tuple[str, dict[str, Any]]:
     if isinstance(said, SetPositionTarget):
         return "SET_POSITION_TARGET_GLOBAL_INT", {
             **target,
-            **position_target_fields(
-                said.lat_deg,
-                said.lon_deg,
-                said.alt_m,
-                velocity_mps=said.velocity_mps,
-                above_sea=said.above_sea,
-            ),
+            "time_boot_ms": 0,
+            "coordinate_frame": _ABOVE_SEA if said.above_sea else _ABOVE_HOME,
+            "type_mask": _POSITION if said.velocity_mps is None else _POSITION & ~_NO_VELOCITY,
+            "lat_int": _degrees_e7(said.lat_deg),
+            "lon_int": _degrees_e7(said.lon_deg),
+            "alt": said.alt_m,
+            **dict(zip(("vx", "vy"), said.velocity_mps or (0.0, 0.0), strict=True)),
+            **dict.fromkeys(("vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0),
         }
     return messages.message_name(said), messages.message_fields(said)
+
+
+def _degrees_e7(degrees: float) -> int:
+    if not abs(degrees) <= 180:
+        raise ValueError(f"{degrees!r} is not allowed; -180 to 180")
+    return round(degrees * 1e7)

@@ -60,7 +60,7 @@ class TestMavsdk:
         for sent, got in zip(seen["uploaded"], seen["downloaded"], strict=True):
             assert got == pytest.approx(sent, rel=1e-7, abs=1e-7, nan_ok=True)
         assert seen["finished"]
-        assert seen["modes"] == ["HOLD", "MISSION", "RETURN_TO_LAUNCH"]
+        assert seen["modes"] == ["HOLD", "MISSION", "RETURN_TO_LAUNCH", "HOLD"]
         assert seen["highest_m"] > 34
         assert is_home(seen) and seen["height_m"] == 0
 
@@ -70,7 +70,8 @@ class TestMavsdk:
             seen = fly_with_mavsdk(autopilot, "px4_set_points")
         assert seen["went_to"]["height_m"] == pytest.approx(8, abs=0.6)
         assert seen["modes"][:4] == ["HOLD", "TAKEOFF", "HOLD", "OFFBOARD"]
-        assert seen["modes"][-1] == "LAND"
+        # Disarmed, it is in the mode of before the landing.
+        assert seen["modes"][-2:] == ["LAND", "HOLD"]
         assert seen["highest_m"] == pytest.approx(10, abs=0.5)
         assert not is_home(seen) and seen["height_m"] == 0
 

@@ -236,7 +236,7 @@ class TestMissions:
             return not bench.vehicle.armed
 
         bench.until(down)
-        assert modes == {Mode.MISSION, Mode.RTL}
+        assert modes == {Mode.MISSION, Mode.RTL, Mode.HOLD}
         reached = [message.seq for message in bench.all("MISSION_ITEM_REACHED")]
         assert list(dict.fromkeys(reached)) == [0, 1, 2]
         assert reached.count(1) > 1, "it says so more than once"

@@ -239,6 +239,11 @@ def test_a_message_of_another_dialect_is_passed_over() -> None:
                 "alt": 120.0,
             },
         ),
+        (
+            SetPositionTarget(VEHICLE, -24.0, -46.3, 120.0, (3.0, -4.0), above_sea=True),
+            "SET_POSITION_TARGET_GLOBAL_INT",
+            {"coordinate_frame": 5, "type_mask": 3520, "vx": 3.0, "vy": -4.0, "vz": 0.0},
+        ),
         (MissionSetCurrent(VEHICLE, 3), "MISSION_SET_CURRENT", {"seq": 3, "target_system": 7}),
         (
             MissionItemInt(VEHICLE, WireItem(2, 6, 16, x=123, y=-456, z=7.0)),

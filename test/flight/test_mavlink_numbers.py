@@ -6,15 +6,15 @@ from __future__ import annotations
 import ast
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from msg_adapters import mavlink_items, mission_items
+
 ROOT = Path(__file__).resolve().parents[2]
-FILES = [
-    *sorted((ROOT / "dsse_ros/flight").glob("*.py")),
-    *sorted((ROOT / "msg_adapters").glob("m*_items.py")),
-]
+FILES = sorted((ROOT / "dsse_ros/flight").glob("*.py"))
 MAVLINKS = [n for n in dir(mavlink) if re.match("MAV|POSITION_|EKF_|ESTIMATOR_|COPTER_|SPEED_", n)]
 
 
@@ -41,6 +41,15 @@ def typed(code: str) -> list[str]:
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_no_number_of_mavlink_is_typed_by_hand(file: Path) -> None:
     assert typed(file.read_text()) == []
+
+
+@pytest.mark.parametrize("module", [mission_items, mavlink_items])
+def test_the_adapters_which_do_without_pymavlink_have_the_same_numbers(module: Any) -> None:
+    commands = {n: v for n, v in vars(module).items() if re.match("NAV_|FRAME_", n)}
+    assert len(commands) >= 5
+    for name, number in commands.items():
+        prefix = "MAV_CMD_" if name.startswith("NAV_") else "MAV_"
+        assert number == getattr(mavlink, prefix + name), name
 
 
 @pytest.mark.parametrize(

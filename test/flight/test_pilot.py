@@ -468,6 +468,7 @@ def test_a_failsafe_is_a_take_over_and_is_named(dialect: str) -> None:
     mode = "HOLD" if dialect == "px4" else "RTL"
     assert mode in flight.outcome.reason and "battery" in flight.outcome.reason
     assert flight.state.failsafe == "battery"
+    assert not flight.pilot.counts["offboard_lost"]
     assert flight.state.battery < 0.2
 
 

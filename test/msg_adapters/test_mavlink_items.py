@@ -8,14 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mission_strategies import ITEMS, MISSIONS
-from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from dsse_ros.flight.items import WireItem
 from msg_adapters.mavlink_items import (
     item_fields,
     item_from_fields,
     mission_fields,
-    position_target_fields,
 )
 from msg_adapters.mission_items import FRAME_MISSION, MissionItem
 
@@ -82,45 +80,4 @@ def test_a_place_that_does_not_fit_is_refused(value):
     with pytest.raises(ValueError, match="^latitude: .* is not allowed"):
         item_fields(MissionItem(16, lat_deg=value), 1)
     with pytest.raises(ValueError, match="^longitude: .* is not allowed"):
-        position_target_fields(0.0, value, 120.0)
-
-
-SPEEDS = st.floats(-30, 30, width=32)
-
-
-@given(
-    DEGREES,
-    st.floats(0, 500, width=32),
-    st.none() | st.tuples(SPEEDS, SPEEDS),
-    st.booleans(),
-)
-def test_a_position_target_survives_the_wire(place, alt_m, velocity_mps, above_sea):
-    fields = position_target_fields(
-        *place, alt_m, velocity_mps=velocity_mps, above_sea=above_sea, time_boot_ms=13_000
-    )
-    sender = dialect.MAVLink(None, srcSystem=245, srcComponent=191)
-    message = sender.set_position_target_global_int_encode(
-        target_system=1, target_component=1, **fields
-    )
-    (received,) = dialect.MAVLink(None).parse_buffer(message.pack(sender))
-    assert {**fields, **received.to_dict()} == received.to_dict()
-    assert (received.lat_int, received.lon_int) == tuple(round(value * 1e7) for value in place)
-
-
-def test_a_position_target_is_a_position_above_home_and_nothing_else():
-    fields = position_target_fields(-24.0, -46.0, 120.0)
-    assert (fields["type_mask"], fields["coordinate_frame"]) == (3576, 6)
-    for name in ("VX", "VY", "VZ", "AX", "AY", "AZ", "YAW", "YAW_RATE"):
-        assert fields["type_mask"] & getattr(dialect, f"POSITION_TARGET_TYPEMASK_{name}_IGNORE")
-    for name in ("X", "Y", "Z"):
-        assert not fields["type_mask"] & getattr(dialect, f"POSITION_TARGET_TYPEMASK_{name}_IGNORE")
-
-
-def test_a_position_target_with_a_velocity_is_passed_with_it():
-    fields = position_target_fields(-24.0, -46.0, 120.0, velocity_mps=(3.0, -4.0), above_sea=True)
-    assert (fields["vx"], fields["vy"], fields["vz"]) == (3.0, -4.0, 0.0)
-    assert fields["coordinate_frame"] == dialect.MAV_FRAME_GLOBAL_INT
-    for name in ("X", "Y", "Z", "VX", "VY", "VZ"):
-        assert not fields["type_mask"] & getattr(dialect, f"POSITION_TARGET_TYPEMASK_{name}_IGNORE")
-    for name in ("AX", "AY", "AZ", "YAW", "YAW_RATE"):
-        assert fields["type_mask"] & getattr(dialect, f"POSITION_TARGET_TYPEMASK_{name}_IGNORE")
+        item_fields(MissionItem(16, lon_deg=value), 1)

@@ -408,6 +408,8 @@ class Px4(Vehicle):
 
     def item_begun(self, seq: int, item: Item) -> None:
         if item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            # The mission is over with it, and a mission that is over is followed by HOLD.
+            self._intend(Mode.HOLD)
             self._intend(Mode.RTL)
 
     def item_reached(self, seq: int) -> None:
