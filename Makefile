@@ -22,6 +22,12 @@ SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz script
 PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install \
 	$(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
 
+# What calls the libraries that have lower bounds.
+TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracles.py rendering.py \
+	scenario.py snapshot.py vector_env.py withdraw.py world.py) test/planners/test_planners.py \
+	$(addprefix test/msg_adapters/test_,geodesy.py mavlink_items.py occupancy.py poses.py) \
+	$(addprefix test/flight/test_,codec.py messages.py upload.py) test/nodes/test_mission.py
+
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
 
@@ -33,11 +39,11 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim sitl-demo test lint format bench reproduce clean
+.PHONY: help sim sitl-demo test test-oldest lint format bench reproduce clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
-		printf 'make %-9s %s\n' "$$target" "$$text"; done
+		printf 'make %-11s %s\n' "$$target" "$$text"; done
 
 sim: $(VENV)/.sim ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder
 	@$(BIN)/run_mission $(MISSION)
@@ -47,6 +53,13 @@ sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER
 
 test: lint ## Lint, check the types and run all tests
 	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest --numprocesses=2 --dist=loadfile
+
+test-oldest: ## Run a part of the tests with the oldest versions that setup.py admits
+	@$(MAKE) --no-print-directory VENV=$(VENV)-oldest .test-oldest
+
+.PHONY: .test-oldest
+.test-oldest: $(VENV)/.oldest
+	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest --numprocesses=2 --dist=loadfile $(TESTS_OF_OLDEST)
 
 lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff check
@@ -64,7 +77,7 @@ reproduce: $(VENV)/.test ## Replay the published tables
 	@$(BIN)/python -m benchmarks.reproduce
 
 clean: ## Remove the environment and everything built
-	rm -rf $(VENV) build dist install log *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(VENV)-oldest build dist install log *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(BASE):
@@ -83,10 +96,20 @@ $(BASE):
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz
 $(VENV)/.test: EXTRAS := viz,test,sitl
-$(VENV)/.sim $(VENV)/.test: $(BASE) setup.py pyproject.toml $(SOURCES)
+$(VENV)/.oldest: EXTRAS := viz,test
+$(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
+$(VENV)/.oldest: $(VENV)/oldest.txt
+$(VENV)/.sim $(VENV)/.test $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
 	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg
 	@DIST_EXTRA_CONFIG=$(CURDIR)/$(VENV)/build/cfg $(PIP_INSTALL) --no-build-isolation \
-		$(if $(filter $(BASE) setup.py,$?),'.[$(EXTRAS)]',--no-deps .)
+		$(CONSTRAINTS) $(if $(filter $(BASE) $(VENV)/oldest.txt setup.py,$?),'.[$(EXTRAS)]',--no-deps .)
 	@touch $@
+
+# Every lower bound as the version itself; pyparsing 3.3 warns of what Matplotlib 3.6 does.
+$(VENV)/oldest.txt: $(BASE) setup.py
+	@rm -rf $(VENV)/build && mkdir $(VENV)/build
+	@$(BIN)/python setup.py -q egg_info --egg-base $(VENV)/build
+	@sed -n 's/^\([A-Za-z].*\)>=\([^,]*\).*/\1==\2/p' $(VENV)/build/*/requires.txt > $@
+	@echo 'pyparsing<3.3' >> $@

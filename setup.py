@@ -35,11 +35,11 @@ setup(
     packages=find_packages(include=["dsse_ros", "dsse_ros.*", "msg_adapters", "msg_adapters.*"]),
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
     install_requires=[
-        "gymnasium>=1.0",
-        "numba>=0.58",
+        "gymnasium>=1.1",
+        "numba>=0.58.1",
         "numpy>=1.26",
         "pettingzoo>=1.25",
-        "pymap3d>=3.0",
+        "pymap3d>=3.0.1",
         "pymavlink>=2.4.41",
         "pyyaml>=6.0",
     ],

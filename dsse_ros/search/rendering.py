@@ -127,9 +127,10 @@ class Picture:
         self._sea = axes.imshow(
             view.probability, cmap="Blues", extent=(0, side, 0, side), interpolation="nearest"
         )
-        self._figure.colorbar(
+        bar = self._figure.colorbar(
             self._sea, ax=axes, label="probability per cell (%)", shrink=0.8, pad=0.02
         )
+        self._beside = bar.ax
         colours = colormaps["tab10" if count <= 10 else "turbo"]
         self._colours = [colours(i if count <= 10 else i / count) for i in range(count)]
         size = float(np.clip(300 / grid, 4, 11))
@@ -178,8 +179,6 @@ class Picture:
 
     def _label(self, view: MissionView) -> None:
         """Write the legend anew."""
-        for legend in self._figure.legends.copy():
-            legend.remove()
         shown = [now for _, _, now in self._drones[:MAX_NAMED_DRONES]]
         for i, now in enumerate(shown):
             now.set_label(f"drone{i}" if view.alive[i] else f"drone{i} (down)")
@@ -187,8 +186,9 @@ class Picture:
             shown.append(self._datum)
         shown += [self._persons[found] for found in (False, True) if (view.found == found).any()]
         rest = len(self._drones) - MAX_NAMED_DRONES
-        self._figure.legend(
-            handles=shown, loc="outside right upper", fontsize=8, frameon=False,
+        # The colour bar has it: Matplotlib 3.6 finds no room for a legend of the figure.
+        self._beside.legend(
+            handles=shown, loc="upper left", bbox_to_anchor=(4.5, 1.0), fontsize=8, frameon=False,
             title="\n".join(["o start, ^ now", *([f"and {rest} more"] if rest > 0 else [])]),
             title_fontsize=8,
         )  # fmt: skip

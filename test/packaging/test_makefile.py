@@ -65,3 +65,13 @@ def test_the_mission_gets_the_options_that_are_given_and_no_other(folder: Path) 
 def test_a_distribution_comes_with_its_own_wheels(folder: Path, distro: str, version: str) -> None:
     planned = make(folder, "--dry-run", "test", f"DISTRO={distro}").stdout
     assert f"ros-rclpy[fastrtps]=={version}" in planned
+
+
+def test_the_oldest_versions_have_an_environment_of_their_own(folder: Path) -> None:
+    planned = make(folder, "--dry-run", "test-oldest").stdout
+    assert "--constraint .venv-oldest/oldest.txt '.[viz,test]'" in planned
+    assert ".venv-oldest/bin/pytest" in planned and ".venv/bin/pytest" not in planned
+
+
+def test_ci_runs_the_oldest_versions_too() -> None:
+    assert "make test-oldest ||" in (ROOT / ".ci" / "run").read_text()

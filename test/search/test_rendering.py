@@ -300,16 +300,17 @@ def test_a_window_shows_no_more_pictures_a_second_than_render_fps() -> None:
     printed = run(
         "import time\n"
         "from dsse_ros.search import parallel_env\n"
+        "parallel_env(grid_size=4, render_mode='human').reset(seed=0)\n"
         "env = parallel_env(grid_size=4, render_mode='human')\n"
-        "env.metadata = {**env.metadata, 'render_fps': 1}\n"
-        "env.reset(seed=0)\n"
+        "env.metadata = {**env.metadata, 'render_fps': 0.5}\n"
         "began = time.monotonic()\n"
-        "for _ in range(2):\n"
-        "    env.render()\n"
+        "env.reset(seed=0)\n"
+        "env.render()\n"
+        "env.render()\n"
         "print(time.monotonic() - began)\n"
     )
-    # Waiting has a least time whatever the machine does.
-    assert float(printed) >= 1.9
+    # What must be waited for takes its time on any machine.
+    assert float(printed) >= 3.99
 
 
 def test_the_search_needs_no_matplotlib_and_pictures_say_that_they_do() -> None:
