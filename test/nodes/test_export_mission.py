@@ -20,7 +20,7 @@ WITHOUT_ROS = """
 import sys
 class Nothing:
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] == "rclpy" or name.endswith("_msgs"):
+        if name.split(".")[0] in ("rclpy", "pymavlink") or name.endswith("_msgs"):
             raise ModuleNotFoundError(name, name=name)
 sys.meta_path.insert(0, Nothing())
 from dsse_ros.nodes.start import export_mission
@@ -29,7 +29,7 @@ sys.exit(export_mission())
 
 
 def export(*arguments: str | Path, code: int = 0) -> str:
-    """Run the program in a Python that has no ROS; returns what it prints."""
+    """Run the program in a Python that has neither ROS nor MAVLink; returns what it prints."""
     done = subprocess.run(
         [sys.executable, "-c", WITHOUT_ROS, *map(str, arguments)],
         cwd=ROOT, capture_output=True, text=True, timeout=120,
