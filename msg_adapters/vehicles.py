@@ -63,11 +63,17 @@ def vehicle_pose(
 
 
 def vehicle_fix(
-    drone_name: str, lat_deg: float, lon_deg: float, alt_amsl_m: float, stamp: Time
+    frame: GridFrame,
+    drone_name: str,
+    lat_deg: float,
+    lon_deg: float,
+    alt_amsl_m: float,
+    stamp: Time,
 ) -> NavSatFix:
     """Return where a vehicle is on the Earth; how exactly is not known.
 
     Args:
+        frame: The grid.
         drone_name: Name of the drone.
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
@@ -75,7 +81,7 @@ def vehicle_fix(
             the height above the ellipsoid by the geoid's, up to 100 m.
         stamp: Time of the fix.
     """
-    message = NavSatFix(header=header(base_link(drone_name), stamp))
+    message = NavSatFix(header=header(base_link(drone_name, frame.frame_prefix), stamp))
     message.status.status = NavSatStatus.STATUS_FIX
     message.status.service = NavSatStatus.SERVICE_GPS
     message.latitude, message.longitude = float(lat_deg), float(lon_deg)

@@ -19,6 +19,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
+from rclpy.clock import Clock
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
 
@@ -117,6 +118,8 @@ class BridgeNode(AlarmNode):
             endpoints.publisher(DiagnosticArray, f"{name}/vehicle_state", LATCHED)
             for name in self._names
         ]
+        # What watches over nodes compares the stamps of diagnostics with the wall clock.
+        self._wall_clock = Clock()
         self._diagnostics = endpoints.publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         for kind, topic, read, kept in (
             (String, "agents", self._on_agents, LATCHED),
@@ -433,7 +436,8 @@ class BridgeNode(AlarmNode):
             self._poses[i].publish(
                 vehicle_pose(self._frames[i], *place, state.alt_m, state.heading_deg, stamp)
             )
-            self._fixes[i].publish(vehicle_fix(self._names[i], *place, state.alt_amsl_m, stamp))
+            fix = vehicle_fix(self._frames[i], self._names[i], *place, state.alt_amsl_m, stamp)
+            self._fixes[i].publish(fix)
 
     def _tell(self, i: int, escort: Escort | None, vehicle: Vehicle, now_s: float) -> None:
         """Publish the state of a vehicle if it is news."""
@@ -510,7 +514,7 @@ class BridgeNode(AlarmNode):
         values |= {f"count.{key}": n for key, n in sorted(counts.items())}
         self._diagnostics.publish(
             diagnostic_array(
-                self.get_clock().now().to_msg(),
+                self._wall_clock.now().to_msg(),
                 name=self.get_fully_qualified_name().lstrip("/"),
                 hardware_id="dsse_ros",
                 level=level,

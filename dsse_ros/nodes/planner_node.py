@@ -125,8 +125,8 @@ class PlannerNode(AlarmNode):
         info = self._infos.get(step[0])
         if info is None or stamp != map_stamp or not _fits(info, report, probability):
             return
-        # A map has no run_id: one that was used for another run may have this stamp too.
-        if last is not None and last[0] != step[0] and self._map is self._map_used:
+        # A map names no search: one that was used for another may have this stamp too.
+        if last is not None and last[:2] != step[:2] and self._map is self._map_used:
             return
         live = ~((report["terminated"] | report["truncated"]).astype(bool))
         if step == last:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -89,7 +90,8 @@ def test_a_pose_that_is_nowhere_is_refused(change: dict[str, Any], code: str) ->
 
 
 def test_a_fix_says_that_its_error_is_not_known() -> None:
-    fix = vehicle_fix("drone3", -24.0, -46.1, 12.5, STAMP)
+    frame = dataclasses.replace(FRAME, frame_prefix="one/")
+    fix = vehicle_fix(frame, "drone3", -24.0, -46.1, 12.5, STAMP)
     assert (fix.latitude, fix.longitude, fix.altitude) == (-24.0, -46.1, 12.5)
-    assert fix.header.frame_id == "drone3/base_link"
+    assert fix.header.frame_id == "one/drone3/base_link"
     assert fix.position_covariance_type == fix.COVARIANCE_TYPE_UNKNOWN
