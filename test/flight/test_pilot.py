@@ -317,6 +317,17 @@ def test_a_take_off_waits_as_long_as_it_takes_and_says_for_what() -> None:
     assert flight.state.unready == ""
 
 
+def test_a_vehicle_that_never_has_a_position_is_waited_for_without_a_word_of_its_own() -> None:
+    # In STABILIZE ArduCopter needs none: its checks are passed.
+    flight = VirtualFlight(arm=True, vehicle={"gps": False, "ready_s": 5.0})
+    flight.give(TakeOff(10.0))
+    flight.wait(600.0)
+    waits = "waits for the vehicle's position"
+    assert (flight.outcome.status, flight.outcome.reason) == ("under_way", waits)
+    assert flight.state.connected and not flight.state.has_position and not flight.state.ready
+    assert not flight.commands(ARM)
+
+
 def test_a_vehicle_without_a_position_says_why_it_is_not_ready() -> None:
     flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0})
     flight.give(TakeOff(10.0))

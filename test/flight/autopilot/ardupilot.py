@@ -244,7 +244,7 @@ class ArduCopter(Vehicle):
         if self.armed and not self.has_position and mode not in _WITHOUT_POSITION:
             return "requires position"
         if mode is Mode.AUTO:
-            if self.mission_total < 1:
+            if self.armed and self.mission_total < 1:
                 return "init failed"
             first = self.mission.items[1].command
             if self.armed and self.landed and first != mavlink.MAV_CMD_NAV_TAKEOFF:
@@ -327,9 +327,9 @@ class ArduCopter(Vehicle):
         return ACCEPTED
 
     def _mission_start(self, command: Command) -> int:
-        if not self.armed or not self.set_mode(Mode.AUTO):
+        if not self.set_mode(Mode.AUTO):
             return FAILED
-        if not self.mission.active:
+        if self.armed and not self.mission.active:
             self._run_mission()
         return ACCEPTED
 

@@ -51,6 +51,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         help="vehicle time until it can be armed (42, px4: 10)")  # fmt: skip
     add("--deaf", type=float, default=Settings.deaf_s, metavar="SECONDS",
         help="requests for messages are acknowledged and lost so long (%(default)s)")  # fmt: skip
+    add("--no-gps", action="store_false", dest="gps", help="never know where it is")
     add("--endurance", type=_argument(_positive), default=Settings.endurance_s, metavar="SECONDS",
         help="time in the air that the battery lasts (%(default)s)")  # fmt: skip
     add("--fault", type=_argument(Fault.parse), action="append", default=[],
@@ -75,6 +76,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         key=options.key,
         ready_s=options.ready or _READY_S[options.dialect],
         deaf_s=options.deaf,
+        gps=options.gps,
         endurance_s=options.endurance,
         faults=tuple(options.fault),
         parameters=tuple(options.param),

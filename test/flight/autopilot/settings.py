@@ -24,6 +24,7 @@ class Settings:
         key: 32 bytes to sign with, None to leave it.
         ready_s: Time from the start until it can be armed.
         deaf_s: Requests for messages in this time from the start are acknowledged and lost.
+        gps: Whether it ever knows where it is.
         endurance_s: Time in the air that its battery lasts.
         faults: What goes wrong.
         parameters: Values of its parameters, by name, instead of the usual ones.
@@ -36,6 +37,7 @@ class Settings:
     key: bytes | None = None
     ready_s: float = 42.0
     deaf_s: float = 1.0
+    gps: bool = True
     endurance_s: float = 1500.0
     faults: tuple[Fault, ...] = ()
     parameters: tuple[tuple[str, float], ...] = ()

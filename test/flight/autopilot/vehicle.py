@@ -251,7 +251,7 @@ class Vehicle(ABC):
     @property
     def has_position(self) -> bool:
         """Whether it knows where it is; that comes before it is ready."""
-        return self.time_s >= 0.6 * self.settings.ready_s
+        return self.settings.gps and self.time_s >= 0.6 * self.settings.ready_s
 
     @property
     @abstractmethod
