@@ -11,6 +11,8 @@ grows to the east, y is the row and grows to the south.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -18,10 +20,17 @@ from dsse_ros.search.streaming import ALIGNMENT, LANES, stream_product
 
 MAX_ACTIONS = 16
 
-kernel = njit(cache=True, nogil=True, _nrt=False)
+# Without Numba's own memory (NRT) a function cannot make arrays, and counts no references to them:
+# that took a third of the time of a small world.
+_KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+_PART: dict[str, Any] = {**_KERNEL, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+kernel = njit(**_KERNEL)
 """Compiles what Python calls."""
-part = njit(cache=True, nogil=True, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)  # type: ignore[call-overload]
+part = njit(**_PART)
 """Compiles what only kernels call, without the wrappers that the compiler would take long over."""
+inlined = njit(**_PART, forceinline=True)
+"""Compiles a part into its callers, where the call itself would take long."""
 
 CONSTANTS = np.dtype(
     [
@@ -544,7 +553,7 @@ def reset_world(c, w, starts, drones, persons, gauss, tails, circle, cells):
         sea_step(c, w, persons, gauss, tails, circle)
 
 
-@part
+@inlined
 def search_cell(c, w, gauss, d, persons):
     """Return (reward, found) of a search by a drone where it is."""
     finds = 0
@@ -834,16 +843,18 @@ def report_worlds(
     """
     c = constants[0]
     edge, num_actions = c.grid_size - 1, action_masks.shape[2]
+    inner = np.uint64(max(edge - 1, 0))
     for b in range(first, last):
-        masks = action_masks[b]
+        swarm, cells, masks = drones[b], positions[b], action_masks[b]
+        earned, ended, stopped = rewards[b], terminated[b], truncated[b]
         masks[:] = 1
-        for n in range(drones.shape[1]):
-            d = drones[b, n]
+        for n in range(len(swarm)):
+            d = swarm[n]
             x, y = d.x, d.y
-            positions[b, n, 0], positions[b, n, 1] = x, y
-            rewards[b, n] = d.reward
-            terminated[b, n], truncated[b, n] = d.terminated, d.truncated
-            if x == 0 or y == 0 or x == edge or y == edge:
+            cells[n, 0], cells[n, 1] = x, y
+            earned[n] = d.reward
+            ended[n], stopped[n] = d.terminated, d.truncated
+            if (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):
                 for a in range(num_actions):
                     dx, dy = c.dx[a], c.dy[a]
                     west, east = dx < 0 and x == 0, dx > 0 and x == edge

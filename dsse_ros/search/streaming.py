@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
@@ -18,8 +18,7 @@ ALIGNMENT = 16
 """Bytes that the address of the first one must be a multiple of."""
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def stream_product(_: Any, out: Any, start: Any, factor: Any, weights: Any) -> Any:
+def _stream_product(_: Any, out: Any, start: Any, factor: Any, weights: Any) -> Any:
     """Do out[i] = factor * weights[i] for `LANES` elements from `start`, bit for bit.
 
     Args:
@@ -50,3 +49,6 @@ def stream_product(_: Any, out: Any, start: Any, factor: Any, weights: Any) -> A
         return context.get_dummy_value()
 
     return types.void(out, types.intp, types.float64, weights), write
+
+
+stream_product: Any = intrinsic(_stream_product)
