@@ -70,7 +70,7 @@ format: $(VENV)/.test ## Format the code and mend what the linter can
 	@$(BIN)/ruff check --fix
 	@$(BIN)/ruff format
 
-bench: $(VENV)/.test ## Measure beside the published packages and a C floor: BENCH=--quick
+bench: $(VENV)/.test ## Measure beside the published packages and a C baseline: BENCH=--quick
 	@$(BIN)/python -m benchmarks.bench $(BENCH)
 
 reproduce: $(VENV)/.test ## Replay the published tables

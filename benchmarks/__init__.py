@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speed and memory beside the published packages and a C floor, and the published figures."""
+"""Speed and memory beside the published packages and a C baseline, and the published figures."""

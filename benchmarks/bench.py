@@ -13,13 +13,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import conversion, goals, lockstep, memory, plot, speed, start_up
+from benchmarks import conversion, goals, lockstep, memory, plot, seeding, speed, start_up
 from benchmarks.processes import ROOT, ContenderError
-from benchmarks.published import V1, V2, Unavailable, build_floor, install, versions
+from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5
-SECTIONS = ("speed", "start_up", "memory", "conversion", "lockstep")
+SECTIONS = ("speed", "seeding", "start_up", "memory", "conversion", "lockstep")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -29,7 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
     given.build.mkdir(parents=True, exist_ok=True)
     out = given.out or (given.build if quick else RESULTS)
     out.mkdir(parents=True, exist_ok=True)
-    pythons, floor = _contenders(given.build)
+    pythons, programs = _contenders(given.build)
 
     began = time.time()
     load = os.getloadavg()[0]
@@ -39,12 +39,13 @@ def main(arguments: list[str] | None = None) -> int:
     sections: dict[str, Callable[[], Any]] = {
         "speed": lambda: speed.measure(
             pythons,
-            floor,
+            programs,
             cells=speed.QUICK_CELLS if quick else speed.CELLS,
             rounds=3 if quick else 6,
             seconds=0.1 if quick else 0.15,
             tell=_tell,
         ),
+        "seeding": lambda: seeding.measure(3 if quick else 10),
         "start_up": lambda: start_up.measure(1 if quick else 2),
         "memory": lambda: memory.measure(pythons, 10**5 if quick else 10**6),
         "conversion": lambda: conversion.measure(30 if quick else 300),
@@ -131,20 +132,21 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def _contenders(build: Path) -> tuple[dict[str, Path], Path | None]:
-    """Return the Pythons of the published packages and the floor, without those not to be had."""
+def _contenders(folder: Path) -> tuple[dict[str, Path], dict[str, Path]]:
+    """Return the Pythons of the published packages and the C programs that can be had here."""
     pythons: dict[str, Path] = {}
-    floor = None
+    programs: dict[str, Path] = {}
     for name, package in (("dsse_0_1_13", V1), ("dsse_1_1_9", V2)):
         try:
-            pythons[name] = install(package, build)
+            pythons[name] = install(package, folder)
         except Unavailable as error:
             _tell(str(error))
-    try:
-        floor = build_floor(build)
-    except Unavailable as error:
-        _tell(str(error))
-    return pythons, floor
+    for source in (BASELINE, LIMIT):
+        try:
+            programs[source.stem] = build(source, folder)
+        except Unavailable as error:
+            _tell(str(error))
+    return pythons, programs
 
 
 def _tell(line: str) -> None:

@@ -14,10 +14,11 @@ import matplotlib.pyplot as plt  # noqa: E402
 # Name, label, colour, line style.
 LINES = (
     ("lazy_one_core", "ours, lazy batch, one core", "tab:blue", ":"),
-    ("floor_lazy", "C, lazy", "tab:gray", ":"),
-    ("batch_all_cores", "ours, batch, all cores", "tab:blue", "--"),
+    ("baseline_lazy", "C baseline, lazy", "tab:gray", ":"),
+    ("limit_one_core", "memset of the maps, one core", "tab:green", "-."),
+    ("batch_two_cores", "ours, batch, two cores", "tab:blue", "--"),
     ("batch_one_core", "ours, batch, one core", "tab:blue", "-."),
-    ("floor_batch", "C, batch, one core", "tab:gray", "-."),
+    ("baseline_batch", "C baseline, batch, one core", "tab:gray", "-."),
     ("single_v2", "ours, one world, v2", "tab:orange", "-"),
     ("single_v1", "ours, one world, v1", "tab:blue", "-"),
     ("dsse_1_1_9", "DSSE 1.1.9", "tab:red", "-"),

@@ -118,11 +118,11 @@ def last_line(errors: IO[bytes]) -> str:
     return next((line.strip() for line in reversed(lines) if line.strip()), "it ended")
 
 
-class Floor:
-    """The C floor.
+class Baseline:
+    """The C baseline.
 
     Args:
-        program: As `published.build_floor` made it.
+        program: As `published.build` made it.
         lazy: Whether it keeps only the parameters of the maps.
         worlds: In a batch, by default as many as the set-up says.
     """
@@ -141,11 +141,43 @@ class Floor:
 
     def rate(self, seconds: float) -> float:
         """Work for this long and return environment steps per second."""
-        command = [str(self._program), *self._arguments, f"{seconds:g}", str(int(self._lazy))]
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=TIMEOUT_S, stdin=subprocess.DEVNULL
-        )
-        found = re.search(r"([\d.]+) env steps/s", done.stdout)
-        if done.returncode or found is None:
-            raise ContenderError(f"the C floor: exit code {done.returncode}")
-        return float(found[1])
+        return _rate(self._program, *self._arguments, f"{seconds:g}", str(int(self._lazy)))
+
+
+class Limit:
+    """As many bytes as the maps of a batch have, written by memset.
+
+    Args:
+        program: As `published.build` made it.
+    """
+
+    def __init__(self, program: Path) -> None:
+        self._program = program
+        self._arguments: list[str] = []
+        self._threads = "1"
+
+    def set_up(self, config: dict[str, Any]) -> None:
+        """Get ready for the maps of this work."""
+        worlds = config["worlds"]
+        self._arguments = [str(config["fields"]["grid_size"]), str(worlds["count"])]
+        self._threads = str(worlds["threads"])
+
+    def rate(self, seconds: float) -> float:
+        """Write for this long and return maps per second."""
+        return _rate(self._program, *self._arguments, f"{seconds:g}", self._threads)
+
+
+def _rate(program: Path, *arguments: str) -> float:
+    """Return the rate that a C program prints.
+
+    Raises:
+        ContenderError: If it prints none.
+    """
+    done = subprocess.run(
+        [str(program), *arguments],
+        capture_output=True, text=True, timeout=TIMEOUT_S, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    found = re.search(r"([\d.]+) (?:env steps|maps)/s", done.stdout)
+    if done.returncode or found is None:
+        raise ContenderError(f"the C {program.name}: exit code {done.returncode}")
+    return float(found[1])

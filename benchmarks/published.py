@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The published packages, installed from PyPI into environments of their own, and the C floor."""
+"""The published packages, installed from PyPI into environments of their own, and programs in C."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-FLOOR = Path(__file__).with_name("floor.c")
+BASELINE = Path(__file__).with_name("baseline.c")
+LIMIT = Path(__file__).with_name("limit.c")
 COMPILER_FLAGS = ("-O3", "-march=native", "-ffast-math")
 
 
@@ -82,18 +83,18 @@ def install(package: Published, folder: Path) -> Path:
     return python
 
 
-def build_floor(folder: Path) -> Path:
-    """Return the C floor, compiled for this machine.
+def build(source: Path, folder: Path) -> Path:
+    """Return a C program (`BASELINE` or `LIMIT`), compiled for this machine.
 
     Raises:
         Unavailable: If there is no C compiler.
     """
     compiler = os.environ.get("CC") or shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
-        raise Unavailable("the C floor is left out: there is no C compiler")
+        raise Unavailable(f"the C {source.stem} is left out: there is no C compiler")
     folder.mkdir(parents=True, exist_ok=True)
-    program = folder / "floor"
-    _run([compiler, *COMPILER_FLAGS, FLOOR, "-o", program, "-lm"])
+    program = folder / source.stem
+    _run([compiler, *COMPILER_FLAGS, source, "-o", program, "-lm", "-lpthread"])
     return program
 
 

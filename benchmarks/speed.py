@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.processes import Contender, ContenderError, Floor, Process
+from benchmarks.processes import Baseline, Contender, ContenderError, Limit, Process
 from benchmarks.workload import batch_size, random_walks
 from dsse_ros.search.rules import profile
 
@@ -26,14 +25,14 @@ DRONES = (1, 5, 20, 50, 400)
 GRIDS = (20, 40, 100, 200, 1000)
 # A block of one cell has no move.
 CELLS = [(g, n) for g in GRIDS for n in DRONES if 2 * n <= g * g]
-QUICK_CELLS = [(40, 5), (100, 5), (40, 50), (20, 5), (200, 5), (1000, 5), (40, 1), (40, 400)]
-GOAL_CELLS = [(40, 5), (100, 5), (40, 50)]
+GOAL_CELLS = [(40, 5), (100, 5), (40, 50), (40, 400)]
+QUICK_CELLS = [*GOAL_CELLS, (20, 5), (200, 5), (1000, 5), (40, 1)]
 # One step takes 0.1.13 more than a second.
 TOO_LARGE = {"dsse_0_1_13": 1000}
 
 
 def configuration(rules: str, grid_size: int, num_drones: int) -> dict[str, Any]:
-    """Return what every contender is told: the scenario of the floor, or the defaults of v2.
+    """Return what every contender is told: the scenario of the C baseline, or the defaults of v2.
 
     Nobody is found, so that every episode lasts until its time is out.
     """
@@ -51,10 +50,15 @@ def configuration(rules: str, grid_size: int, num_drones: int) -> dict[str, Any]
 
 
 def contenders(
-    stack: ExitStack, pythons: Mapping[str, Path], floor: Path | None
+    stack: ExitStack, pythons: Mapping[str, Path], programs: Mapping[str, Path]
 ) -> dict[str, tuple[str, dict[str, Any], Contender]]:
-    """Return every contender by name, with its rules and what its set-up adds."""
-    cores = os.cpu_count() or 1
+    """Return every contender by name, with its rules and what its set-up adds.
+
+    Args:
+        stack: Ends their processes.
+        pythons: Of the published packages, by the name of the contender.
+        programs: The C programs "baseline" and "limit".
+    """
 
     def ours() -> Process:
         return stack.enter_context(Process("ours"))
@@ -68,22 +72,27 @@ def contenders(
             process = stack.enter_context(Process(module, pythons[module]))
             made[module] = (rules, {}, process)
         made[f"single_{rules}"] = (rules, {}, ours())
-    if floor is not None:
-        made["floor_single"] = ("v1", {}, Floor(floor, worlds=1))
-        made["floor_batch"] = ("v1", worlds(False, 1), Floor(floor))
+    baseline, limit = programs.get("baseline"), programs.get("limit")
+    if baseline is not None:
+        made["baseline_single"] = ("v1", {}, Baseline(baseline, worlds=1))
+        made["baseline_batch"] = ("v1", worlds(False, 1), Baseline(baseline))
+    if limit is not None:
+        made["limit_one_core"] = ("v1", worlds(False, 1), Limit(limit))
     made["batch_one_core"] = ("v1", worlds(False, 1), ours())
-    made["batch_all_cores"] = ("v1", worlds(False, cores), ours())
-    if floor is not None:
-        made["floor_lazy"] = ("v1", worlds(True, 1), Floor(floor, lazy=True))
+    made["batch_two_cores"] = ("v1", worlds(False, 2), ours())
+    if limit is not None:
+        made["limit_two_cores"] = ("v1", worlds(False, 2), Limit(limit))
+    if baseline is not None:
+        made["baseline_lazy"] = ("v1", worlds(True, 1), Baseline(baseline, lazy=True))
     made["lazy_one_core"] = ("v1", worlds(True, 1), ours())
-    made["lazy_all_cores"] = ("v1", worlds(True, cores), ours())
+    made["lazy_two_cores"] = ("v1", worlds(True, 2), ours())
     made["batch_v2_one_core"] = ("v2", worlds(False, 1), ours())
     return made
 
 
 def measure(
     pythons: Mapping[str, Path],
-    floor: Path | None,
+    programs: Mapping[str, Path],
     *,
     cells: list[tuple[int, int]],
     rounds: int,
@@ -98,7 +107,7 @@ def measure(
     found = []
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        made = contenders(stack, pythons, floor)
+        made = contenders(stack, pythons, programs)
         for grid_size, num_drones in cells:
             rates: dict[str, list[float]] = {}
             for name, (rules, extra, contender) in made.items():
@@ -150,13 +159,15 @@ COLUMNS = (
     ("v1", "single_v1"),
     ("1.1.9", "dsse_1_1_9"),
     ("v2", "single_v2"),
-    ("C", "floor_single"),
-    ("C batch", "floor_batch"),
+    ("C", "baseline_single"),
+    ("C batch", "baseline_batch"),
     ("1 core", "batch_one_core"),
-    ("all", "batch_all_cores"),
-    ("C lazy", "floor_lazy"),
+    ("2 cores", "batch_two_cores"),
+    ("limit 1", "limit_one_core"),
+    ("limit 2", "limit_two_cores"),
+    ("C lazy", "baseline_lazy"),
     ("1 core", "lazy_one_core"),
-    ("all", "lazy_all_cores"),
+    ("2 cores", "lazy_two_cores"),
     ("v2 batch", "batch_v2_one_core"),
 )
 
@@ -164,21 +175,32 @@ COLUMNS = (
 def heading() -> str:
     """Return the heading of the table, two lines."""
     names = "".join(f"{name:>10}" for name, _ in COLUMNS)
-    groups = f"{'':12}{'one world':>40}{'':>10}{'dense batch':>30}{'lazy batch':>30}"
+    groups = f"{'':12}{'one world':>40}{'':>10}{'dense batch':>50}{'lazy batch':>30}"
     return f"{groups}\n{'grid':>5}{'drones':>7}{names}   env steps/s"
 
 
 def row(cell: Mapping[str, Any]) -> str:
-    """Return a row of the table."""
-    best = cell["best"]
-    rates = "".join(f"{best[key]:10.0f}" if key in best else f"{'-':>10}" for _, key in COLUMNS)
-    return f"{cell['grid_size']:>5}{cell['num_drones']:>7}{rates}"
+    """Return a row of the table: the best rates, and the medians below."""
+    lines = []
+    for kind, label in (("best", f"{cell['grid_size']:>5}{cell['num_drones']:>7}"),
+                        ("median", f"{'median':>12}")):  # fmt: skip
+        rates = cell[kind]
+        lines.append(label + "".join(
+            f"{rates[key]:10.0f}" if key in rates else f"{'-':>10}" for _, key in COLUMNS
+        ))  # fmt: skip
+    return "\n".join(lines)
 
 
-def ratio(cells: list[dict[str, Any]], cell: tuple[int, int], of: str, to: str) -> float | None:
-    """Return the ratio of two contenders' best rates, None where one was not measured."""
+def ratio(
+    cells: list[dict[str, Any]], cell: tuple[int, int], of: str, to: str
+) -> tuple[float, float] | None:
+    """Return the ratio of two contenders' best rates and of their medians.
+
+    Returns:
+        None where one of them was not measured.
+    """
     for found in cells:
-        best = found["best"]
+        best, median = found["best"], found["median"]
         if (found["grid_size"], found["num_drones"]) == cell and of in best and to in best:
-            return float(best[of] / best[to])
+            return best[of] / best[to], median[of] / median[to]
     return None

@@ -46,7 +46,7 @@ def batch(
     fields: dict[str, Any], actions: Any, count: int, lazy: bool, threads: int
 ) -> Iterator[int]:
     """Yield the worlds that did a step for every call of `VectorEnv.step`."""
-    env = vector_env(count, **fields, lazy=lazy, copy=False, threads=threads)
+    env = vector_env(count, **fields, lazy=lazy, threads=threads)
     repeats = -(-count // actions.shape[1])
     joints = list(np.tile(actions, (1, repeats, 1))[:, :count])
     over = env.world.worlds["over"]

@@ -11,15 +11,26 @@ grows to the east, y is the row and grows to the south.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
+from dsse_ros.search.streaming import ALIGNMENT, LANES, stream_product
+
 MAX_ACTIONS = 16
 
-kernel = njit(cache=True, nogil=True)
+# Without Numba's own memory (NRT) a function cannot make arrays, and counts no references to them:
+# that took a third of the time of a small world.
+_KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+_PART: dict[str, Any] = {**_KERNEL, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+kernel = njit(**_KERNEL)
 """Compiles what Python calls."""
-part = njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)  # type: ignore[call-overload]
+part = njit(**_PART)
 """Compiles what only kernels call, without the wrappers that the compiler would take long over."""
+inlined = njit(**_PART, forceinline=True)
+"""Compiles a part into its callers, where the call itself would take long."""
 
 CONSTANTS = np.dtype(
     [
@@ -102,8 +113,6 @@ DRONES = np.dtype(
     [
         ("x", "i8"),
         ("y", "i8"),
-        ("start_x", "i8"),
-        ("start_y", "i8"),
         ("earned", "f8"),  # sum of rewards, before collisions replaced any
         ("reward", "f8"),  # of the last step
         ("alive", "?"),  # in the search; without a flag and not alive: withdrawn
@@ -226,7 +235,30 @@ def rows_covered(w, g, d2):
 
 
 @part
-def circle_sum(w, gauss, tails, g):
+def look_at_circle(w, circle):
+    """Write the half width of the world's circle in the rows at distance 0, 1, ... of its centre.
+
+    Args:
+        w: The world.
+        circle: (G + 1,) int64 out, -1 for none; behind the rows stands the diameter, so that worlds
+            side by side with equal circles share the work.
+    """
+    d = diameter(w)
+    rows = len(circle) - 1
+    if circle[rows] == d:
+        return
+    circle[rows] = d
+    d2 = d * d
+    for ady in range(rows):
+        # The largest adx of `inside_circle`; the root of such an integer is exact when cut off.
+        by_column, by_row = d2 - 4 * ady * ady, d2 - (2 * ady + 1) * (2 * ady + 1)
+        across = (np.int64(np.sqrt(np.float64(max(by_column, 0)))) - 1) >> 1
+        down = np.int64(np.sqrt(np.float64(max(by_row, 0)))) >> 1
+        circle[ady] = min(across, down) if by_row >= 0 else -1
+
+
+@part
+def circle_sum(w, gauss, tails, circle, g):
     """Return the sum of the Gaussian over the cells of the circle."""
     x, y, d2 = w.circle_x, w.circle_y, diameter(w) ** 2
     along_x = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x)
@@ -235,10 +267,8 @@ def circle_sum(w, gauss, tails, g):
     if rows >= 0:
         low, high = max(y - rows, 0), min(y + rows, g - 1)
         total = along_x * span_sum(tails[1], low - w.datum_y, high - w.datum_y)
-    half_width = diameter(w) // 2
     for ady in range(rows + 1, max(y, g - 1 - y) + 1):
-        while half_width >= 0 and not inside_circle(half_width, ady, d2):
-            half_width -= 1
+        half_width = circle[ady]
         if half_width < 0:
             break
         low, high = max(x - half_width, 0), min(x + half_width, g - 1)
@@ -252,11 +282,12 @@ def circle_sum(w, gauss, tails, g):
 
 
 @part
-def normalise(c, w, gauss, tails):
+def normalise(c, w, gauss, tails, circle):
     """Set the scale that makes the probabilities sum to 1."""
     g = c.grid_size
     if c.circle:
-        total = circle_sum(w, gauss, tails, g)
+        look_at_circle(w, circle)
+        total = circle_sum(w, gauss, tails, circle, g)
     else:
         total = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x) * span_sum(
             tails[1], -w.datum_y, g - 1 - w.datum_y
@@ -266,38 +297,47 @@ def normalise(c, w, gauss, tails):
 
 
 @part
-def write_map(c, w, gauss, out):
-    """Write the map (G, G) float32, out[y, x], row after row as memory likes it."""
+def write_map(c, w, gauss, circle, span, stream, out):
+    """Write the map (G, G) float32, out[y, x], row after row as memory likes it.
+
+    `circle` and `span` (G,) float64 are scratch; `stream` says whether to write past the caches.
+    """
     g = c.grid_size
     if w.scale == 0.0:
         out[:] = 0
         out[w.circle_y, w.circle_x] = 1
         return
-    x, d2 = w.circle_x, diameter(w) ** 2
+    x, y = w.circle_x, w.circle_y
     # Slices that start at 0 compile to vector code.
     weights = gauss[0, g - w.datum_x : 2 * g - w.datum_x]
-    half_width = -1 if c.circle else g
-    for y in range(g):
-        row = out[y]
-        ady = abs(y - w.circle_y)
-        if c.circle and y <= w.circle_y:
-            while half_width < g and inside_circle(half_width + 1, ady, d2):
-                half_width += 1
-        elif c.circle:
-            while half_width >= 0 and not inside_circle(half_width, ady, d2):
-                half_width -= 1
-        if half_width < 0:
+    rows = gauss[1, g - w.datum_y : 2 * g - w.datum_y]
+    for i in range(g):
+        span[i] = 0.0 if c.circle else weights[i]
+    if c.circle:
+        look_at_circle(w, circle)
+    half_width = -1
+    for j in range(g):
+        # From row to row the circle's part of the weights changes only at its ends.
+        wanted = circle[abs(j - y)] if c.circle else -1
+        while half_width < wanted:
+            half_width += 1
+            if half_width <= x:
+                span[x - half_width] = weights[x - half_width]
+            if half_width < g - x:
+                span[x + half_width] = weights[x + half_width]
+        while half_width > wanted:
+            if half_width <= x:
+                span[x - half_width] = 0.0
+            if half_width < g - x:
+                span[x + half_width] = 0.0
+            half_width -= 1
+        row, k = out[j], w.scale * rows[j]
+        if stream:
+            for i in range(0, g, LANES):
+                stream_product(row, i, k, span)
+        else:
             for i in range(g):
-                row[i] = 0
-            continue
-        k = w.scale * gauss[1, g + y - w.datum_y]
-        # The whole row, then zeros at its ends: three short loops of any length are slower.
-        for i in range(g):
-            row[i] = k * weights[i]
-        for i in range(x - half_width):
-            row[i] = 0
-        for i in range(x + half_width + 1, g):
-            row[i] = 0
+                row[i] = k * span[i]
 
 
 @part
@@ -349,7 +389,7 @@ def disperse(c, w, gauss, tails):
 
 
 @part
-def map_step(c, w, gauss, tails):
+def map_step(c, w, gauss, tails, circle):
     """Advance the map by one step: drift, dispersion, circle, normaliser."""
     previous_x, previous_y = w.datum_x, w.datum_y
     drift(c, w)
@@ -359,7 +399,7 @@ def map_step(c, w, gauss, tails):
     w.circle_x, w.circle_y = w.datum_x, w.datum_y
     if c.circle_on_previous_datum:
         w.circle_x, w.circle_y = previous_x, previous_y
-    normalise(c, w, gauss, tails)
+    normalise(c, w, gauss, tails, circle)
 
 
 @part
@@ -458,33 +498,35 @@ def draw_own_drift(c, w, person):
 
 
 @part
-def scatter_persons(c, w, persons):
+def scatter_persons(c, w, persons, cells):
     """Put all but the first person in different cells within `person_scatter` of the start."""
     g, s = c.grid_size, c.person_scatter
     x0, y0 = max(w.start_x - s, 0), max(w.start_y - s, 0)
     width = min(w.start_x + s, g - 1) - x0 + 1
     height = min(w.start_y + s, g - 1) - y0 + 1
-    cells = np.arange(width * height)
+    count = width * height
+    for k in range(count):
+        cells[k] = k
     start = (w.start_y - y0) * width + w.start_x - x0
     cells[0], cells[start] = cells[start], cells[0]
     for p in range(1, len(persons)):
-        k = p + draw_below(w, len(cells) - p)
+        k = p + draw_below(w, count - p)
         cells[p], cells[k] = cells[k], cells[p]
         persons[p].x, persons[p].y = x0 + cells[p] % width, y0 + cells[p] // width
 
 
 @part
-def sea_step(c, w, persons, gauss, tails):
+def sea_step(c, w, persons, gauss, tails, circle):
     """Advance the map and the persons by one step."""
     if c.person_first:
         persons_step(c, w, gauss, persons)
-    map_step(c, w, gauss, tails)
+    map_step(c, w, gauss, tails, circle)
     if not c.person_first:
         persons_step(c, w, gauss, persons)
 
 
 @part
-def reset_world(c, w, drones, persons, gauss, tails):
+def reset_world(c, w, starts, drones, persons, gauss, tails, circle, cells):
     """Set a world to its start: persons at the start cell, which has all the probability."""
     w.t = w.map_steps = 0
     w.datum_x = w.circle_x = w.start_x
@@ -497,7 +539,7 @@ def reset_world(c, w, drones, persons, gauss, tails):
     w.adrift = len(persons)
     for n in range(len(drones)):
         d = drones[n]
-        d.x, d.y = d.start_x, d.start_y
+        d.x, d.y = starts[n, 0], starts[n, 1]
         d.earned = d.reward = 0.0
         d.alive = True
         d.terminated = d.truncated = d.found = False
@@ -509,12 +551,12 @@ def reset_world(c, w, drones, persons, gauss, tails):
         if c.person_drifts:
             draw_own_drift(c, w, person)
     if c.person_scatter > 0:
-        scatter_persons(c, w, persons)
+        scatter_persons(c, w, persons, cells)
     for _ in range(c.pre_search_steps + c.reset_sea_steps):
-        sea_step(c, w, persons, gauss, tails)
+        sea_step(c, w, persons, gauss, tails, circle)
 
 
-@part
+@inlined
 def search_cell(c, w, gauss, d, persons):
     """Return (reward, found) of a search by a drone where it is."""
     finds = 0
@@ -543,49 +585,49 @@ def search_cell(c, w, gauss, d, persons):
 
 
 @part
-def move(c, d, action):
-    """Move a drone; returns (reward, whether it left the grid)."""
-    x, y = d.x + c.dx[action], d.y + c.dy[action]
-    inside = 0 <= x < c.grid_size and 0 <= y < c.grid_size
-    if inside or c.leave_flies_on:
-        d.x, d.y = x, y
-    return (c.move if inside else c.leave_grid), not inside
+def collide(c, drones, occupied):
+    """Reward and terminate the drones still flying that share a cell, as `occupy` noted them."""
+    for n in range(len(drones)):
+        d = drones[n]
+        if is_flying(c, d) and is_crashed(c.grid_size, drones, n, occupied):
+            d.reward = c.collision
+            d.terminated = True
 
 
 @part
-def collide(c, drones, occupied):
-    """Reward and terminate the drones still flying that share a cell.
+def next_stamp(occupied):
+    """Return a number that no cell is marked with; see `occupy`."""
+    last = len(occupied) - 1
+    if occupied[last] > 65532:
+        for cell in range(last + 1):
+            occupied[cell] = 0
+    occupied[last] += 2
+    return occupied[last]
 
-    `occupied` (G * G,) is scratch, zero before and after.
+
+@part
+def occupy(g, d, occupied, stamp):
+    """Mark the cell of a drone; returns whether it may share it.
+
+    Of `occupied` (G * G + 1,) uint16, the last element is the stamp of this world's step, an even
+    number. A cell with a drone is marked with it, one with more drones with the next number, and
+    what is less is of a step before.
     """
-    g = c.grid_size
-    shared = False
-    for n in range(len(drones)):
-        d = drones[n]
-        if not is_flying(c, d):
-            continue
-        if is_inside(g, d):
-            occupied[d.y * g + d.x] += 1
-            shared = shared or occupied[d.y * g + d.x] > 1
-        else:
-            shared = True
-    if shared:
-        for n in range(len(drones)):
-            d = drones[n]
-            if is_flying(c, d) and is_crashed(g, drones, n, occupied):
-                d.reward = c.collision
-                d.terminated = True
-    for n in range(len(drones)):
-        if is_inside(g, drones[n]):
-            occupied[drones[n].y * g + drones[n].x] = 0
+    if not is_inside(g, d.x, d.y):
+        return True
+    # An unsigned index is not looked at for being below 0.
+    cell = np.uint64(d.y * g + d.x)
+    shared = occupied[cell] >= stamp
+    occupied[cell] = stamp + shared
+    return shared
 
 
 @part
 def is_crashed(g, drones, n, occupied):
     """Return whether drone n shares its cell; only those on the grid are in `occupied`."""
     d = drones[n]
-    if is_inside(g, d):
-        return occupied[d.y * g + d.x] > 1
+    if is_inside(g, d.x, d.y):
+        return occupied[d.y * g + d.x] > occupied[g * g]
     crashed = False
     for m in range(len(drones)):
         crashed = crashed or (m != n and drones[m].x == d.x and drones[m].y == d.y)
@@ -593,9 +635,10 @@ def is_crashed(g, drones, n, occupied):
 
 
 @part
-def is_inside(g, d):
-    """Return whether a drone is on the grid."""
-    return 0 <= d.x < g and 0 <= d.y < g
+def is_inside(g, x, y):
+    """Return whether a cell is on the grid."""
+    # As an unsigned number, one below 0 is greater than any other.
+    return (np.uint64(x) < np.uint64(g)) & (np.uint64(y) < np.uint64(g))
 
 
 @part
@@ -605,31 +648,57 @@ def is_flying(c, d):
 
 
 @part
-def step_drones(c, w, drones, persons, gauss, actions):
-    """Do the actions in index order against the map of the last observation."""
+def step_drones(c, w, drones, persons, gauss, occupied, actions):
+    """Do the actions in index order against the map of the last observation.
+
+    Returns:
+        Whether drones still flying may share a cell, and whether any has found somebody or got a
+        flag.
+    """
+    # Read once: the compiler must expect that what is written to the drones changes them.
+    grid_size, move_reward, leave_reward = c.grid_size, c.move, c.leave_grid
+    search_action, num_actions, leave_flies_on = c.search_action, c.num_actions, c.leave_flies_on
+    leave_flags = c.leave_terminates or leave_flies_on
+    ends_together, collisions = c.ends_together, c.collisions
     out_of_time = w.t >= c.timestep_limit + c.time_out_grace
+    idle = out_of_time and not c.time_out_acts
+    moves_x, moves_y = c.dx, c.dy
+    stamp = next_stamp(occupied)
+    shared = eventful = False
     for n in range(len(drones)):
         d, action = drones[n], actions[n]
-        d.reward = 0.0
-        d.found = False
         if not d.alive:
+            d.reward = 0.0
+            d.found = False
             continue
-        reward = c.move
-        if out_of_time and not c.time_out_acts:
+        reward, found, terminated = move_reward, False, d.terminated
+        if idle:
             pass
-        elif action == c.search_action:
-            reward, d.found = search_cell(c, w, gauss, d, persons)
-            if d.found and c.ends_together:
+        elif action == search_action:
+            reward, found = search_cell(c, w, gauss, d, persons)
+            if found and ends_together:
                 for m in range(len(drones)):
                     drones[m].terminated = True
-        elif 0 <= action < c.num_actions:
-            reward, left = move(c, d, action)
-            d.terminated = left and (c.leave_terminates or c.leave_flies_on)
+                terminated = True
+        elif 0 <= action < num_actions:
+            x, y = d.x + moves_x[action], d.y + moves_y[action]
+            inside = is_inside(grid_size, x, y)
+            if inside or leave_flies_on:
+                d.x, d.y = x, y
+            if not inside:
+                reward = leave_reward
+            terminated = leave_flags and not inside
         if out_of_time:
             reward = c.time_out - (d.earned if c.time_out_total else 0.0)
             d.truncated = True
         d.reward = reward
         d.earned += reward
+        d.found = found
+        d.terminated = terminated
+        eventful |= found or terminated or d.truncated
+        if collisions and (ends_together or not terminated):
+            shared |= occupy(grid_size, d, occupied, stamp)
+    return shared, eventful
 
 
 @part
@@ -663,7 +732,7 @@ def settle_flags(c, w, drones, persons):
 
 
 @part
-def step_world(c, w, drones, persons, gauss, tails, occupied, actions):
+def step_world(c, w, drones, persons, gauss, tails, occupied, circle, actions):
     """Advance one world: drones in index order, then the sea, then collisions."""
     if c.ends_together:
         for n in range(len(drones)):
@@ -672,64 +741,135 @@ def step_world(c, w, drones, persons, gauss, tails, occupied, actions):
     if c.found_persons_stay:
         for p in range(len(persons)):
             persons[p].found = False
-    step_drones(c, w, drones, persons, gauss, actions)
+    settled = not w.over and w.adrift == len(persons)
+    shared, eventful = step_drones(c, w, drones, persons, gauss, occupied, actions)
     w.t += 1
-    sea_step(c, w, persons, gauss, tails)
-    if c.collisions:
+    sea_step(c, w, persons, gauss, tails, circle)
+    if shared:
         collide(c, drones, occupied)
-    settle_flags(c, w, drones, persons)
+    if shared or eventful or not settled:
+        settle_flags(c, w, drones, persons)
+
+
+STREAMED_BYTES = 1 << 25
+"""Maps that take more than this are written past the caches, which they would not stay in."""
+
+
+@part
+def is_streamed(maps):
+    """Return whether maps (B, G, G) are to be written past the caches, and can be."""
+    large = maps.size * maps.itemsize > STREAMED_BYTES
+    return large and maps.shape[1] % LANES == 0 and maps.ctypes.data % ALIGNMENT == 0
 
 
 @kernel
-def step_worlds(constants, worlds, drones, persons, gauss, tails, occupied, actions, maps):
-    """Advance B worlds by one step and write their maps.
+def step_worlds(
+    constants, worlds, starts, drones, persons, gauss, tails,
+    occupied, circle, cells, span, actions, maps, first, last,
+):  # fmt: skip
+    """Advance the worlds first..last - 1 by one step and write their maps.
 
     Args:
         constants: (1,) of `CONSTANTS`.
         worlds: (B,) of `WORLDS`.
+        starts: (B, N, 2) int64, cells of the drones at reset.
         drones: (B, N) of `DRONES`.
         persons: (B, P) of `PERSONS`.
         gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
         tails: (1 or B, 2, G + 2) float64, their tail sums.
-        occupied: (G * G,) int32 scratch, all zero.
+        occupied: (G * G + 1,) uint16 scratch, see `occupy`.
+        circle: (G + 1,) int64 scratch, see `look_at_circle`.
+        cells: (K,) int64 scratch, the cells that persons are scattered over.
+        span: (G,) float64 scratch.
         actions: (B, N) int8; a number without an action does nothing.
-        maps: (B, G, G) float32 out, [y, x]; (B, 0, 0) to write none.
+        maps: (B, G, G) float32 out, [y, x], C-contiguous; (B, 0, 0) to write none.
+        first: Number of the first world.
+        last: Number of the last world, plus one.
     """
     c = constants[0]
-    for b in range(len(worlds)):
+    stream = is_streamed(maps)
+    for b in range(first, last):
         w = worlds[b]
         table = min(b, len(gauss) - 1)
         if c.auto_reset and w.over:
-            reset_world(c, w, drones[b], persons[b], gauss[table], tails[table])
+            reset_world(
+                c, w, starts[b], drones[b], persons[b], gauss[table], tails[table], circle, cells
+            )
         else:
             step_world(
-                c, w, drones[b], persons[b], gauss[table], tails[table], occupied, actions[b]
-            )
+                c, w, drones[b], persons[b], gauss[table], tails[table], occupied, circle,
+                actions[b],
+            )  # fmt: skip
         if maps.shape[1] > 0:
-            write_map(c, w, gauss[table], maps[b])
+            write_map(c, w, gauss[table], circle, span, stream, maps[b])
 
 
 @kernel
-def reset_worlds(constants, worlds, drones, persons, gauss, tails, maps, which):
+def reset_worlds(
+    constants, worlds, starts, drones, persons, gauss, tails, circle, cells, span, maps, which
+):
     """Reset the worlds with which[b] and write their maps; arguments as in `step_worlds`."""
     c = constants[0]
+    stream = is_streamed(maps)
     for b in range(len(worlds)):
         if which[b]:
             table = min(b, len(gauss) - 1)
-            reset_world(c, worlds[b], drones[b], persons[b], gauss[table], tails[table])
+            reset_world(
+                c, worlds[b], starts[b], drones[b], persons[b], gauss[table], tails[table], circle,
+                cells,
+            )  # fmt: skip
             if maps.shape[1] > 0:
-                write_map(c, worlds[b], gauss[table], maps[b])
+                write_map(c, worlds[b], gauss[table], circle, span, stream, maps[b])
 
 
 @kernel
-def refresh_worlds(constants, worlds, gauss, tails, maps):
+def refresh_worlds(constants, worlds, gauss, tails, circle, span, maps):
     """Write the tables and the maps that the state asks for; arguments as in `step_worlds`."""
     c = constants[0]
+    stream = is_streamed(maps)
     for b in range(len(gauss)):
         disperse(c, worlds[b], gauss[b], tails[b])
     if maps.shape[1] > 0:
         for b in range(len(worlds)):
-            write_map(c, worlds[b], gauss[min(b, len(gauss) - 1)], maps[b])
+            write_map(c, worlds[b], gauss[min(b, len(gauss) - 1)], circle, span, stream, maps[b])
+
+
+@kernel
+def report_worlds(
+    constants, drones, positions, rewards, terminated, truncated, action_masks, first, last
+):
+    """Write what is told of the drones of the worlds first..last - 1.
+
+    Args:
+        constants: (1,) of `CONSTANTS`.
+        drones: (B, N) of `DRONES`.
+        positions: (B, N, 2) int64 out, as (x, y).
+        rewards: (B, N) float64 out.
+        terminated: (B, N) bool out.
+        truncated: (B, N) bool out.
+        action_masks: (B, N, A) int8 out, 0 for moves out of the grid.
+        first: Number of the first world.
+        last: Number of the last world, plus one.
+    """
+    c = constants[0]
+    edge, num_actions = c.grid_size - 1, action_masks.shape[2]
+    inner = np.uint64(max(edge - 1, 0))
+    for b in range(first, last):
+        swarm, cells, masks = drones[b], positions[b], action_masks[b]
+        earned, ended, stopped = rewards[b], terminated[b], truncated[b]
+        masks[:] = 1
+        for n in range(len(swarm)):
+            d = swarm[n]
+            x, y = d.x, d.y
+            cells[n, 0], cells[n, 1] = x, y
+            earned[n] = d.reward
+            ended[n], stopped[n] = d.terminated, d.truncated
+            if (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):
+                for a in range(num_actions):
+                    dx, dy = c.dx[a], c.dy[a]
+                    west, east = dx < 0 and x == 0, dx > 0 and x == edge
+                    north, south = dy < 0 and y == 0, dy > 0 and y == edge
+                    masks[n, a] = not (west or east or north or south)
 
 
 @kernel

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -12,8 +13,10 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from dsse_ros.search import kernels
 from dsse_ros.search.fields import FieldError, Spec, shown
 from dsse_ros.search.options import check_options, check_seed
+from dsse_ros.search.recycling import Recycler
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.world import HOLD, World
@@ -76,21 +79,25 @@ class LazyMaps:
 class VectorEnv:
     """B searches, stepped together.
 
-    World b of a batch seeded with s is bit for bit the single environment seeded with s + b. A
-    world that is over is reset by the next step, whatever its actions, with reward 0 and no flag
+    A world that is over is reset by the next step, whatever its actions, with reward 0 and no flag
     (Gymnasium's `AutoresetMode.NEXT_STEP`); its generator goes on.
 
     Observations are `{"positions": (B, N, 2) int64 as (x, y), "probability": (B, G, G) float32 as
     [y, x]}`; in the lazy mode `probability` is a `LazyMaps`. Infos are `{"Found": (B,) bool every
-    person found, "step": (B,) int64 steps done, "over": (B,) bool}`.
+    person found, "step": (B,) int64 steps done, "over": (B,) bool, "action_mask": (B, N, A) int8,
+    0 where a move would leave the grid}`, each with a mask of the worlds it tells of, (B,) bool
+    under its name after an underscore, as Gymnasium has it: all of them.
+
+    The arrays belong to the caller, who may keep and change them. The memory of those that nothing
+    refers to any more is used again: a loop that holds the last observation or two makes no new
+    arrays, one that keeps more pays for new memory as it would for copies.
 
     Args:
         num_envs: B.
         scenario: The scenario of all worlds.
         rules: The rules of all worlds.
         lazy: Whether to keep only the maps' parameters.
-        copy: Whether every step returns new arrays, or overwrites those it returned before;
-            rewards and flags are then views with gaps between their elements.
+        copy: Whether every step returns arrays of its own, or overwrites those it returned before.
         threads: How many threads share the worlds.
 
     Raises:
@@ -111,30 +118,51 @@ class VectorEnv:
         threads = Spec("int", "", low=1, high=1024).check("threads", threads)
         self.rules = rules
         self.world = World(
-            scenario, rules, self.num_envs, write_maps=not lazy, reuse_maps=not copy,
-            auto_reset=True, threads=threads,
-        )  # fmt: skip
+            scenario, rules, self.num_envs, write_maps=not lazy, auto_reset=True, threads=threads
+        )
         self.scenario = self.world.scenario
-        self._copy = copy
         self._lazy = LazyMaps(self.world) if lazy else None
-        self._shape = (self.num_envs, self.world.num_drones)
+        self._shape = shape = (self.num_envs, self.world.num_drones)
+        self._maps, *self._report = (
+            Recycler(made, dtype, overwrite=not copy)
+            for made, dtype in (
+                (self.world.maps.shape, np.float32),
+                ((*shape, 2), np.int64),
+                (shape, np.float64),
+                (shape, np.bool_),
+                (shape, np.bool_),
+                ((*shape, len(rules.actions)), np.int8),
+            )
+        )
 
     def reset(
-        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+        self,
+        seed: int | Sequence[int | None] | np.random.SeedSequence | None = None,
+        options: Mapping[str, Any] | None = None,
     ) -> tuple[Observations, dict[str, NDArray[Any]]]:
-        """Start a new mission in every world; arguments as in `SearchEnv.reset`.
+        """Start a new mission in every world.
 
-        The options hold until the next call, through automatic resets too.
+        Args:
+            seed: Of a number s, world b is bit for bit the single environment seeded with s + b;
+                so batches seeded s and s + 1 share all worlds but one. Of a list of B numbers it
+                is that of its own number, or goes on where it is for None. A
+                `numpy.random.SeedSequence` gives each world one of its words; batches of sequences
+                that were spawned are independent. Without a seed the generators go on.
+            options: As in `SearchEnv.reset`, for all worlds. They hold until the next call, through
+                automatic resets too.
 
         Raises:
-            FieldError: If an option is not allowed; the missions under way stay as they are.
+            FieldError: If an option or the seed is not allowed; the missions under way stay as
+                they are.
         """
         start = check_options({} if options is None else options, self.scenario, self.rules)
         if seed is not None:
-            self.world.seed(check_seed(seed))
+            self.world.seed(_check_seeds(seed, self.num_envs))
         self.world.place(**start)
-        self.world.reset()
-        return self._observations(), self._infos()
+        self.world.reset(maps=self._maps.take())
+        positions, *_, masks = outputs = [recycler.take() for recycler in self._report]
+        self._write(outputs, 0, self.num_envs)
+        return self._observations(positions), self._infos(masks)
 
     def step(
         self, actions: NDArray[np.int8]
@@ -161,28 +189,50 @@ class VectorEnv:
         if actions.dtype != np.int8:
             known = (actions >= 0) & (actions < len(self.rules.actions))
             actions = np.where(known, actions, HOLD).astype(np.int8)
-        world = self.world
         # For a read-only array the step would be compiled anew.
-        world.step(np.require(actions, requirements=["C", "W"]))
-        arrays = (world.rewards, world.terminated, world.truncated)
-        if self._copy:
-            arrays = (arrays[0].copy(), arrays[1].copy(), arrays[2].copy())
-        return self._observations(), *arrays, self._infos()
+        actions = np.require(actions, requirements=["C", "W"])
+        outputs = [recycler.take() for recycler in self._report]
+        positions, rewards, terminated, truncated, masks = outputs
+        self.world.step(actions, self._maps.take(), partial(self._write, outputs))
+        return (
+            self._observations(positions), rewards, terminated, truncated, self._infos(masks)
+        )  # fmt: skip
 
-    def _observations(self) -> Observations:
-        drones = self.world.drones
-        return {
-            "positions": np.stack([drones["x"], drones["y"]], axis=-1),
-            "probability": self._lazy or self.world.maps,
-        }
+    def close(self) -> None:
+        """End the threads; a later step starts them again."""
+        self.world.close()
 
-    def _infos(self) -> dict[str, NDArray[Any]]:
+    def _write(self, outputs: list[NDArray[Any]], first: int, last: int) -> None:
+        """Write what is told of the drones of some worlds, see `kernels.report_worlds`."""
+        kernels.report_worlds(self.world.constants, self.world.drones, *outputs, first, last)
+
+    def _observations(self, positions: NDArray[np.int64]) -> Observations:
+        return {"positions": positions, "probability": self._lazy or self.world.maps}
+
+    def _infos(self, masks: NDArray[np.int8]) -> dict[str, NDArray[Any]]:
         worlds = self.world.worlds
-        return {
+        infos = {
             "Found": worlds["adrift"] == 0,
             "step": worlds["t"].copy(),
             "over": worlds["over"].copy(),
+            "action_mask": masks,
         }
+        return infos | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in infos}
+
+
+def _check_seeds(seed: Any, count: int) -> Any:
+    """Return what seeds this number of worlds.
+
+    Raises:
+        FieldError: If it does not.
+    """
+    if isinstance(seed, np.random.SeedSequence):
+        return seed
+    if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str | bytes):
+        return check_seed(seed)
+    if len(seed) != count:
+        raise FieldError(f"seed: {len(seed)} numbers are not allowed; one for each of {count}")
+    return [None if number is None else check_seed(number) for number in seed]
 
 
 def _integers(name: str, value: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
@@ -255,7 +305,7 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.action_space = batch(self.single_action_space, self.num_envs)
 
     def reset(self, *, seed: Any = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
-        """Start a new mission in every world."""
+        """Start a new mission in every world; arguments as in `VectorEnv.reset`."""
         return self.env.reset(seed, options)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
@@ -266,3 +316,7 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         last = self.env.scenario.timestep_limit + self.env.rules.time_out_grace
         out_of_time = over & ~infos["Found"] & (infos["step"] > last)
         return observations, rewards.sum(axis=1), over & ~out_of_time, out_of_time, infos
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the threads."""
+        self.env.close()

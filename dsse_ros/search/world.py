@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import json
 import os
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,10 +19,16 @@ from numpy.typing import NDArray
 from dsse_ros.search import kernels
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
+from dsse_ros.search.seeds import words_of_seeds
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 
 HOLD = -1
 """The action of a drone that does nothing; it is rewarded like a move."""
+
+SHARES = 4
+"""Shares of the worlds for each thread: whoever is done first takes one more."""
+SHARE_BYTES = 1 << 18
+"""Drones of a share that is reported: what a core's own cache holds until then."""
 
 
 _OF_SCENARIO = (
@@ -85,8 +91,9 @@ class World:
         threads: How many threads share the worlds.
 
     Attributes:
-        worlds, drones, persons: The whole state, structured arrays (B,), (B, N), (B, P) of
+        worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
             `kernels.WORLDS`, `kernels.DRONES` and `kernels.PERSONS`.
+        starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
         maps: (B, G, G) float32, the probability of cell [row, col].
         rewards: (B, N) float64 of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool since the last reset, views on `drones`; when drones
@@ -117,6 +124,7 @@ class World:
         self.worlds = np.zeros(num_worlds, kernels.WORLDS)
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
         self.persons = np.zeros((num_worlds, resolved.person_amount), kernels.PERSONS)
+        self.starts = np.zeros((num_worlds, self.num_drones, 2), np.int64)
         side = self.grid_size if write_maps else 0
         self._map_shape = (num_worlds, side, side)
         self.maps = np.zeros(self._map_shape, np.float32)
@@ -132,9 +140,7 @@ class World:
         # Not begun: the first step of a batch that resets by itself is a reset.
         self.worlds["over"] = True
         # A constant spread is written once, here.
-        kernels.refresh_worlds(
-            self.constants, self.worlds, self.gauss, self.tails, self.maps[:, :0, :0]
-        )
+        self._refresh(self.maps[:, :0, :0])
 
     def _bind(self) -> None:
         """Make all that shares the arrays' memory, and the threads."""
@@ -142,29 +148,37 @@ class World:
         self.terminated = self.drones["terminated"]
         self.truncated = self.drones["truncated"]
         self.found = self.drones["found"]
-        bounds = np.linspace(0, self.num_worlds, self._threads + 1).astype(int)
-        slices = [slice(a, b) for a, b in itertools.pairwise(bounds) if a < b]
-        self._parts = [(part, self._step_of(part)) for part in slices]
-        # The caller's thread does a part itself.
+        self._scratch = [self._make_scratch() for _ in range(self._threads)]
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._process = os.getpid()
 
     def __getstate__(self) -> dict[str, Any]:
         # A view that is copied or pickled would become an array of its own.
-        bound = {"rewards", "terminated", "truncated", "found", "_parts", "_pool", "_process"}
+        bound = {"rewards", "terminated", "truncated", "found", "_scratch", "_pool", "_process"}
         return {name: value for name, value in vars(self).items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._bind()
 
-    def seed(self, seed: int | None = None) -> None:
-        """Seed world b with seed + b, or all from the system's entropy."""
-        base = seed if seed is not None else int(np.random.SeedSequence().entropy)  # type: ignore[arg-type]
-        self.worlds["rng"] = [
-            np.random.SeedSequence(base + b).generate_state(1, np.uint64)[0]
-            for b in range(self.num_worlds)
-        ]
+    def seed(self, seed: int | Sequence[int | None] | np.random.SeedSequence | None = None) -> None:
+        """Seed the worlds' generators.
+
+        Args:
+            seed: A number s seeds world b with s + b, a sequence each world with its own number
+                or, for None, not. A `SeedSequence` gives every world one of its words, None does
+                so with the system's entropy.
+        """
+        if seed is None:
+            seed = np.random.SeedSequence()
+        if isinstance(seed, np.random.SeedSequence):
+            self.worlds["rng"] = seed.generate_state(self.num_worlds, np.uint64)
+        elif isinstance(seed, int | np.integer):
+            seed = int(seed)
+            self.worlds["rng"] = words_of_seeds(range(seed, seed + self.num_worlds))
+        else:
+            seeded = [b for b, number in enumerate(seed) if number is not None]
+            self.worlds["rng"][seeded] = words_of_seeds([n for n in seed if n is not None])
 
     def place(
         self,
@@ -177,7 +191,7 @@ class World:
         """Set what the next resets start from; None is the scenario's own value."""
         s = self.scenario
         starts = np.asarray(s.drones_positions if drones_positions is None else drones_positions)
-        self.drones["start_x"], self.drones["start_y"] = starts[:, 0], starts[:, 1]
+        self.starts[...] = starts
         self.worlds["vector_x"], self.worlds["vector_y"] = s.vector if vector is None else vector
         person = person_initial_position or s.person_initial_position
         self.worlds["start_x"], self.worlds["start_y"] = person
@@ -185,49 +199,109 @@ class World:
             s.person_pod_multipliers if person_pod_multipliers is None else person_pod_multipliers
         )
 
-    def reset(self, which: NDArray[np.bool_] | None = None) -> None:
-        """Reset all worlds, or those with which[b]; their generators go on."""
+    def reset(
+        self,
+        which: NDArray[np.bool_] | None = None,
+        maps: NDArray[np.float32] | None = None,
+    ) -> None:
+        """Reset all worlds, or those with which[b]; their generators go on.
+
+        Args:
+            which: (B,) bool, by default all.
+            maps: As in `step`, when all are reset.
+        """
         if which is None:
             which = np.ones(self.num_worlds, bool)
-        self.maps = np.empty(self._map_shape, np.float32) if which.all() else self.maps.copy()
+        if maps is None:
+            maps = np.empty(self._map_shape, np.float32) if which.all() else self.maps.copy()
+        self.maps = maps
+        _, *scratch = self._scratch[0]
         kernels.reset_worlds(
-            self.constants, self.worlds, self.drones, self.persons, self.gauss, self.tails,
-            self.maps, which,
+            self.constants, self.worlds, self.starts, self.drones, self.persons, self.gauss,
+            self.tails, *scratch, self.maps, which,
         )  # fmt: skip
 
-    def step(self, actions: NDArray[np.int8]) -> None:
+    def step(
+        self,
+        actions: NDArray[np.int8],
+        maps: NDArray[np.float32] | None = None,
+        report: Callable[[int, int], None] | None = None,
+    ) -> None:
         """Advance every world by one step.
 
         Args:
             actions: (B, N) int8, numbers of the rules' legend or `HOLD`; what stands for a drone
                 that is terminated or truncated does not count.
+            maps: Memory for `maps`, by default new memory unless `reuse_maps`.
+            report: Called with the numbers (first, last) of worlds first..last - 1 when they have
+                done their step, by the thread that they did it in.
         """
-        if not self._reuse_maps:
+        if maps is not None:
+            self.maps = maps
+        elif not self._reuse_maps:
             self.maps = np.empty(self._map_shape, np.float32)
-        if self._pool is None:
-            self._parts[0][1](actions, self.maps)
-            return
-        if self._process != os.getpid():
+        if self._pool is not None and self._process != os.getpid():
             # Threads do not outlive a fork.
             self._bind()
-        futures = [
-            self._pool.submit(step, actions[part], self.maps[part])
-            for part, step in self._parts[1:]
+        count = self.num_worlds
+        size = count if self._pool is None else -(-count // (SHARES * self._threads))
+        if report is not None:
+            size = min(size, max(1, SHARE_BYTES // self.drones[0].nbytes))
+        shares = deque((first, min(first + size, count)) for first in range(0, count, size))
+        if self._pool is None:
+            self._do(shares, self._scratch[0], actions, report)
+            return
+        others = [
+            self._pool.submit(self._do, shares, scratch, actions, report)
+            for scratch in self._scratch[1:]
         ]
-        part, step = self._parts[0]
-        step(actions[part], self.maps[part])
-        for future in futures:
-            future.result()
+        self._do(shares, self._scratch[0], actions, report)
+        for other in others:
+            other.result()
 
-    def _step_of(self, part: slice) -> Callable[[NDArray[np.int8], NDArray[np.float32]], None]:
-        """Return the step of some of the worlds, a function of their actions and maps."""
-        tables = part if len(self.gauss) > 1 else slice(None)
-        # Scratch memory is every part's own.
-        return partial(
-            kernels.step_worlds,
-            self.constants, self.worlds[part], self.drones[part], self.persons[part],
-            self.gauss[tables], self.tails[tables], np.zeros(self.grid_size**2, np.int32),
-        )  # fmt: skip
+    def _do(
+        self,
+        shares: deque[tuple[int, int]],
+        scratch: tuple[NDArray[Any], ...],
+        actions: NDArray[np.int8],
+        report: Callable[[int, int], None] | None,
+    ) -> None:
+        """Step shares of the worlds for as long as there are any."""
+        while True:
+            try:
+                first, last = shares.popleft()
+            except IndexError:
+                return
+            kernels.step_worlds(
+                self.constants, self.worlds, self.starts, self.drones, self.persons, self.gauss,
+                self.tails, *scratch, actions, self.maps, first, last,
+            )  # fmt: skip
+            if report is not None:
+                report(first, last)
+
+    def _make_scratch(self) -> tuple[NDArray[Any], ...]:
+        """Return `occupied`, `circle`, `cells` and `span` of `kernels.step_worlds`."""
+        g = self.grid_size
+        scattered = min(2 * self.rules.person_scatter + 1, g) ** 2
+        return (
+            np.zeros(g * g + 1, np.uint16),
+            np.zeros(g + 1, np.int64),
+            np.zeros(scattered, np.int64),
+            np.zeros(g),
+        )
+
+    def _refresh(self, maps: NDArray[np.float32]) -> None:
+        """Write the tables that the state asks for, and these maps."""
+        _, circle, _, span = self._scratch[0]
+        kernels.refresh_worlds(
+            self.constants, self.worlds, self.gauss, self.tails, circle, span, maps
+        )
+
+    def close(self) -> None:
+        """End the threads; a later step starts them again."""
+        if self._pool is not None and self._process == os.getpid():
+            self._pool.shutdown()
+        self._bind()
 
     def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return the probabilities (B, K) float32 of cells, 0 outside the grid.
@@ -260,7 +334,7 @@ class World:
         for name, array in state.items():
             array[...] = snapshot.arrays[name]
         self.maps = np.empty(self._map_shape, np.float32)
-        kernels.refresh_worlds(self.constants, self.worlds, self.gauss, self.tails, self.maps)
+        self._refresh(self.maps)
 
     def _check_possible(self, worlds: NDArray[np.void]) -> None:
         """Raise unless the kernels stay within their arrays: a checksum is no signature.
@@ -282,7 +356,12 @@ class World:
         return b"".join(repack_fields(array).tobytes() for array in self._state().values())
 
     def _state(self) -> dict[str, NDArray[Any]]:
-        return {"worlds": self.worlds, "drones": self.drones, "persons": self.persons}
+        return {
+            "worlds": self.worlds,
+            "starts": self.starts,
+            "drones": self.drones,
+            "persons": self.persons,
+        }
 
     @cached_property
     def _identity(self) -> dict[str, Any]:

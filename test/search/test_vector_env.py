@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+import tracemalloc
 from collections.abc import Callable
 from typing import Any
 
@@ -22,6 +24,7 @@ from dsse_ros.search import (
     parallel_env,
     vector_env,
 )
+from dsse_ros.search.world import HOLD
 
 BATCH, DRONES, GRID = 5, 3, 9
 MISSION: dict[str, Any] = {
@@ -74,6 +77,7 @@ def test_world_b_is_the_single_environment_of_seed_s_plus_b(rules: str, threads:
                 assert mine[b].tobytes() == theirs[0].tobytes()
             assert np.array_equal(observations["probability"][b], single.probability)
             assert np.array_equal(observations["positions"][b], single.positions)
+            assert np.array_equal(infos["action_mask"][b], single.action_masks())
         over = infos["over"]
     assert resets > BATCH
 
@@ -141,16 +145,88 @@ def test_cells_that_are_none_are_refused_by_name(
         ask(maps)
 
 
-def test_what_a_step_returned_stays_unless_reuse_was_asked_for() -> None:
+def test_what_a_step_returned_stays_unless_overwriting_was_asked_for() -> None:
     for copy in (True, False):
         env = vector_env(BATCH, copy=copy, **MISSION)
         env.reset(seed=0)
-        first = env.step(random_actions(env, 1)[0])
-        before = first[0]["probability"].copy(), *(a.copy() for a in first[1:4])
+        observations, *rest, infos = env.step(random_actions(env, 1)[0])
+        first = [*observations.values(), *rest, infos["action_mask"]]
+        before = [array.copy() for array in first]
         for actions in random_actions(env, 5, seed=1):
             env.step(actions)
-        after = first[0]["probability"], *first[1:4]
-        assert all(map(np.array_equal, before, after)) == copy
+        stayed = [np.array_equal(a, b) for a, b in zip(before, first, strict=True)]
+        assert all(stayed) if copy else not any(stayed[:3])
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.sampled_from(["map", "row", "memory", "all", None]), min_size=8, max_size=30))
+def test_whatever_part_of_an_observation_is_kept_never_changes(kept: list[str | None]) -> None:
+    env = vector_env(BATCH, threads=2, **MISSION)
+    env.reset(seed=0)
+    holds = []
+    for keep, actions in zip(kept, random_actions(env, len(kept)), strict=True):
+        observations, *rest, infos = env.step(actions)
+        maps = observations["probability"]
+        parts: list[Any] = {
+            "map": [maps],
+            "row": [maps[1][2:, ::2].T, observations["positions"][0, 1:]],
+            "memory": [memoryview(maps)[0:2], memoryview(rest[0])],
+            "all": [observations, *rest, *infos.values()],
+            None: [],
+        }[keep]
+        for part in parts:
+            arrays = part.values() if isinstance(part, dict) else [part]
+            holds += [(array, np.array(array)) for array in arrays]
+        del observations, rest, infos, maps, parts
+    for array, as_it_was in holds:
+        assert np.array_equal(array, as_it_was)
+
+
+def test_what_was_returned_can_be_changed_and_changes_nothing() -> None:
+    env, twin = (vector_env(BATCH, **MISSION) for _ in range(2))
+    env.reset(seed=0)
+    twin.reset(seed=0)
+    for actions in random_actions(env, 30):
+        observations, *rest, infos = env.step(actions)
+        assert data_equivalence((observations, *rest, infos), twin.step(actions), exact=True)
+        for array in (*observations.values(), *rest, *infos.values()):
+            array[...] = 1
+        observations["probability"].shape = (-1,)
+
+
+def test_a_loop_that_holds_the_last_two_observations_makes_no_new_maps() -> None:
+    env = vector_env(64, grid_size=64, num_drones=DRONES)
+    before, _ = env.reset(seed=0)
+    map_bytes = before["probability"].nbytes
+    made = []
+    for actions in random_actions(env, 20):
+        tracemalloc.start()
+        after, *_ = env.step(actions)
+        made.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        before = after  # noqa: F841
+    assert max(made[:3]) > map_bytes > 4 * max(made[3:])
+
+
+@pytest.mark.parametrize("grid_size", [511, 512])
+def test_maps_too_large_for_a_cache_are_the_same(grid_size: int) -> None:
+    worlds = kernels.STREAMED_BYTES // (4 * grid_size**2) + 1
+    fields: dict[str, Any] = {"grid_size": grid_size, "sigma": 40, "vector": (3, 1), "rules": "v1"}
+    dense, lazy = (vector_env(worlds, lazy=lazy, threads=2, **fields) for lazy in (False, True))
+    small = parallel_env(**fields)
+    for env in (dense, lazy):
+        env.reset(seed=0)
+    small.reset(seed=0)
+    for _ in range(30):
+        actions = np.full((worlds, 1), HOLD, np.int8)
+        maps = dense.step(actions)[0]["probability"]
+        parameters = lazy.step(actions)[0]["probability"]
+        small.advance(actions[0])
+        assert maps.nbytes > kernels.STREAMED_BYTES > small.probability.nbytes
+        assert np.array_equal(maps[0], small.probability)
+    y, x = np.indices((grid_size, grid_size)).reshape(2, 1, -1)
+    cells = np.broadcast_to(np.stack([x, y], axis=-1), (worlds, grid_size**2, 2))
+    assert np.array_equal(parameters.cells(cells).reshape(maps.shape), maps)
 
 
 @settings(max_examples=30)
@@ -267,3 +343,81 @@ def test_a_batch_that_was_not_reset_begins_with_its_first_step() -> None:
         twin.reset()
         env.step(np.zeros((3, DRONES), np.int8))
         assert env.world.state_bytes() == twin.world.state_bytes()
+
+
+def test_batches_of_neighbouring_seeds_share_all_worlds_but_one() -> None:
+    env, next_env = (vector_env(BATCH, rules="v2", **MISSION) for _ in range(2))
+    env.reset(seed=4)
+    next_env.reset(seed=5)
+    assert env.world.worlds[1:].tobytes() == next_env.world.worlds[:-1].tobytes()
+    assert env.world.persons[1:].tobytes() == next_env.world.persons[:-1].tobytes()
+
+
+def test_a_seed_sequence_gives_every_world_a_stream_of_its_own() -> None:
+    def states(sequence: np.random.SeedSequence, count: int) -> list[int]:
+        env = vector_env(count, **MISSION)
+        env.world.seed(sequence)
+        return env.world.worlds["rng"].tolist()
+
+    children = np.random.SeedSequence(4).spawn(2)
+    drawn = [state for child in children for state in states(child, 50)]
+    assert len(set(drawn)) == 100
+    # Not by the number of worlds beside it, and for one world as of the number.
+    assert states(children[0], 50)[:7] == states(children[0], 7)
+    single = parallel_env(**MISSION)
+    single.world.seed(4)
+    assert states(np.random.SeedSequence(4), 1) == single.world.worlds["rng"].tolist()
+
+
+def test_of_a_list_of_seeds_every_world_has_its_own_and_none_goes_on() -> None:
+    env = vector_env(4, rules="v2", **MISSION)
+    env.reset(seed=0)
+    before = env.world.worlds["rng"].copy()
+    env.reset(seed=[7, None, 2**70, np.int64(3)])
+    twin = vector_env(4, rules="v2", **MISSION)
+    twin.reset(seed=0)
+    twin.reset()
+    assert before[1] != env.world.worlds["rng"][1] == twin.world.worlds["rng"][1]
+    for b, seed in ((0, 7), (2, 2**70), (3, 3)):
+        single = parallel_env(rules="v2", **MISSION)
+        single.reset(seed=seed)
+        assert single.world.persons[0].tobytes() == env.world.persons[b].tobytes()
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, True, "12", [1, 2], [1, 2, 3, -4], [[1], 2, 3, 4], {}])
+def test_seeds_that_are_none_are_refused_and_nothing_is_seeded(seed: Any) -> None:
+    env = vector_env(4, **MISSION)
+    env.reset(seed=0)
+    before = env.world.state_bytes()
+    with pytest.raises(FieldError, match="seed: "):
+        env.reset(seed=seed)
+    assert env.world.state_bytes() == before
+
+
+def test_every_info_has_a_mask_of_the_worlds_it_tells_of() -> None:
+    for env in (vector_env(4, **MISSION), JointVectorEnv(vector_env(4, **MISSION))):
+        for infos in (env.reset(seed=0)[1], env.step(np.zeros((4, DRONES), np.int8))[-1]):
+            names = {name for name in infos if not name.startswith("_")}
+            assert names == {"Found", "step", "over", "action_mask"}
+            assert infos.keys() == names | {f"_{name}" for name in names}
+            for name in names:
+                assert infos[f"_{name}"].dtype == np.bool_
+                assert infos[f"_{name}"].tolist() == [True] * 4 == [True] * len(infos[name])
+
+
+def test_closing_ends_the_threads_and_a_later_step_starts_them_again() -> None:
+    def others() -> set[threading.Thread]:
+        return set(threading.enumerate()) - before
+
+    before = set(threading.enumerate())
+    env = JointVectorEnv(vector_env(8, threads=3, **MISSION))
+    env.reset(seed=0)
+    actions = np.zeros((8, DRONES), np.int8)
+    env.step(actions)
+    assert others()
+    env.close()
+    assert not others()
+    env.step(actions)
+    env.env.close()
+    env.env.close()
+    assert not others()

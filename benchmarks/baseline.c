@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Floor of one DSSE(v1-rule) env step, single core. gcc -O3 -march=native -ffast-math floor.c -o floor -lm
-   usage: floor GRID NDRONES BATCH SECS MODE   MODE 0=eager dense matrix every step, 1=lazy (parameters only)
+/* Baseline: one DSSE(v1-rule) env step in C, single core. gcc -O3 -march=native -ffast-math baseline.c -o baseline -lm
+   usage: baseline GRID NDRONES BATCH SECS MODE   MODE 0=eager dense matrix every step, 1=lazy (parameters only)
    rules: drones act in order (4 moves / search), supposed position drifts by accumulated vector, circle radius
    +0.5 a step, separable Gaussian inside circle, normalise (O(G) sum by prefix sums, one streaming write), person
    = argmax over 3x3 of p*U{1..100}/100, pairwise collisions by occupancy grid, rewards by v1 formulas. */

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The time that seeding many worlds takes."""
+
+from __future__ import annotations
+
+import time
+
+from dsse_ros.search import Scenario, World, profile
+
+WORLDS = 100_000
+
+
+def measure(rounds: int) -> dict[str, list[float]]:
+    """Return the seconds that seeding `WORLDS` worlds with one number took, round by round."""
+    world = World(Scenario(), profile("paper"), WORLDS, write_maps=False)
+    seconds = []
+    for seed in range(rounds):
+        start = time.perf_counter()
+        world.seed(seed)
+        seconds.append(time.perf_counter() - start)
+    return {"seconds": seconds}
