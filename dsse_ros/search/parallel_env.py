@@ -80,7 +80,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         self.state_space = spaces.Box(0.0, float(most), (4, g, g))
         self._live: list[int] = []
         self._no_flags: dict[str, bool] = {}
-        self._num_actions = len(rules.actions)
+        self._known_actions = bytes(range(len(rules.actions)))
         self._track: list[NDArray[np.int64]] = []
         self._bind()
 
@@ -353,7 +353,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         try:
             # bytearray() takes nothing but integers from 0 to 255.
             numbers = bytearray(map(actions.__getitem__, self.agents))
-            if max(numbers) >= self._num_actions:
+            if numbers.translate(None, self._known_actions):
                 raise ValueError
         except (AttributeError, KeyError, TypeError, ValueError):
             if not isinstance(actions, Mapping):
@@ -380,7 +380,8 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
         value, noop = actions[agent], self.rules.noop_actions
         try:
             # Where nothing is refused, what equals a number is that action, as in DSSE 0.1.13.
-            return range(self._num_actions).index(value if noop else operator.index(value))
+            known = range(len(self._known_actions))
+            return known.index(value if noop else operator.index(value))
         except (TypeError, ValueError):
             if noop:
                 return HOLD & 0xFF
