@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import json
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -153,3 +155,18 @@ def table(judged: list[dict[str, Any]]) -> str:
         shown = "".join(f"{value:>10}" for value in values)
         lines.append(f"{row['figure']:46}{row['goal']:28}{shown}  {row['verdict']}")
     return "\n".join(lines)
+
+
+def markdown(judged: list[dict[str, Any]]) -> str:
+    """Return the figures as the table in README.md."""
+    lines = ["| Figure | Goal | Best | Median |", "| --- | --- | --- | --- |"]
+    for row in judged:
+        values = ("-" if row[kind] is None else f"{row[kind]:.3g}" for kind in ("best", "median"))
+        goal = row["goal"].replace(">=", "≥").replace("<=", "≤")
+        lines.append(f"| {row['figure']} | {goal} | {' | '.join(values)} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    results = Path(__file__).with_name("results") / "bench.json"
+    print(markdown(json.loads(results.read_text(encoding="utf-8"))["goals"]))

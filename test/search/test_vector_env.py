@@ -421,3 +421,18 @@ def test_closing_ends_the_threads_and_a_later_step_starts_them_again() -> None:
     env.env.close()
     env.env.close()
     assert not others()
+
+
+def test_worlds_that_share_scratch_memory_do_not_see_each_others_drones() -> None:
+    fields: dict[str, Any] = {"grid_size": 6, "num_drones": DRONES, "lazy": True, "rules": "paper"}
+    envs = [vector_env(64, threads=threads, **fields) for threads in (1, 64)]
+    for env in envs:
+        env.reset(seed=0)
+    crashes = 0
+    # More steps of worlds than the marks of occupied cells have numbers.
+    for actions in random_actions(envs[0], 800):
+        rewards, others = (env.step(actions)[1] for env in envs)
+        assert np.array_equal(rewards, others)
+        crashes += int((rewards == envs[0].rules.collision).sum())
+    assert crashes > 100
+    assert envs[0].world.state_bytes() == envs[1].world.state_bytes()
