@@ -670,6 +670,8 @@ def step_drones(c, w, drones, persons, gauss, occupied, actions):
         if not d.alive:
             d.reward = 0.0
             d.found = False
+            # One that was withdrawn has no flag yet.
+            eventful |= not (d.terminated or d.truncated)
             continue
         reward, found, terminated = move_reward, False, d.terminated
         if idle:
