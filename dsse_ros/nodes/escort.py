@@ -343,7 +343,8 @@ class Escort:
     def _wanted(self, state: VehicleState, outcome: Outcome, search_alive: bool) -> Order | None:
         """Return what the vehicle should be doing, None for nothing that it has to be told."""
         assert self.leg is not None
-        takes_off = takes_off_yet(state, outcome)
+        # On the ground after a flight nothing is under way but its end.
+        takes_off = takes_off_yet(state, outcome) and not self.record.took_off
         stop = Hold() if takes_off else None
         if self._whole and not self.lost:
             # It has its own end, and goes on without us.

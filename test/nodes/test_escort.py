@@ -601,6 +601,21 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     assert isinstance(far, Rejected)
 
 
+def test_a_mission_whose_vehicle_is_down_but_armed_is_let_end_by_itself() -> None:
+    led = escort(whole=True)
+    vehicle = Vehicle(led)
+    fly_mission(led)
+    vehicle.turn()
+    vehicle.state = FLYING
+    vehicle.turn()
+    vehicle.state = replace(ON_GROUND, armed=True)
+    assert vehicle.turn() is None and not led.finished
+    vehicle.state = ON_GROUND
+    assert vehicle.turn() is None
+    vehicle.obey()
+    assert led.arrived and led.finished and len(vehicle.orders) == 1
+
+
 def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> None:
     led = escort(whole=True, join_timeout_s=3.0)
     vehicle = Vehicle(led)

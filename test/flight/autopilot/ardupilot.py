@@ -45,6 +45,8 @@ _IGNORE_POSITION, _IGNORE_VELOCITY = 0x007, 0x038
 _EKF_UNINITIALIZED, _EKF_WITHOUT_POSITION, _EKF_GOOD = 1024, 167, 831
 _GCS_FAILSAFE_LAND = 5
 _REMINDER_S = 30.0
+_DISARMS_S = 2.0
+"""From the ground felt to the motors stopped, as 4.5.7 in SITL takes."""
 _STREAMS: dict[int, tuple[int, ...]] = {
     mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
@@ -124,6 +126,7 @@ class ArduCopter(Vehicle):
         self._gcs_heard_s: float | None = None
         self._reminded_s = 0.0
         self._breached = False
+        self._disarms_s = math.inf
         super().__init__(settings)
         self.listen({"REQUEST_DATA_STREAM": self._request_data_stream})
         self.understand(
@@ -298,7 +301,7 @@ class ArduCopter(Vehicle):
 
     def touch_down(self) -> None:
         super().touch_down()
-        self.disarm()
+        self._disarms_s = self.time_s + _DISARMS_S
 
     # Commands
 
@@ -392,6 +395,10 @@ class ArduCopter(Vehicle):
     # What happens by itself
 
     def tick(self) -> None:
+        if self.time_s >= self._disarms_s:
+            self._disarms_s = math.inf
+            if self.landed:
+                self.disarm()
         remind = self.time_s - self._reminded_s >= _REMINDER_S
         if remind:
             self._reminded_s = self.time_s
