@@ -26,6 +26,8 @@ from msg_adapters.result import Accepted, Rejected, Result
 TRIES = 3
 """How often an order is given that fails."""
 RETRY_S = 5.0
+CRITICAL_S = 5.0
+"""Time in which an autopilot that is critical, and does not say why, may be well again."""
 
 Task = GoTo | Search | FlyMission
 
@@ -164,6 +166,7 @@ class Escort:
         self._tries = 0
         self._failed_s: float | None = None
         self._blocked_since_s: float | None = None
+        self._critical_since_s: float | None = None
 
     @property
     def lost(self) -> str:
@@ -285,14 +288,24 @@ class Escort:
             self._lose(f"link lost: no heartbeat for {self._lost_timeout_s:g} s{because}")
         elif self._given is not None and outcome.status == "taken_over":
             self._lose(f"taken over: {outcome.reason}", taken_over=True)
-        elif self._given is not None and state.failsafe not in ("", "offboard"):
-            # From missed setpoints the controller recovers by itself.
+        elif self._given is not None and self._has_failsafe(state, now_s):
             self._lose(f"{state.failsafe} failsafe")
         elif self.record.took_off and state.connected and not state.flying and not state.armed:
             if not self.leg.over:
                 self._lose("on the ground again before the end of the search")
         else:
             self._await_take_off(state, outcome, now_s, because)
+
+    def _has_failsafe(self, state: VehicleState, now_s: float) -> bool:
+        """Whether a failsafe has struck that does not end in time."""
+        if state.failsafe != "critical":
+            self._critical_since_s = None
+            # From missed setpoints the controller recovers by itself.
+            return state.failsafe not in ("", "offboard")
+        # Without a name it may be about to become one of those.
+        if self._critical_since_s is None:
+            self._critical_since_s = now_s
+        return now_s - self._critical_since_s >= CRITICAL_S
 
     def _await_take_off(
         self, state: VehicleState, outcome: Outcome, now_s: float, because: str

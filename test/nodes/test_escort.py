@@ -15,6 +15,7 @@ from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, 
 from dsse_ros.flight.pilot import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.nodes.escort import (
+    CRITICAL_S,
     RETRY_S,
     TRIES,
     Escort,
@@ -452,6 +453,20 @@ def test_a_failsafe_takes_the_vehicle_out() -> None:
     vehicle.state = replace(FLYING, failsafe="battery")
     assert vehicle.turn() == Return()
     assert led.lost == "battery failsafe"
+
+
+def test_who_is_critical_without_a_reason_may_be_well_again_in_time() -> None:
+    led = escort()
+    vehicle = Vehicle(led, FLYING)
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    for failsafe in ("critical", "offboard", "", "critical"):
+        vehicle.state = replace(FLYING, failsafe=failsafe)
+        vehicle.now_s += CRITICAL_S - 0.5
+        assert vehicle.turn() is None and not led.lost
+    vehicle.now_s += CRITICAL_S
+    assert vehicle.turn() == Return()
+    assert led.lost == "critical failsafe"
 
 
 def test_an_order_that_fails_is_given_again_and_then_the_vehicle_is_lost() -> None:
