@@ -24,28 +24,28 @@ from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
 
 from dsse_ros.flight.defects import Defects, describe
+from dsse_ros.flight.fence import Fence
 from dsse_ros.flight.fleet import Fleet, default_connections
+from dsse_ros.flight.flight_records import FlightRecords, default_directory
+from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.flight.orders import Hold, Order
+from dsse_ros.flight.track_files import layers, search_mission, write_missions
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
-from dsse_ros.nodes.escort import (
-    Escort,
+from dsse_ros.flight.vehicle_follower import (
     FlightRecord,
     Leg,
+    VehicleFollower,
     leg_task,
     mission_task,
     takes_off_yet,
 )
-from dsse_ros.nodes.flight_records import FlightRecords, default_directory
-from dsse_ros.nodes.flight_settings import BridgeSettings
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
-from dsse_ros.nodes.track_files import layers, search_mission, write_missions
 from dsse_ros.search import FieldError
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.diagnostics import diagnostic_array
-from msg_adapters.fence import Fence
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Firmware, Home
 from msg_adapters.mission_report import mission_report_from_message
@@ -85,7 +85,7 @@ class BridgeNode(AlarmNode):
         self._names = [f"drone{i}" for i in range(self.settings.vehicles)]
         self._info: AgentsInfo | None = None
         self._frames: list[GridFrame] = []
-        self._escorts: list[Escort] = []
+        self._followers: list[VehicleFollower] = []
         self._records: FlightRecords | None = None
         # Reports may come before the agents that they belong to.
         self._report: tuple[int, NDArray[Any]] | None = None
@@ -186,7 +186,7 @@ class BridgeNode(AlarmNode):
         """Prepare for a mission, and for where it is."""
         settings = self.settings
         self._info, self._followed, self._tracks = info, None, None
-        self._records, self._escorts, self._frames = None, [], []
+        self._records, self._followers, self._frames = None, [], []
         self._over_since_s, self._exported = None, False
         self._settled_s = time.monotonic() + SETTLE_S
         self._idle_s, self._holding = None, False
@@ -205,7 +205,7 @@ class BridgeNode(AlarmNode):
         if self._records is None:
             return
         for name, frame in zip(self._names, self._frames, strict=True):
-            escort = Escort(
+            follower = VehicleFollower(
                 frame.alt_m,
                 self._fence(frame),
                 settings.at_end,
@@ -214,8 +214,8 @@ class BridgeNode(AlarmNode):
                 whole=settings.mode == "mission",
             )
             record = self._records[name]
-            escort.begin(record)
-            self._escorts.append(escort)
+            follower.begin(record)
+            self._followers.append(follower)
             if record != FlightRecord():
                 what = f"was lost: {record.lost}" if record.lost else "has taken off"
                 self.get_logger().warning(f"{name} {what}, earlier in mission {info.mission}")
@@ -245,9 +245,9 @@ class BridgeNode(AlarmNode):
         if all(leg.over for leg in legs):
             self._over_since_s = self._over_since_s or time.monotonic()
         if settings.mode == "guided":
-            for escort, frame, leg in zip(self._escorts, self._frames, legs, strict=False):
-                escort.follow(leg, leg_task(leg, frame, settings, self._fence(frame)))
-                self._report_refusal(escort)
+            for follower, frame, leg in zip(self._followers, self._frames, legs, strict=False):
+                follower.follow(leg, leg_task(leg, frame, settings, self._fence(frame)))
+                self._report_refusal(follower)
 
     def _take_tracks(self, stamp_ns: int, report: NDArray[Any], info: AgentsInfo) -> None:
         """Have the whole search flown, or written, which is over."""
@@ -306,21 +306,21 @@ class BridgeNode(AlarmNode):
         if self.fleet is not None:
             for name, vehicle in zip(self._names, self.fleet, strict=True):
                 self._watch_link(name, vehicle)
-            led = list(enumerate(zip(self._escorts, self.fleet, strict=False)))
+            led = list(enumerate(zip(self._followers, self.fleet, strict=False)))
             orders = [self._isolated(i, self._next_order, *one, now_s) for i, one in led]
             # Before anybody hears of it, a bridge that is started again must know it.
             self._keep_records()
-            for (i, (escort, vehicle)), order in zip(led, orders, strict=True):
+            for (i, (follower, vehicle)), order in zip(led, orders, strict=True):
                 if order is not None:
                     self._isolated(i, self._give, vehicle, order)
-                self._isolated(i, self._tell, escort, vehicle, now_s)
-            if not self._escorts:
+                self._isolated(i, self._tell, follower, vehicle, now_s)
+            if not self._followers:
                 for i, vehicle in enumerate(self.fleet):
                     if takes_off_yet(vehicle.state, vehicle.outcome):
                         self._isolated(i, self._give, vehicle, Hold())
                     self._isolated(i, self._tell, None, vehicle, now_s)
             self._watch_planner(now_s)
-        done = self._exported or (self._escorts and all(one.finished for one in self._escorts))
+        done = self._exported or (self._followers and all(one.finished for one in self._followers))
         if self.settings.exit_at_end and done:
             self.finished = True
 
@@ -333,27 +333,29 @@ class BridgeNode(AlarmNode):
             if self._defects[i].is_new(error):
                 self.get_logger().error(f"{self._names[i]}: {why}")
                 self.get_logger().debug(traceback.format_exc())
-            for escort in self._escorts[i : i + 1]:
-                if not escort.lost:
-                    escort.record = replace(escort.record, lost=why)
+            for follower in self._followers[i : i + 1]:
+                if not follower.lost:
+                    follower.record = replace(follower.record, lost=why)
             return None
 
-    def _next_order(self, i: int, escort: Escort, vehicle: Vehicle, now_s: float) -> Order | None:
+    def _next_order(
+        self, i: int, follower: VehicleFollower, vehicle: Vehicle, now_s: float
+    ) -> Order | None:
         """Return the order that is due for a vehicle, and log what is new about it."""
         state, outcome, name = vehicle.state, vehicle.outcome, self._names[i]
-        if self._tracks is not None and not escort.has_task:
-            self._plan(i, escort, state.home)
+        if self._tracks is not None and not follower.has_task:
+            self._plan(i, follower, state.home)
         if now_s < self._settled_s:
             return Hold() if takes_off_yet(state, outcome) else None
-        lost, refused, blocked = escort.lost, escort.refused, escort.blocked
+        lost, refused, blocked = follower.lost, follower.refused, follower.blocked
         alive = self._search_alive and not self._foreign
-        order = escort.advance(state, outcome, now_s, vehicle.trouble, search_alive=alive)
-        if escort.lost != lost:
-            self.get_logger().error(f"{name} is lost: {escort.lost}")
-        if escort.refused != refused:
-            self._report_refusal(escort)
-        if escort.blocked != blocked and escort.blocked:
-            self.get_logger().info(f"{name} cannot take off yet: {escort.blocked}")
+        order = follower.advance(state, outcome, now_s, vehicle.trouble, search_alive=alive)
+        if follower.lost != lost:
+            self.get_logger().error(f"{name} is lost: {follower.lost}")
+        if follower.refused != refused:
+            self._report_refusal(follower)
+        if follower.blocked != blocked and follower.blocked:
+            self.get_logger().info(f"{name} cannot take off yet: {follower.blocked}")
         for text in vehicle.take_texts():
             self.get_logger().info(f"{name} says: {text.text}")
         return order
@@ -362,7 +364,7 @@ class BridgeNode(AlarmNode):
         """Keep what is known of the vehicles for a bridge that is started again."""
         if self._records is None:
             return
-        now = {name: one.record for name, one in zip(self._names, self._escorts, strict=True)}
+        now = {name: one.record for name, one in zip(self._names, self._followers, strict=True)}
         try:
             self._records.update(now)
         except OSError as error:
@@ -390,37 +392,41 @@ class BridgeNode(AlarmNode):
         number = vehicle.give(order)
         self.get_logger().info(f"{self._names[drone]}: order {number}: {_shown(order)}")
 
-    def _plan(self, drone: int, escort: Escort, home: tuple[float, float, float] | None) -> None:
+    def _plan(
+        self, drone: int, follower: VehicleFollower, home: tuple[float, float, float] | None
+    ) -> None:
         """Have a vehicle fly the whole search, once it has said where home is."""
         leg = self._over[drone]
         if home is None:
-            escort.follow(leg, None)
+            follower.follow(leg, None)
             return
         frame, settings = self._frames[drone], self.settings
         mission = search_mission(frame, *self._track(drone), settings, Home(*home))
         firmware = cast(Firmware, settings.dialect)
-        escort.follow(leg, mission_task(mission, self._fence(frame), firmware))
-        self._report_refusal(escort)
+        follower.follow(leg, mission_task(mission, self._fence(frame), firmware))
+        self._report_refusal(follower)
 
-    def _report_refusal(self, escort: Escort) -> None:
-        if escort.refused:
-            self.warn("refused", f"{self._names[self._escorts.index(escort)]}: {escort.refused}")
+    def _report_refusal(self, follower: VehicleFollower) -> None:
+        if follower.refused:
+            self.warn(
+                "refused", f"{self._names[self._followers.index(follower)]}: {follower.refused}"
+            )
 
     def _watch_planner(self, now_s: float) -> None:
         """Have the vehicles hold if they have waited for the next step for too long."""
         timeout_s = self.settings.planner_timeout
         if self.settings.mode != "guided" or timeout_s <= 0 or self._holding:
             return
-        going = [e for e in self._escorts if e.leg is not None and not e.leg.over and not e.lost]
-        if not going or not all(escort.waiting for escort in going):
+        going = [e for e in self._followers if e.leg is not None and not e.leg.over and not e.lost]
+        if not going or not all(follower.waiting for follower in going):
             self._idle_s = None
             return
         self._idle_s = now_s if self._idle_s is None else self._idle_s
         if now_s - self._idle_s > timeout_s:
             self._holding = True
             self.get_logger().warning(f"no step within {timeout_s:g} s: the vehicles hold")
-            for escort in going:
-                escort.hold()
+            for follower in going:
+                follower.hold()
 
     # What is told
 
@@ -439,15 +445,17 @@ class BridgeNode(AlarmNode):
             fix = vehicle_fix(self._frames[i], self._names[i], *place, state.alt_amsl_m, stamp)
             self._fixes[i].publish(fix)
 
-    def _tell(self, i: int, escort: Escort | None, vehicle: Vehicle, now_s: float) -> None:
+    def _tell(
+        self, i: int, follower: VehicleFollower | None, vehicle: Vehicle, now_s: float
+    ) -> None:
         """Publish the state of a vehicle if it is news."""
         state, outcome = vehicle.state, vehicle.outcome
-        leg = escort.leg if escort is not None else None
+        leg = follower.leg if follower is not None else None
         progress = Progress()
-        if escort is not None and leg is not None:
-            progress = Progress(leg.stamp_ns, escort.arrived_stamp_ns, escort.lost)
-        refused = self._trouble or (escort.refused if escort is not None else "")
-        blocked = escort.blocked if escort is not None else ""
+        if follower is not None and leg is not None:
+            progress = Progress(leg.stamp_ns, follower.arrived_stamp_ns, follower.lost)
+        refused = self._trouble or (follower.refused if follower is not None else "")
+        blocked = follower.blocked if follower is not None else ""
         news = (
             progress, refused, blocked, outcome, state.mode, state.armed, state.connected,
             state.ready, state.flying, state.item_reached, vehicle.trouble,
@@ -466,7 +474,7 @@ class BridgeNode(AlarmNode):
             "battery": f"{state.battery:.2f}",
             "failsafe": state.failsafe,
             "cell": "" if leg is None else f"{leg.cell[0]} {leg.cell[1]}",
-            "arrived": _text(escort is not None and escort.arrived),
+            "arrived": _text(follower is not None and follower.arrived),
             "order": _shown(outcome.order),
             "status": outcome.status,
             "reason": outcome.reason,
@@ -491,8 +499,8 @@ class BridgeNode(AlarmNode):
 
     def _publish_diagnostics(self) -> None:
         vehicles = [] if self.fleet is None else list(self.fleet)
-        lost = [name for name, e in zip(self._names, self._escorts, strict=False) if e.lost]
-        refused = [name for name, e in zip(self._names, self._escorts, strict=False) if e.refused]
+        lost = [name for name, e in zip(self._names, self._followers, strict=False) if e.lost]
+        refused = [name for name, e in zip(self._names, self._followers, strict=False) if e.refused]
         level, message = DiagnosticStatus.OK, "follows" if self._info else "waits for a search"
         if self._holding:
             level, message = DiagnosticStatus.WARN, "no steps: the vehicles hold"

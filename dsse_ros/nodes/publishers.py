@@ -17,7 +17,7 @@ from sensor_msgs.msg import Image, NavSatFix, PointCloud2
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from dsse_ros.nodes.mission import Mission, StepResult
+from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
 from dsse_ros.search import kernels
 from msg_adapters.agents import AgentsInfo, Origin, agents_message

@@ -25,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from dsse_ros.nodes.alarms import Alarms
-from dsse_ros.nodes.command_line import fail
+from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.nodes.interrupts import Stop, leave_on_signals, on_signals
 from dsse_ros.nodes.parameters import declarable
 from dsse_ros.nodes.ros_arguments import UnreadableFileError, parameters_for, split_ros_arguments

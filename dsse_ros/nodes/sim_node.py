@@ -32,11 +32,17 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
+from dsse_ros.flight.track_files import (
+    acceptance_radius_m,
+    layers,
+    search_mission,
+    write_missions,
+)
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.mission.pace import Pace
+from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.nodes import simulation_interfaces
-from dsse_ros.nodes.command_line import find_scenario
-from dsse_ros.nodes.mission import Mission
-from dsse_ros.nodes.mission_log import MissionLog
-from dsse_ros.nodes.pace import Pace
 from dsse_ros.nodes.parameters import (
     check_changes,
     check_flat,
@@ -48,12 +54,6 @@ from dsse_ros.nodes.publishers import MissionPublishers
 from dsse_ros.nodes.qos import RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
-from dsse_ros.nodes.track_files import (
-    acceptance_radius_m,
-    layers,
-    search_mission,
-    write_missions,
-)
 from dsse_ros.search import FieldError, Scenario, SearchEnv, Snapshot, SnapshotError, profile
 from dsse_ros.search.compiler import prepare
 from dsse_ros.search.fields import specs

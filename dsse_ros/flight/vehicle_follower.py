@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from dsse_ros.flight.fence import Fence, check_mission, check_place
+from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.flight.items import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.pilot import Outcome
+from dsse_ros.flight.track_files import acceptance_radius_m
 from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.nodes.flight_settings import BridgeSettings
-from dsse_ros.nodes.track_files import acceptance_radius_m
-from msg_adapters.fence import Fence, check_mission, check_place
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mavlink_items import mission_fields
@@ -107,7 +107,7 @@ def takes_off_yet(state: VehicleState, outcome: Outcome) -> bool:
     return not state.flying and pending and isinstance(outcome.order, TakeOff | FlyMission)
 
 
-class Escort:
+class VehicleFollower:
     """Leads one vehicle along its drone's legs, one order at a time.
 
     Args:
