@@ -102,6 +102,11 @@ class AlarmNode(Node):
             self._warned[kind] = now_s
             self.get_logger().warning(text)
 
+    def debug(self, text: Callable[[], str]) -> None:
+        """Log what is worth making only if somebody wants to read it."""
+        if self.get_logger().is_enabled_for(LoggingSeverity.DEBUG):
+            self.get_logger().debug(text())
+
 
 def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | None) -> int:
     """Make a node, spin it until it has ended, SIGINT or SIGTERM; returns the process's exit code.
