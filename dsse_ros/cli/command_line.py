@@ -52,7 +52,8 @@ class Parser(argparse.ArgumentParser):
         self.add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
         self.add("--planner", default="greedy", choices=tuple(PLANNERS), help="planner")
         self.add("--drones", type=int, help="number of drones, by default the scenario's")
-        self.add("--seed", type=int, default=0, help="of sea, persons and planner")
+        seeded = "random seed of the map, the persons and the planner"
+        self.add("--seed", type=int, default=0, help=seeded)
         self.set_defaults(fields={})
 
     def parse_with_ros(

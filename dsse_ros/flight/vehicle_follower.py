@@ -195,7 +195,7 @@ class VehicleFollower:
         before = self.leg
         known = self.has_task or task is None
         if before and known and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
-            # A step that is told again: its end alone may be new.
+            # A step that is reported again: its end alone may be new.
             self.leg = leg
             return
         self.leg, self._holding, self.arrived = leg, False, False
@@ -341,7 +341,7 @@ class VehicleFollower:
         return at_rest or (self._given is not None and self._given[0] == self._end and self._done)
 
     def _wanted(self, state: VehicleState, outcome: Outcome, search_alive: bool) -> Order | None:
-        """Return what the vehicle should be doing, None for nothing that it has to be told."""
+        """Return what the vehicle should be doing, None where no order is needed."""
         assert self.leg is not None
         takes_off = takes_off_yet(state, outcome)
         stop = Hold() if takes_off else None

@@ -20,7 +20,7 @@ def find_scenario(name: str) -> Path:
     """
     if Path(name).exists() and not Path(name).is_dir():
         return Path(name).resolve()
-    # An environment may never have been told to ament; a source tree has no share.
+    # An environment may not be known to ament; a source tree has no share.
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     folders = [Path(prefix) / _SHIPPED for prefix in prefixes if prefix]
     folders.append(Path(__file__).resolve().parents[2] / "config")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes can be told beyond the scenario and the rules, as checked fields."""
+"""Parameters of the nodes beyond the scenario and the rules, as checked fields."""
 
 from __future__ import annotations
 

@@ -213,10 +213,10 @@ class SimNode(AlarmNode):
         self._follow_on()
 
     def _follow_on(self) -> None:
-        """With `auto_reset`, start the next mission if this one is over in its own way."""
+        """With `auto_reset`, start the next mission if this one came to an end by itself."""
         mission = self.mission
-        given_up = mission.aborted or mission.all_lost
-        if self.settings.auto_reset and mission.over and not given_up:
+        failed = mission.aborted or mission.all_lost
+        if self.settings.auto_reset and mission.over and not failed:
             self.reset(mission.seed + 1)
         elif self.settings.exit_at_end and mission.over:
             self._exit_alarm.set(EXIT_S)
