@@ -67,7 +67,7 @@ setup(
     ],
     entry_points={
         "console_scripts": [
-            f"{program} = dsse_ros.nodes.start:{program}"
+            f"{program} = dsse_ros.cli.start:{program}"
             for program in (Path(file).name for file in scripts)
         ],
     },

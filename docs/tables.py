@@ -16,7 +16,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
-from dsse_ros.nodes.flight_settings import BridgeSettings
+from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.parameters import descriptor
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings, SimSettings

@@ -18,8 +18,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dsse_ros.nodes.command_line import OF_EVERY_NODE
-from dsse_ros.nodes.ros_arguments import from_ros
+from dsse_ros.nodes.ros_arguments import OF_EVERY_NODE, from_ros
 from dsse_ros.search.fields import FieldError, Spec, check_known, shown
 
 if TYPE_CHECKING:

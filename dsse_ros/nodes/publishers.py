@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rclpy.publisher import Publisher
@@ -17,7 +17,8 @@ from sensor_msgs.msg import Image, NavSatFix, PointCloud2
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from dsse_ros.nodes.mission import Mission, StepResult
+from dsse_ros.mission.mission import Mission, StepResult
+from dsse_ros.mission.status import Health, Level
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
 from dsse_ros.search import kernels
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
@@ -39,6 +40,12 @@ from msg_adapters.poses import (
 )
 from msg_adapters.stamps import clock_message
 from msg_adapters.step_report import make_step_report, step_report_message
+
+_LEVELS = {
+    Level.OK: DiagnosticStatus.OK,
+    Level.WARN: DiagnosticStatus.WARN,
+    Level.ERROR: DiagnosticStatus.ERROR,
+}
 
 
 def tf_type() -> Any:
@@ -259,7 +266,7 @@ class MissionPublishers:
         )
 
     def publish_diagnostics(
-        self, stamp: Time, name: str, level: bytes, message: str, values: dict[str, object]
+        self, stamp: Time, name: str, health: Health, values: dict[str, object]
     ) -> None:
         """Publish the health of the node of this name."""
         self._diagnostics.publish(
@@ -267,8 +274,8 @@ class MissionPublishers:
                 stamp,
                 name=name,
                 hardware_id="dsse_ros",
-                level=level,
-                message=message,
+                level=_LEVELS[health.level],
+                message=health.message,
                 values=values,
             )  # fmt: skip
         )

@@ -25,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from dsse_ros.nodes.alarms import Alarms
-from dsse_ros.nodes.command_line import fail
+from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.nodes.interrupts import Stop, leave_on_signals, on_signals
 from dsse_ros.nodes.parameters import declarable
 from dsse_ros.nodes.ros_arguments import UnreadableFileError, parameters_for, split_ros_arguments
@@ -101,6 +101,11 @@ class AlarmNode(Node):
         if now_s - self._warned.get(kind, -_WARN_S) >= _WARN_S:
             self._warned[kind] = now_s
             self.get_logger().warning(text)
+
+    def debug(self, text: Callable[[], str]) -> None:
+        """Log what is worth making only if somebody wants to read it."""
+        if self.get_logger().is_enabled_for(LoggingSeverity.DEBUG):
+            self.get_logger().debug(text())
 
 
 def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | None) -> int:

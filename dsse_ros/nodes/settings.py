@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes can be told beyond the scenario and the rules, as checked fields."""
+"""Parameters of the nodes beyond the scenario and the rules, as checked fields."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dsse_ros.nodes.commands import MISSING_ACTIONS
-from dsse_ros.nodes.flight_settings import FlightSettings
+from dsse_ros.flight.flight_settings import FlightSettings
+from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.planners import PLANNERS
 from dsse_ros.search.fields import FieldError, check_all, field
 from dsse_ros.search.rules import PROFILES

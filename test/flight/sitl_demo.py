@@ -33,15 +33,11 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.signals import SignalHandlerOptions  # noqa: E402
 from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
 
-from dsse_ros.nodes.command_line import (  # noqa: E402
-    Parser,
-    fail,
-    make_folder,
-    search_of,
-)
-from dsse_ros.nodes.flight_settings import FlightSettings  # noqa: E402
+from dsse_ros.cli.command_line import Parser, make_folder, search_of  # noqa: E402
+from dsse_ros.cli.run_mission import MissionFailed, check_running, process  # noqa: E402
+from dsse_ros.flight.flight_settings import FlightSettings  # noqa: E402
+from dsse_ros.nodes.exit_codes import fail  # noqa: E402
 from dsse_ros.nodes.qos import COMPLETE, LATCHED  # noqa: E402
-from dsse_ros.nodes.run_mission import MissionFailed, check_running, process  # noqa: E402
 from dsse_ros.nodes.runtime import new_executor  # noqa: E402
 from dsse_ros.search import FieldError  # noqa: E402
 from dsse_ros.search.fields import specs  # noqa: E402

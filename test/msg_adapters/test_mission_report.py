@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from sensor_msgs.msg import PointCloud2, PointField
 
-from dsse_ros.nodes.mission import HISTORY_DTYPE
+from dsse_ros.mission.mission import HISTORY_DTYPE
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.mission_report import (
     MISSION_REPORT_DTYPE,

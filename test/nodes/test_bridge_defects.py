@@ -19,21 +19,22 @@ from autopilot.running import free_udp_port  # noqa: E402
 
 PROGRAM = """\
 import sys
-from dsse_ros.nodes import escort, mavlink_bridge
+from dsse_ros.flight import vehicle_follower
+from dsse_ros.nodes import mavlink_bridge
 
-class Escort(escort.Escort):
+class VehicleFollower(vehicle_follower.VehicleFollower):
     number = 0
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)
-        self.mine, Escort.number = Escort.number, Escort.number + 1
+        self.mine, VehicleFollower.number = VehicleFollower.number, VehicleFollower.number + 1
 
     def advance(self, *arguments, **options):
         if self.mine == 1:
             raise ZeroDivisionError("one that nobody knew of")
         return super().advance(*arguments, **options)
 
-mavlink_bridge.Escort = Escort
+mavlink_bridge.VehicleFollower = VehicleFollower
 sys.exit(mavlink_bridge.main())
 """
 

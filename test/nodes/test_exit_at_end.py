@@ -9,7 +9,7 @@ from nav_msgs.msg import Path as PathMessage
 from rig import LATCHED, Rig
 from sensor_msgs.msg import Image
 
-from dsse_ros.nodes.mission_log import read_log
+from dsse_ros.mission.mission_log import read_log
 from msg_adapters.stamps import to_nanoseconds
 
 SHORT = {

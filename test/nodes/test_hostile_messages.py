@@ -20,7 +20,7 @@ from rig import Rig, Sim, cells, content
 from sensor_msgs.msg import Image
 from std_msgs.msg import Int8, Int32MultiArray, String
 
-from dsse_ros.nodes.mission import Mission
+from dsse_ros.mission.mission import Mission
 from dsse_ros.search import parallel_env
 from msg_adapters.images import image_to_probability
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.nodes.mission import Mission
+from dsse_ros.mission.mission import Mission
 from dsse_ros.search import HOLD, Snapshot, parallel_env
 from msg_adapters.tracks import steps
 

@@ -518,7 +518,7 @@ def test_a_search_whose_report_does_not_come_is_an_error_until_it_comes(rig: Rig
     kept = rig.first(PointCloud2, "kept")
     rig.talk(PointCloud2, "mission_report", LATCHED).publish(kept)
     rig.until(lambda: "2 files in" in bridge.output, "the files")
-    health_when(rig, "follows")
+    health_when(rig, "following")
 
 
 def test_a_mission_that_was_flown_is_not_flown_again_by_a_bridge_started_again(rig: Rig) -> None:
@@ -543,7 +543,7 @@ def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
     sim = rig.sim(SEARCHED | start)
     folder = rig.folder / "bridge"
     bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(folder)})
-    health_when(rig, "follows")
+    health_when(rig, "following")
     for actions in ((UP, SEARCH), (UP, RIGHT), (RIGHT, RIGHT)):
         fly(sim, *actions)
     rig.until(lambda: "files in" in bridge.output, "the files")

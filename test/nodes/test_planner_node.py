@@ -13,7 +13,7 @@ from rig import LATCHED, Inbox, Process, Rig
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
-from dsse_ros.nodes.mission import Mission
+from dsse_ros.mission.mission import Mission
 from dsse_ros.planners import make_planner
 from dsse_ros.search import Observation, parallel_env
 from msg_adapters.agents import AgentsInfo, Origin, agents_message

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsse_ros.nodes.flight_settings import BridgeSettings
+from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.nodes.mavlink_bridge import _fleet
 from dsse_ros.search import FieldError
 

@@ -12,7 +12,7 @@ import pytest
 from rig import Rig, Sim
 from std_msgs.msg import String
 
-from dsse_ros.nodes.mission import Mission
+from dsse_ros.mission.mission import Mission
 from dsse_ros.search import Snapshot, SnapshotError, parallel_env
 
 FIELDS: dict[str, Any] = {

@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsse_ros.cli.run_mission import parse, summary
+from dsse_ros.mission.command_buffer import MISSING_ACTIONS
+from dsse_ros.mission.mission_log import COLUMNS, MissionRecord, read_log
 from dsse_ros.nodes import launch_arguments
-from dsse_ros.nodes.commands import MISSING_ACTIONS
-from dsse_ros.nodes.mission_log import COLUMNS, MissionRecord, read_log
-from dsse_ros.nodes.run_mission import parse, summary
 from dsse_ros.search import PROFILES, Scenario, profile
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.step_report import step_report_dtype
@@ -276,7 +276,7 @@ def test_the_tables_of_parameters_are_what_the_code_makes_of_them() -> None:
 
 
 def test_the_refusals_are_those_of_the_code() -> None:
-    sources = (ROOT / "msg_adapters" / "commands.py", ROOT / "dsse_ros" / "nodes" / "mission.py")
+    sources = (ROOT / "msg_adapters" / "commands.py", ROOT / "dsse_ros" / "mission" / "mission.py")
     codes = {
         node.args[0].value
         for path in sources

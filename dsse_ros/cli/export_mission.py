@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.nodes.command_line import Parser, fail, search_of
-from dsse_ros.nodes.flight_settings import FlightSettings
-from dsse_ros.nodes.track_files import layers, search_mission, write_missions
+from dsse_ros.cli.command_line import Parser, search_of
+from dsse_ros.flight.flight_settings import FlightSettings
+from dsse_ros.flight.track_files import layers, search_mission, write_missions
+from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.planners import make_planner
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.compiler import prepare

@@ -16,14 +16,14 @@ from pathlib import Path
 import pytest
 from rig import TIMEOUT_S, Process, free_domain
 
-from dsse_ros.nodes import run_mission
+from dsse_ros.cli import run_mission
 
 SANTOS = Path(__file__).resolve().parents[2] / "config" / "santos.yaml"
 
 
 def start(out: Path, *arguments: str) -> Process:
     out.mkdir(parents=True, exist_ok=True)
-    command = ["dsse_ros.nodes.run_mission", "--scenario", str(SANTOS), "--out", str(out)]
+    command = ["dsse_ros.cli.run_mission", "--scenario", str(SANTOS), "--out", str(out)]
     return Process([*command, *arguments], out / "console.log", free_domain())
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the drones have been told: the barrier of a lockstep mission, without ROS."""
+"""The commands of the drones for the next step, without ROS."""
 
 from __future__ import annotations
 

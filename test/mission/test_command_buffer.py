@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.nodes.commands import CommandBuffer
+from dsse_ros.mission.command_buffer import CommandBuffer
 from dsse_ros.search import ACTION_VECTORS, HOLD
 
 ACTIONS = ("left", "right", "up", "down", "search")

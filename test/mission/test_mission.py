@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.nodes.mission import END_NS, Mission, StepResult
+from dsse_ros.mission.mission import END_NS, Mission, StepResult
 from dsse_ros.search import HOLD, parallel_env
 from msg_adapters.stamps import to_stamp
 

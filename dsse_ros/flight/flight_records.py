@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
-from dsse_ros.nodes.escort import FlightRecord
+from dsse_ros.flight.vehicle_follower import FlightRecord
 
 _KEPT = 100
 """Files of earlier missions that are kept."""

@@ -108,8 +108,8 @@ class BridgeSettings(FlightSettings):
         "str", "What a vehicle does when its drone's search is over.", "return", choices=ENDS
     )
     planner_timeout: float = field(
-        "float", "Wall time without a step, all vehicles waiting for it, after which they are told "
-        "to hold; 0 for never.", 30.0, low=0, high=1e6, unit="s",
+        "float", "Wall time without a step, all vehicles waiting for it, after which they hold; "
+        "0 for never.", 30.0, low=0, high=1e6, unit="s",
     )  # fmt: skip
     link_timeout: float = field(
         "float", "Wall time without a heartbeat after which a vehicle is silent: nothing but "

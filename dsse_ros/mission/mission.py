@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.nodes.commands import Cell, CommandBuffer
+from dsse_ros.mission.command_buffer import Cell, CommandBuffer
 from dsse_ros.search import HOLD, SearchEnv, Snapshot, SnapshotError
 from msg_adapters.result import Rejected
 

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from dsse_ros.mission.scenario_files import find_scenario
+from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.nodes.ros_arguments import (
+    OF_EVERY_NODE,
     Given,
     from_ros,
     namespace_of,
@@ -22,14 +24,8 @@ from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
 from dsse_ros.search.fields import Spec, check_known, specs
 from dsse_ros.search.scenario import ResolvedScenario
 
-BAD_INPUT = 2
-"""Exit code after an input that is not allowed."""
-
 MAX_SEED = 2**62
 SIM_NODE, PLANNER_NODE = "dsse_sim", "dsse_planner"
-OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
-"""Parameters that every ROS 2 node has."""
-_SHIPPED = Path("share") / "dsse_ros" / "config"
 _OF_SEARCH = {
     "scenario": ("scenario", Spec("str", "")),
     "rules": ("rules", Spec("str", "", choices=tuple(PROFILES))),
@@ -56,7 +52,8 @@ class Parser(argparse.ArgumentParser):
         self.add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
         self.add("--planner", default="greedy", choices=tuple(PLANNERS), help="planner")
         self.add("--drones", type=int, help="number of drones, by default the scenario's")
-        self.add("--seed", type=int, default=0, help="of sea, persons and planner")
+        seeded = "random seed of the map, the persons and the planner"
+        self.add("--seed", type=int, default=0, help=seeded)
         self.set_defaults(fields={})
 
     def parse_with_ros(
@@ -103,12 +100,6 @@ class Parser(argparse.ArgumentParser):
         sys.exit(fail(self.prog, message))
 
 
-def fail(name: str, error: object) -> int:
-    """Print what is wrong on one line and return the exit code for it."""
-    print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
-    return BAD_INPUT
-
-
 def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Rules]:
     """Return scenario file, scenario and rules of a command line with `Parser.add_search`.
 
@@ -123,26 +114,6 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
     path = find_scenario(arguments.scenario)
     scenario = Scenario.from_yaml(path).override(**of_scenario, num_drones=arguments.drones)
     return path, scenario.resolve(rules), rules
-
-
-def find_scenario(name: str) -> Path:
-    """Return the absolute path of a scenario: a file, or the name of one that the package ships.
-
-    Raises:
-        FieldError: If there is none.
-    """
-    if Path(name).exists() and not Path(name).is_dir():
-        return Path(name).resolve()
-    # An environment may never have been told to ament; a source tree has no share.
-    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
-    folders = [Path(prefix) / _SHIPPED for prefix in prefixes if prefix]
-    folders.append(Path(__file__).resolve().parents[2] / "config")
-    for folder in folders:
-        path = folder / f"{name.removesuffix('.yaml')}.yaml"
-        if path.is_file():
-            return path.resolve()
-    names = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
-    raise FieldError(f"scenario: {name!r} is no file and none of those shipped: {', '.join(names)}")
 
 
 def make_folder(name: str, folder: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from mission_strategies import ITEMS
 
-from msg_adapters.fence import Fence, check_item, check_mission, check_place
+from dsse_ros.flight.fence import Fence, check_item, check_mission, check_place
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic
 from msg_adapters.mission_items import FRAME_MISSION, Home, Mission, MissionItem

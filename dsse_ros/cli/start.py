@@ -13,30 +13,28 @@ from importlib import metadata
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+from dsse_ros.nodes.exit_codes import MISSING
 from dsse_ros.nodes.interrupts import leave_on_signals
-
-MISSING = 1
-"""Exit code where something that the program needs is not installed."""
 
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 
 
-def start(program: str) -> int:
-    """Run the program, a module of this package with a `main`; returns its exit code.
+def start(module: str) -> int:
+    """Run a program, a module of `dsse_ros` with a `main`; returns its exit code.
 
     Until the program handles signals itself, Ctrl-C ends the process at once with code 130, even
     while something is compiled.
     """
     leave_on_signals()
     try:
-        module = importlib.import_module(f"dsse_ros.nodes.{program}")
+        program = importlib.import_module(f"dsse_ros.{module}")
     except ImportError as error:
         text = missing(error)
         if text is None:
             raise
-        print(f"{program}: {text}", file=sys.stderr)
+        print(f"{module.rpartition('.')[2]}: {text}", file=sys.stderr)
         return MISSING
-    code: int = module.main()
+    code: int = program.main()
     return code
 
 
@@ -70,24 +68,24 @@ def clone() -> str:
 
 def sim_node() -> int:
     """`ros2 run dsse_ros sim_node`."""
-    return start("sim_node")
+    return start("nodes.sim_node")
 
 
 def planner_node() -> int:
     """`ros2 run dsse_ros planner_node`."""
-    return start("planner_node")
+    return start("nodes.planner_node")
 
 
 def run_mission() -> int:
     """`ros2 run dsse_ros run_mission`."""
-    return start("run_mission")
+    return start("cli.run_mission")
 
 
 def mavlink_bridge() -> int:
     """`ros2 run dsse_ros mavlink_bridge`."""
-    return start("mavlink_bridge")
+    return start("nodes.mavlink_bridge")
 
 
 def export_mission() -> int:
     """`ros2 run dsse_ros export_mission`."""
-    return start("export_mission")
+    return start("cli.export_mission")

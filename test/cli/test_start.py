@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from rig import ENVIRONMENT, TIMEOUT_S, free_domain
 
-from dsse_ros.nodes import run_mission, start
+from dsse_ros.cli import run_mission, start
 from dsse_ros.search.compiler import COMPILING
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,7 +35,7 @@ def launch(
         arguments: The program's.
         output: Where its output goes.
     """
-    code = f"{before}\nfrom dsse_ros.nodes.start import {program}\nimport sys\n"
+    code = f"{before}\nfrom dsse_ros.cli.start import {program}\nimport sys\n"
     return subprocess.Popen(
         [sys.executable, "-c", code + f"sys.exit({program}())", *arguments],
         env=os.environ | ENVIRONMENT | {
@@ -196,7 +196,7 @@ def test_a_ros_2_of_another_python_is_told_on_one_line(tmp_path: Path) -> None:
 def test_a_defect_of_the_package_itself_is_not_taken_for_something_missing() -> None:
     assert start.missing(ImportError("cannot import name 'x'", name="dsse_ros.nodes.qos")) is None
     with pytest.raises(ModuleNotFoundError):
-        start.start("no_such_program")
+        start.start("cli.no_such_program")
 
 
 def test_what_to_install_is_named_by_the_folder_it_was_installed_from() -> None:
@@ -207,4 +207,4 @@ def test_what_to_install_is_named_by_the_folder_it_was_installed_from() -> None:
 def test_every_executable_begins_here(program: str) -> None:
     assert callable(getattr(start, program))
     text = (ROOT / "scripts" / program).read_text()
-    assert f"from dsse_ros.nodes.start import {program}" in text
+    assert f"from dsse_ros.cli.start import {program}" in text

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.nodes.mission import Mission
-from dsse_ros.nodes.mission_log import COLUMNS, MissionLog, read_log
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_log import COLUMNS, MissionLog, read_log
 from dsse_ros.search import FieldError, parallel_env
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import geodetic_to_map

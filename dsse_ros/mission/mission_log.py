@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.nodes.mission import Mission, StepResult
+from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.search import FieldError
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import cell_to_geodetic

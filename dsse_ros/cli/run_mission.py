@@ -26,18 +26,12 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
-from dsse_ros.nodes.command_line import (
-    BAD_INPUT,
-    OF_EVERY_NODE,
-    Parser,
-    fail,
-    make_folder,
-    search_of,
-)
+from dsse_ros.cli.command_line import Parser, make_folder, search_of
+from dsse_ros.mission.mission_log import MissionRecord, read_log
+from dsse_ros.nodes.exit_codes import BAD_INPUT, fail
 from dsse_ros.nodes.interrupts import Stop, on_signals
-from dsse_ros.nodes.mission_log import MissionRecord, read_log
 from dsse_ros.nodes.qos import LATCHED
-from dsse_ros.nodes.ros_arguments import pairs
+from dsse_ros.nodes.ros_arguments import OF_EVERY_NODE, pairs
 from dsse_ros.nodes.runtime import init_ros, new_executor
 from dsse_ros.nodes.settings import PlannerSettings, SimSettings
 from dsse_ros.search import FieldError, Rules, Scenario
@@ -137,7 +131,7 @@ def process(
     Further ROS arguments come before the parameters.
     """
     # Not by -m, which would prefer a source tree in the working directory to the installation.
-    program = f"import sys; del sys.path[0]; from dsse_ros.nodes.start import {module}; "
+    program = f"import sys; del sys.path[0]; from dsse_ros.cli.start import {module}; "
     command = [sys.executable, "-c", program + f"sys.exit({module}())", "--ros-args", *ros]
     for name, value in parameters.items():
         # A text is quoted, as what follows := is read as YAML.

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from dsse_ros.flight.fence import Fence, check_mission, check_place
+from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.flight.items import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.pilot import Outcome
+from dsse_ros.flight.track_files import acceptance_radius_m
 from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.nodes.flight_settings import BridgeSettings
-from dsse_ros.nodes.track_files import acceptance_radius_m
-from msg_adapters.fence import Fence, check_mission, check_place
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mavlink_items import mission_fields
@@ -109,7 +109,7 @@ def takes_off_yet(state: VehicleState, outcome: Outcome) -> bool:
     return not state.flying and pending and isinstance(outcome.order, TakeOff | FlyMission)
 
 
-class Escort:
+class VehicleFollower:
     """Leads one vehicle along its drone's legs, one order at a time.
 
     Args:
@@ -198,7 +198,7 @@ class Escort:
         before = self.leg
         known = self.has_task or task is None
         if before and known and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
-            # A step that is told again: its end alone may be new.
+            # A step that is reported again: its end alone may be new.
             self.leg = leg
             return
         self.leg, self._holding, self.arrived = leg, False, False
@@ -354,7 +354,7 @@ class Escort:
         return at_rest or (self._given is not None and self._given[0] == self._end and self._done)
 
     def _wanted(self, state: VehicleState, outcome: Outcome, search_alive: bool) -> Order | None:
-        """Return what the vehicle should be doing, None for nothing that it has to be told."""
+        """Return what the vehicle should be doing, None where no order is needed."""
         assert self.leg is not None
         # On the ground after a flight nothing is under way but its end.
         takes_off = takes_off_yet(state, outcome) and not self.record.took_off

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dsse_ros.nodes.export_mission import play
+from dsse_ros.cli.export_mission import play
 from dsse_ros.search import Scenario, SearchEnv, profile
 from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
 from msg_adapters.mission_items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
@@ -23,7 +23,7 @@ class Nothing:
         if name.split(".")[0] in ("rclpy", "pymavlink") or name.endswith("_msgs"):
             raise ModuleNotFoundError(name, name=name)
 sys.meta_path.insert(0, Nothing())
-from dsse_ros.nodes.start import export_mission
+from dsse_ros.cli.start import export_mission
 sys.exit(export_mission())
 """
 

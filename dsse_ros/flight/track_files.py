@@ -11,7 +11,7 @@ from typing import cast
 
 from numpy.typing import ArrayLike
 
-from dsse_ros.nodes.flight_settings import FlightSettings
+from dsse_ros.flight.flight_settings import FlightSettings
 from dsse_ros.search.fields import FieldError
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Firmware, Home, Mission, plan_text, qgc_wpl, track_mission

@@ -11,22 +11,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.flight.fence import Fence
+from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.pilot import Outcome
-from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.nodes.escort import (
+from dsse_ros.flight.track_files import search_mission
+from dsse_ros.flight.vehicle_follower import (
     CRITICAL_S,
     RETRY_S,
     TRIES,
-    Escort,
     FlightRecord,
     Leg,
+    VehicleFollower,
     leg_task,
     mission_task,
 )
-from dsse_ros.nodes.flight_settings import BridgeSettings
-from dsse_ros.nodes.track_files import search_mission
-from msg_adapters.fence import Fence
+from dsse_ros.flight.vehicle_state import VehicleState
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mission_files import Home
@@ -44,17 +44,17 @@ FLYING = replace(ON_GROUND, armed=True, flying=True, alt_m=120.0)
 class Vehicle:
     """Does what it is told when it is asked to, and remembers what that was."""
 
-    def __init__(self, escort: Escort, state: VehicleState = ON_GROUND) -> None:
-        self.escort, self.state = escort, state
+    def __init__(self, follower: VehicleFollower, state: VehicleState = ON_GROUND) -> None:
+        self.follower, self.state = follower, state
         self.outcome = Outcome()
         self.orders: list[Order] = []
         self.now_s = 0.0
 
     def turn(self, **changes: Any) -> Order | None:
-        """Let the escort look once; changes are of the outcome."""
+        """Let the follower look once; changes are of the outcome."""
         self.now_s += 0.1
         self.outcome = replace(self.outcome, **changes)
-        order = self.escort.advance(self.state, self.outcome, self.now_s)
+        order = self.follower.advance(self.state, self.outcome, self.now_s)
         if order is not None:
             self.orders.append(order)
             number = self.outcome.number + 1
@@ -85,15 +85,15 @@ class Vehicle:
         self.outcome = replace(self.outcome, status="under_way")
 
 
-def escort(**changes: Any) -> Escort:
+def follower(**changes: Any) -> VehicleFollower:
     options = {
         "take_off_alt_m": 120.0, "fence": FENCE, "at_end": "return", "join_timeout_s": 100.0,
         "lost_timeout_s": 30.0,
     }  # fmt: skip
-    return Escort(**(options | changes))
+    return VehicleFollower(**(options | changes))
 
 
-def follow(led: Escort, stamp: int, *cell: int, **changes: Any) -> None:
+def follow(led: VehicleFollower, stamp: int, *cell: int, **changes: Any) -> None:
     leg = Leg(stamp, (cell[0], cell[1]), **changes)
     led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE))
 
@@ -103,7 +103,7 @@ def place(*cell: int) -> tuple[float, float]:
 
 
 def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led)
     assert vehicle.turn() is None
     follow(led, 0, 3, 4)
@@ -120,7 +120,7 @@ def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
 
 
 def test_a_search_is_done_once_for_each_step_that_says_so() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     for stamp in (13, 26):
         follow(led, stamp, 2, 2, searched=True)
@@ -136,7 +136,7 @@ def test_a_search_is_done_once_for_each_step_that_says_so() -> None:
 def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
     moves: list[tuple[int, int]],
 ) -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     col = row = 5
     wanted = []
@@ -162,7 +162,7 @@ def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
     ("at_end", "order"), [("return", Return()), ("land", Land()), ("hold", Hold())]
 )
 def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: Order) -> None:
-    led = escort(at_end=at_end)
+    led = follower(at_end=at_end)
     vehicle = Vehicle(led, FLYING)
     follow(led, 0, 1, 1)
     vehicle.turn()
@@ -176,14 +176,14 @@ def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: O
 
 
 def test_nobody_is_sent_where_two_drones_have_crashed() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1, over=True, crashed=True)
     assert vehicle.turn() == Return()
 
 
 def test_a_step_that_is_told_again_changes_nothing_but_its_end() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -195,7 +195,7 @@ def test_a_step_that_is_told_again_changes_nothing_but_its_end() -> None:
 
 
 def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -211,7 +211,7 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
 
 
 def test_a_silent_vehicle_goes_on_when_it_is_heard_again_in_time() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
     assert isinstance(vehicle.turn(), GoTo)
@@ -223,7 +223,7 @@ def test_a_silent_vehicle_goes_on_when_it_is_heard_again_in_time() -> None:
 
 
 def test_a_vehicle_that_is_silent_for_too_long_is_lost_returns_when_heard_and_stays_lost() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -240,7 +240,7 @@ def test_a_vehicle_that_is_silent_for_too_long_is_lost_returns_when_heard_and_st
 def test_who_is_lost_before_take_off_is_told_to_stay_even_before_it_is_heard_again(
     at_end: str,
 ) -> None:
-    led = escort(at_end=at_end)
+    led = follower(at_end=at_end)
     vehicle = Vehicle(led)
     follow(led, 0, 1, 1)
     assert vehicle.turn() == TakeOff(120.0)
@@ -253,13 +253,13 @@ def test_who_is_lost_before_take_off_is_told_to_stay_even_before_it_is_heard_aga
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
 
 
-def fly_mission(led: Escort) -> None:
+def fly_mission(led: VehicleFollower) -> None:
     mission = search_mission(FRAME, [(0, 9), (1, 9)], [0, 0], SETTINGS, Home(-23.999, -45.999, 0.0))
     led.follow(Leg(13, (1, 9), over=True), mission_task(mission, FENCE, "px4"))
 
 
 def test_a_mission_that_waits_for_its_take_off_is_not_flown_by_who_was_lost() -> None:
-    led = escort(whole=True)
+    led = follower(whole=True)
     vehicle = Vehicle(led)
     fly_mission(led)
     assert isinstance(vehicle.turn(), FlyMission)
@@ -282,7 +282,7 @@ ENDINGS = {
 def test_a_bridge_started_anew_has_nobody_take_off_who_is_out_of_the_search(
     over: bool, record: FlightRecord, landed: bool
 ) -> None:
-    led = escort()
+    led = follower()
     led.begin(record)
     vehicle = Vehicle(led, ON_GROUND if landed else FLYING)
     follow(led, 13, 1, 1, over=over)
@@ -304,7 +304,7 @@ def test_a_bridge_started_anew_has_nobody_take_off_who_is_out_of_the_search(
 
 @pytest.mark.parametrize("state", [ON_GROUND, FLYING], ids=["on the ground", "in the air"])
 def test_of_the_steps_that_come_late_in_one_go_the_last_one_counts(state: VehicleState) -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, state)
     for step in range(5):
         follow(led, 13 * step, step, 1, over=step == 4)
@@ -314,20 +314,20 @@ def test_of_the_steps_that_come_late_in_one_go_the_last_one_counts(state: Vehicl
 
 def test_a_mission_that_was_begun_is_not_begun_again_by_a_bridge_started_anew() -> None:
     for state in (ON_GROUND, FLYING):
-        led = escort(whole=True)
+        led = follower(whole=True)
         led.begin(FlightRecord(took_off=True))
         vehicle = Vehicle(led, state)
         fly_mission(led)
         assert [vehicle.turn() for _ in range(3)] == [None] * 3
         assert led.finished == (not state.flying) and not led.lost
-    led = escort(whole=True)
+    led = follower(whole=True)
     vehicle = Vehicle(led)
     fly_mission(led)
     assert isinstance(vehicle.turn(), FlyMission) and not led.finished
 
 
 def test_a_mission_that_fails_in_the_air_is_not_begun_again() -> None:
-    led = escort(whole=True)
+    led = follower(whole=True)
     vehicle = Vehicle(led)
     fly_mission(led)
     vehicle.turn()
@@ -338,7 +338,7 @@ def test_a_mission_that_fails_in_the_air_is_not_begun_again() -> None:
 
 
 def test_who_came_down_by_itself_does_not_take_off_again() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led)
     follow(led, 0, 1, 1)
     vehicle.turn()
@@ -354,7 +354,7 @@ def test_who_came_down_by_itself_does_not_take_off_again() -> None:
 
 
 def test_nothing_takes_off_for_a_search_that_is_gone() -> None:
-    led = escort()
+    led = follower()
     follow(led, 0, 1, 1)
     assert led.advance(ON_GROUND, Outcome(), 0.0, search_alive=False) is None
     order = led.advance(ON_GROUND, Outcome(), 0.1)
@@ -370,7 +370,7 @@ def test_nothing_takes_off_for_a_search_that_is_gone() -> None:
     )
 )
 def test_a_vehicle_takes_off_once_in_a_mission_whatever_happens(events: list[str]) -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led)
     stamp, over, was_up = 0, False, False
     for event in events:
@@ -392,7 +392,7 @@ def test_a_vehicle_takes_off_once_in_a_mission_whatever_happens(events: list[str
             vehicle.turn(status="taken_over", reason="in LOITER")
         elif event == "restart":
             record, leg = led.record, led.leg
-            led = vehicle.escort = escort()
+            led = vehicle.follower = follower()
             led.begin(record)
             vehicle.outcome = Outcome()
             if leg is not None:
@@ -406,28 +406,28 @@ def test_a_vehicle_takes_off_once_in_a_mission_whatever_happens(events: list[str
 
 def test_a_take_off_that_has_not_begun_is_called_off_once_it_is_not_wanted() -> None:
     def waiting() -> Vehicle:
-        vehicle = Vehicle(escort())
-        follow(vehicle.escort, 0, 1, 1)
+        vehicle = Vehicle(follower())
+        follow(vehicle.follower, 0, 1, 1)
         assert vehicle.turn() == TakeOff(120.0)
         return vehicle
 
     crashed = waiting()
-    follow(crashed.escort, 13, 1, 1, over=True, crashed=True)
+    follow(crashed.follower, 13, 1, 1, over=True, crashed=True)
     assert crashed.turn() == Return()
     refused = waiting()
-    follow(refused.escort, 13, 19, 5)
-    assert refused.escort.refused and refused.turn() == Hold()
+    follow(refused.follower, 13, 19, 5)
+    assert refused.follower.refused and refused.turn() == Hold()
     moved = waiting()
     moved.state = replace(ON_GROUND, lat_deg=-35.0)
-    assert moved.turn() == Hold() and moved.escort.refused
+    assert moved.turn() == Hold() and moved.follower.refused
     moved.turn(status="done")
     moved.state = ON_GROUND
     assert moved.turn() == TakeOff(120.0)
     anew = waiting()
-    anew.escort.begin()
+    anew.follower.begin()
     assert anew.turn() == Hold()
     other = waiting()
-    other.escort = escort()
+    other.follower = follower()
     assert other.turn() == Hold()
     for vehicle in (crashed, refused, anew, other):
         vehicle.turn(status="done")
@@ -435,7 +435,7 @@ def test_a_take_off_that_has_not_begun_is_called_off_once_it_is_not_wanted() -> 
 
 
 def test_a_leg_with_the_same_stamp_but_another_cell_is_of_another_search() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 0, 1, 1)
     vehicle.turn()
@@ -446,7 +446,7 @@ def test_a_leg_with_the_same_stamp_but_another_cell_is_of_another_search() -> No
 
 
 def test_a_failsafe_takes_the_vehicle_out() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -456,7 +456,7 @@ def test_a_failsafe_takes_the_vehicle_out() -> None:
 
 
 def test_who_is_critical_without_a_reason_may_be_well_again_in_time() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -470,7 +470,7 @@ def test_who_is_critical_without_a_reason_may_be_well_again_in_time() -> None:
 
 
 def test_an_order_that_fails_is_given_again_and_then_the_vehicle_is_lost() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -485,7 +485,7 @@ def test_an_order_that_fails_is_given_again_and_then_the_vehicle_is_lost() -> No
 
 
 def test_a_vehicle_that_is_never_heard_is_lost_in_the_end() -> None:
-    led = escort(join_timeout_s=3.0)
+    led = follower(join_timeout_s=3.0)
     vehicle = Vehicle(led, VehicleState())
     follow(led, 0, 0, 0)
     vehicle.turn()
@@ -496,7 +496,7 @@ def test_a_vehicle_that_is_never_heard_is_lost_in_the_end() -> None:
 
 
 def test_what_is_wrong_with_the_link_is_told_of_who_is_lost() -> None:
-    led = escort(join_timeout_s=3.0)
+    led = follower(join_timeout_s=3.0)
     follow(led, 0, 0, 0)
     for now_s in (0.0, 3.1):
         led.advance(VehicleState(), Outcome(), now_s, "/dev/nope: No such file or directory")
@@ -521,7 +521,7 @@ def test_what_is_wrong_with_the_link_is_told_of_who_is_lost() -> None:
 def test_who_cannot_take_off_is_lost_after_the_join_timeout_once_with_the_reason(
     state: VehicleState, lost: str
 ) -> None:
-    led = escort(join_timeout_s=3.0)
+    led = follower(join_timeout_s=3.0)
     follow(led, 0, 0, 0)
     outcome = Outcome()
     trouble = "unsigned" if not state.has_position else ""
@@ -536,7 +536,7 @@ def test_who_cannot_take_off_is_lost_after_the_join_timeout_once_with_the_reason
 
 
 def test_somebody_who_may_arm_later_has_all_the_time_in_the_world() -> None:
-    led = escort(join_timeout_s=3.0)
+    led = follower(join_timeout_s=3.0)
     vehicle = Vehicle(led)
     follow(led, 0, 0, 0)
     vehicle.turn()
@@ -546,7 +546,7 @@ def test_somebody_who_may_arm_later_has_all_the_time_in_the_world() -> None:
 
 
 def test_a_held_vehicle_goes_on_with_the_next_step() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -569,7 +569,7 @@ def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
     leg = Leg(13, cell)
     task = leg_task(leg, frame, SETTINGS, FENCE)
     assert isinstance(task, Rejected) and task.code == code
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, FLYING)
     led.follow(leg, task)
     assert vehicle.turn() == Hold()
@@ -586,7 +586,7 @@ def test_a_search_below_the_fence_is_refused() -> None:
 
 
 def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led, replace(ON_GROUND, lat_deg=-35.0, lon_deg=149.0))
     follow(led, 0, 0, 0)
     assert vehicle.turn() is None
@@ -603,7 +603,7 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     mission = search_mission(FRAME, [(0, 9), (1, 9), (1, 9)], [0, 0, 1], SETTINGS, home)
     task = mission_task(mission, FENCE, "ardupilot")
     assert isinstance(task, Accepted)
-    led = escort(whole=True)
+    led = follower(whole=True)
     vehicle = Vehicle(led)
     led.follow(Leg(26, (1, 9), over=True), task)
     order = vehicle.turn()
@@ -617,7 +617,7 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
 
 
 def test_a_mission_whose_vehicle_is_down_but_armed_is_let_end_by_itself() -> None:
-    led = escort(whole=True)
+    led = follower(whole=True)
     vehicle = Vehicle(led)
     fly_mission(led)
     vehicle.turn()
@@ -632,7 +632,7 @@ def test_a_mission_whose_vehicle_is_down_but_armed_is_let_end_by_itself() -> Non
 
 
 def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> None:
-    led = escort(whole=True, join_timeout_s=3.0)
+    led = follower(whole=True, join_timeout_s=3.0)
     vehicle = Vehicle(led)
     leg = Leg(13, (1, 9), over=True)
     led.follow(leg, None)
@@ -640,7 +640,7 @@ def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> 
     assert led.blocked == "no home position" and not led.has_task
     fly_mission(led)
     assert isinstance(vehicle.turn(), FlyMission) and not led.blocked
-    other = escort(whole=True, join_timeout_s=3.0)
+    other = follower(whole=True, join_timeout_s=3.0)
     other.follow(leg, None)
     for now_s in (0.0, 3.1):
         assert other.advance(ON_GROUND, Outcome(), now_s) is None
@@ -648,7 +648,7 @@ def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> 
 
 
 def test_an_order_that_would_fail_again_is_given_once() -> None:
-    led = escort()
+    led = follower()
     vehicle = Vehicle(led)
     follow(led, 0, 3, 4)
     assert vehicle.turn() == TakeOff(120.0)
@@ -659,7 +659,7 @@ def test_an_order_that_would_fail_again_is_given_once() -> None:
 
 @pytest.mark.parametrize("where", [{}, {"lat_deg": math.nan, "lon_deg": math.nan}])
 def test_what_a_vehicle_says_of_its_checks_is_why_it_cannot_take_off(where: Any) -> None:
-    led = escort()
+    led = follower()
     said = (("PreArm: GPS 1: Bad fix", 0.0),)
     vehicle = Vehicle(led, replace(ON_GROUND, ready=False, _complaints=said, **where))
     follow(led, 0, 3, 4)

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands on their way from messages into a mission, without ROS."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+from dsse_ros.mission.mission import Mission
+from msg_adapters.commands import (
+    parse_action,
+    parse_action_name,
+    parse_goal,
+    parse_joint_action,
+    parse_path,
+)
+from msg_adapters.frames import GridFrame
+from msg_adapters.result import Rejected
+
+
+class CommandIntake:
+    """Gives a mission the commands that messages bring; counts and logs those that it refuses.
+
+    Each method that takes a message returns whether there is a new command.
+
+    Args:
+        mission: What is commanded.
+        frame: Where the grid lies.
+        warn: Logs a line of a kind.
+        debug: Logs a line, which it makes only if somebody reads it.
+
+    Attributes:
+        rejected: Refused messages, by code.
+        duplicates: Joint actions that came once more.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        frame: GridFrame,
+        warn: Callable[[str, str], None],
+        debug: Callable[[Callable[[], str]], None],
+    ) -> None:
+        self._mission = mission
+        self._frame = frame
+        self._warn = warn
+        self._debug = debug
+        self.rejected: Counter[str] = Counter()
+        self.duplicates = 0
+        self._last_joint_action: tuple[int, Any] = (0, None)
+        self._refused_after: int | None = None
+
+    def action(self, drone: int, message: Any) -> bool:
+        """Take std_msgs/Int8, the number of an action."""
+        parsed = parse_action(message, self._mission.env.rules.actions)
+        return self._set_action(drone, "cmd_action", parsed)
+
+    def action_name(self, drone: int, message: Any) -> bool:
+        """Take std_msgs/String, the name of an action."""
+        parsed = parse_action_name(message, self._mission.env.rules.actions)
+        return self._set_action(drone, "cmd_action_name", parsed)
+
+    def _set_action(self, drone: int, topic: str, parsed: Any) -> bool:
+        action = self._take(f"drone{drone}/{topic}", drone, parsed)
+        if action is not None:
+            self._mission.commands.set_action(drone, action)
+        return action is not None
+
+    def goal(self, drone: int, message: Any) -> bool:
+        """Take geometry_msgs/PoseStamped, a place to go to."""
+        goal = self._take(f"drone{drone}/command_pose", drone, parse_goal(message, self._frame))
+        if goal is not None:
+            self._mission.commands.set_goals(drone, [goal])
+        return goal is not None
+
+    def path(self, drone: int, message: Any) -> bool:
+        """Take nav_msgs/Path, places to go to one after the other."""
+        goals = self._take(f"drone{drone}/command_path", drone, parse_path(message, self._frame))
+        if goals is not None:
+            self._mission.commands.set_goals(drone, goals)
+        return goals is not None
+
+    def joint_action(self, message: Any) -> bool:
+        """Take std_msgs/Int32MultiArray, the actions of all drones for a step."""
+        mission = self._mission
+        live = mission.env.world.drones["alive"][0].tolist()
+        parsed = parse_joint_action(
+            message,
+            mission.number,
+            mission.result.step,
+            len(live),
+            mission.env.rules.actions,
+            live,
+        )
+        last_mission, last = self._last_joint_action
+        if message.data == last and (isinstance(parsed, Rejected) or mission.refuse()):
+            # A resend that has crossed the step it was for.
+            self.duplicates += 1
+            return False
+        actions = self._take("joint_action", None, parsed)
+        if actions is None:
+            return False
+        self.duplicates += message.data == last and mission.number == last_mission
+        self._last_joint_action = (mission.number, message.data)
+        mission.command_all(actions)
+        return True
+
+    def reject(self, topic: str, rejected: Rejected) -> None:
+        """Count and log a message that is not taken."""
+        self.rejected[rejected.code] += 1
+        if rejected.code != "mission_over" or self._refused_after != self._mission.number:
+            self._warn(rejected.code, f"{topic}: {rejected.reason}")
+        if rejected.code == "mission_over":
+            # It stays over: one warning for each mission is enough.
+            self._refused_after = self._mission.number
+
+    def _take(self, topic: str, drone: int | None, parsed: Any) -> Any:
+        """Return the value of a command that can be taken, None for any other."""
+        refused = parsed if isinstance(parsed, Rejected) else self._mission.refuse(drone)
+        if refused is not None:
+            self.reject(topic, refused)
+            return None
+        self._debug(lambda: f"{topic}: {parsed.value}")
+        return parsed.value

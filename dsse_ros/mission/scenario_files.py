@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the file of a scenario is."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from dsse_ros.search import FieldError
+
+_SHIPPED = Path("share") / "dsse_ros" / "config"
+
+
+def find_scenario(name: str) -> Path:
+    """Return the absolute path of a scenario: a file, or the name of one that the package ships.
+
+    Raises:
+        FieldError: If there is none.
+    """
+    if Path(name).exists() and not Path(name).is_dir():
+        return Path(name).resolve()
+    # An environment may not be known to ament; a source tree has no share.
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    folders = [Path(prefix) / _SHIPPED for prefix in prefixes if prefix]
+    folders.append(Path(__file__).resolve().parents[2] / "config")
+    for folder in folders:
+        path = folder / f"{name.removesuffix('.yaml')}.yaml"
+        if path.is_file():
+            return path.resolve()
+    names = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
+    raise FieldError(f"scenario: {name!r} is no file and none of those shipped: {', '.join(names)}")

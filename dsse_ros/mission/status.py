@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a mission is and what it waits for, in words and numbers; without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.step_scheduler import StepScheduler
+
+_MOST_NAMES = 8
+"""Drones that a line of the log names."""
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number of things."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def names(mission: Mission, drones: Sequence[int]) -> str:
+    """Return the names of drones."""
+    return ", ".join(mission.env.possible_agents[i] for i in drones)
+
+
+def actions(mission: Mission, joint: NDArray[np.int8]) -> str:
+    """Return the names of the drones' actions (N,)."""
+    legend = mission.env.rules.actions
+    return ", ".join(legend[action] if action >= 0 else "none" for action in joint.tolist())
+
+
+def begun(mission: Mission, grid_size: int) -> str:
+    """Return the line that opens a mission."""
+    return (
+        f"mission {mission.number}: {counted(len(mission.tracks), 'drone')} on "
+        f"{grid_size} x {grid_size} cells, "
+        f"rules {mission.env.rules.profile}, seed {mission.seed}"
+    )
+
+
+def ended(mission: Mission) -> str:
+    """Return the line that closes a mission."""
+    steps = counted(mission.steps, "step")
+    return f"mission {mission.number} over after {steps}: {mission.outcome}"
+
+
+def awaited(mission: Mission, scheduler: StepScheduler, late: Sequence[int]) -> str:
+    """Return what the next step waits for, empty for nothing.
+
+    Args:
+        mission: The mission.
+        scheduler: When it steps.
+        late: The drones whose vehicles have to arrive first.
+    """
+    mode = scheduler.timing.mode
+    if scheduler.paused or mission.over or mode == "realtime":
+        return ""
+    if mode == "manual":
+        return "waiting for a call of ~/step"
+    shown = [
+        f"{what} of {_some_names(mission, drones)}"
+        for what, drones in (("commands", mission.missing), ("vehicles", late))
+        if drones
+    ]
+    return f"waiting for {' and '.join(shown)}" if shown else ""
+
+
+class Level(Enum):
+    """How much a person should look at the mission."""
+
+    OK = auto()
+    WARN = auto()
+    ERROR = auto()
+
+
+@dataclass(frozen=True)
+class Health:
+    """How a mission is, on one line."""
+
+    level: Level
+    message: str
+
+
+def health(
+    mission: Mission,
+    scheduler: StepScheduler,
+    *,
+    stopped: bool,
+    awaited: str,
+    publishers: Mapping[str, int],
+    lost: Collection[int],
+    rejected: Mapping[str, int],
+) -> Health:
+    """Return how a mission is.
+
+    Args:
+        mission: The mission.
+        scheduler: When it steps.
+        stopped: Whether it was not only paused but also started anew.
+        awaited: What it has been waiting for; empty for nothing.
+        publishers: Number of publishers of topics that should have one at the most.
+        lost: The drones whose vehicles have dropped out.
+        rejected: Messages that were refused, by code.
+    """
+    level, message = Level.OK, "running"
+    if mission.aborted:
+        level, message = Level.ERROR, "mission aborted"
+    elif mission.over:
+        message = "mission over"
+    elif scheduler.paused:
+        message = "stopped" if stopped else "paused"
+    causes = [f"{count} nodes publish {topic}" for topic, count in publishers.items() if count > 1]
+    if lost:
+        causes.append(f"{names(mission, sorted(lost))} lost")
+    if rejected:
+        causes.append(f"{counted(sum(rejected.values()), 'message')} refused")
+    if causes and level is Level.OK:
+        level = Level.WARN
+    return Health(level, "; ".join([message, *([awaited] if awaited else []), *causes]))
+
+
+def values(
+    mission: Mission,
+    *,
+    run_id: int,
+    step_mode: str,
+    timeouts: int,
+    publishers: Mapping[str, int],
+    duplicates: int,
+    late: Sequence[int] | None,
+    lost: Mapping[int, str],
+    rejected: Mapping[str, int],
+) -> dict[str, object]:
+    """Return the numbers of a mission and of its run, as diagnostics have them.
+
+    Args:
+        mission: The mission.
+        run_id: Identity of the simulation.
+        step_mode: The parameter.
+        timeouts: Steps that were done without all commands or vehicles.
+        publishers: Number of publishers of topics that should have one at the most.
+        duplicates: Joint actions that came once more.
+        late: The drones whose vehicles have to arrive; None where vehicles are not waited for.
+        lost: Why vehicles have dropped out, by drone.
+        rejected: Messages that were refused, by code.
+    """
+    found: dict[str, object] = {
+        "step": mission.result.step,
+        "mission": mission.number,
+        "run_id": run_id,
+        "seed": mission.seed,
+        "step_mode": step_mode,
+        "drones_in_flight": len(mission.live),
+        "missing_drones": names(mission, [] if mission.over else mission.missing),
+        "lost_drones": names(mission, mission.lost),
+        "timeouts": timeouts,
+        "search_effort": f"{mission.search_effort:.6f}",
+        **{f"publishers.{topic}": count for topic, count in publishers.items()},
+        "duplicates": duplicates,
+        "rejected": sum(rejected.values()),
+    }
+    if late is not None:
+        found["awaited_vehicles"] = names(mission, late)
+    found |= {f"lost.drone{i}": reason for i, reason in sorted(lost.items())}
+    return found | {f"rejected.{code}": n for code, n in sorted(rejected.items())}
+
+
+def _some_names(mission: Mission, drones: Sequence[int]) -> str:
+    more = len(drones) - _MOST_NAMES
+    return names(mission, drones[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When a mission steps, without ROS and without a clock: times in, decisions out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from dsse_ros.mission.pace import Pace
+
+_RESOLUTION_S = 1e-9
+"""What is left of a wait is a difference of large numbers: less than this is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """When a step is due.
+
+    Attributes:
+        mode: `lockstep` steps when all commands and vehicles are there, `realtime` by time,
+            `manual` never by itself.
+        step_rate: In lockstep the highest rate of steps, 0 for no limit; in real time the rate,
+            0 for that of `real_time_factor`.
+        command_timeout_s: Lockstep: how long a step waits for commands and vehicles, 0 for ever.
+        real_time_factor: Simulated seconds per second.
+        step_duration_s: Simulated time of a step.
+    """
+
+    mode: str = "lockstep"
+    step_rate: float = 0.0
+    command_timeout_s: float = 0.0
+    real_time_factor: float = 1.0
+    step_duration_s: float = 1.0
+
+    @property
+    def period_s(self) -> float:
+        """Time between steps: exact in real time, the least in lockstep; 0 for none."""
+        if self.mode == "manual":
+            return 0.0
+        if self.step_rate > 0:
+            return 1.0 / self.step_rate
+        return self.step_duration_s / self.real_time_factor if self.mode == "realtime" else 0.0
+
+
+class Due(Enum):
+    """What is to be done now."""
+
+    NOTHING = auto()
+    STEP = auto()
+    """All that the step waits for is there."""
+    TIMEOUT = auto()
+    """Not all of it is, and the step waits no longer."""
+    TICK = auto()
+    """Real time: the step does not ask what is there."""
+
+
+class StepScheduler:
+    """Decides when the steps of a mission are done.
+
+    Times are seconds of any steady clock. Whether a step is `ready` is known to the caller: whether
+    every drone in flight has a command, and every vehicle that is waited for has arrived.
+
+    Attributes:
+        timing: When a step is due.
+        paused: Whether the mission is held.
+        over: Whether the mission is over.
+    """
+
+    def __init__(self, timing: Timing, now_s: float) -> None:
+        self.timing = timing
+        self.paused = False
+        self.over = False
+        self._pace = Pace()
+        self._deadline_s = math.inf
+        self.set_timing(timing, now_s)
+
+    def set_timing(self, timing: Timing, now_s: float) -> None:
+        """Let steps be due otherwise from now on; the timeout starts anew."""
+        self.timing = timing
+        self._pace.set_period(now_s, timing.period_s)
+        self._start_timeout(now_s)
+
+    def pause(self, paused: bool, now_s: float) -> None:
+        """Hold the mission, or let it go on from where it was; the timeout starts anew."""
+        self.paused = paused
+        self._pace.hold(now_s, paused)
+        self._start_timeout(now_s)
+
+    def begin(self, now_s: float, *, over: bool) -> None:
+        """Begin to wait for the next step, as one was done or a mission has started.
+
+        Args:
+            now_s: The time.
+            over: Whether the mission is over, so that there is no next step.
+        """
+        self.over = over
+        self._pace.begin(now_s, on_schedule=self.moving)
+        self._start_timeout(now_s)
+
+    def end(self) -> None:
+        """End the mission between two steps."""
+        self.over = True
+
+    @property
+    def running(self) -> bool:
+        """Whether steps are done without being asked for."""
+        return self.timing.mode != "manual" and not self.paused and not self.over
+
+    @property
+    def moving(self) -> bool:
+        """Whether drones are on their way between two cells, be it that they are held there."""
+        return self.timing.mode == "realtime" and not self.over
+
+    def share(self, now_s: float) -> float:
+        """Return the share of the step that is done, 0 to 1; it never shrinks before the next."""
+        return self._pace.share(now_s)
+
+    def wait_s(self, now_s: float, *, ready: bool) -> float:
+        """Return the time until something is due, infinite if nothing will be by itself."""
+        if not self.running:
+            return math.inf
+        left_s = self._pace.left_s(now_s)
+        if self.timing.mode == "realtime" or ready:
+            return left_s
+        return max(left_s, self._deadline_s - now_s)
+
+    def due(self, now_s: float, *, ready: bool) -> Due:
+        """Return what is to be done now; after a step the caller calls `begin`."""
+        if self.wait_s(now_s, ready=ready) > _RESOLUTION_S:
+            return Due.NOTHING
+        if self.timing.mode == "realtime":
+            return Due.TICK
+        return Due.STEP if ready else Due.TIMEOUT
+
+    def _start_timeout(self, now_s: float) -> None:
+        timeout_s = self.timing.command_timeout_s
+        self._deadline_s = now_s + timeout_s if timeout_s > 0 else math.inf

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `mavlink_bridge` publishes; each message comes from a function of `msg_adapters`."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import NavSatFix
+
+from dsse_ros.flight.vehicle import Vehicle
+from dsse_ros.flight.vehicle_follower import VehicleFollower
+from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR, Endpoints
+from msg_adapters.diagnostics import diagnostic_array
+from msg_adapters.frames import GridFrame
+from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
+
+STATE_S = 1.0
+"""Wall time after which the state of a vehicle is published again that has not changed."""
+
+
+class BridgePublishers:
+    """The publishers of the vehicles.
+
+    Args:
+        endpoints: Makes the publishers.
+        names: Names of the vehicles' drones.
+    """
+
+    def __init__(self, endpoints: Endpoints, names: Sequence[str]) -> None:
+        publisher = endpoints.publisher
+        self._names = names
+        self._poses = [publisher(PoseStamped, f"{name}/vehicle_pose", RELIABLE) for name in names]
+        self._fixes = [publisher(NavSatFix, f"{name}/vehicle_fix", SENSOR) for name in names]
+        self._states = [
+            publisher(DiagnosticArray, f"{name}/vehicle_state", LATCHED) for name in names
+        ]
+        self._diagnostics = publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        # What was published last of each vehicle, and when.
+        self._last: dict[int, tuple[object, float]] = {}
+
+    def publish_place(self, i: int, vehicle: Vehicle, frame: GridFrame, stamp: Time) -> None:
+        """Publish where a vehicle is, if that is known."""
+        state = vehicle.state
+        if not (state.connected and state.has_position):
+            return
+        place = (state.lat_deg, state.lon_deg)
+        pose = vehicle_pose(frame, *place, state.alt_m, state.heading_deg, stamp)
+        self._poses[i].publish(pose)
+        self._fixes[i].publish(vehicle_fix(frame, self._names[i], *place, state.alt_amsl_m, stamp))
+
+    def publish_state(
+        self,
+        i: int,
+        follower: VehicleFollower | None,
+        vehicle: Vehicle,
+        trouble: str,
+        stamp: Time,
+        now_s: float,
+    ) -> None:
+        """Publish the state of a vehicle, if it is news.
+
+        Args:
+            i: Number of the vehicle.
+            follower: What leads it; None as long as no search does.
+            vehicle: The vehicle.
+            trouble: Why none can do what it is for; empty if they can.
+            stamp: Time of the message.
+            now_s: Time on a steady clock.
+        """
+        state, outcome = vehicle.state, vehicle.outcome
+        leg = follower.leg if follower is not None else None
+        progress = Progress()
+        if follower is not None and leg is not None:
+            progress = Progress(leg.stamp_ns, follower.arrived_stamp_ns, follower.lost)
+        refused = trouble or (follower.refused if follower is not None else "")
+        blocked = follower.blocked if follower is not None else ""
+        news = (
+            progress, refused, blocked, outcome, state.mode, state.armed, state.connected,
+            state.ready, state.flying, state.item_reached, vehicle.trouble,
+        )  # fmt: skip
+        before, published_s = self._last.get(i, (None, -math.inf))
+        if news == before and now_s - published_s < STATE_S:
+            return
+        self._last[i] = (news, now_s)
+        level, message = _summary(vehicle, progress.lost, refused, blocked)
+        values: dict[str, object] = {
+            "connected": _text(state.connected),
+            "ready": _text(state.ready),
+            "armed": _text(state.armed),
+            "flying": _text(state.flying),
+            "mode": state.mode,
+            "battery": f"{state.battery:.2f}",
+            "failsafe": state.failsafe,
+            "cell": "" if leg is None else f"{leg.cell[0]} {leg.cell[1]}",
+            "arrived": _text(follower is not None and follower.arrived),
+            "order": shown_order(outcome.order),
+            "status": outcome.status,
+            "reason": outcome.reason,
+            "refused": refused,
+            "blocked": blocked,
+            "item_current": state.item_current,
+            "item_reached": state.item_reached,
+        }
+        values |= {f"count.{key}": n for key, n in sorted(vehicle.counts.items())}
+        settings = vehicle.settings
+        self._states[i].publish(
+            vehicle_state_message(
+                self._names[i],
+                f"{settings.connection} system {settings.system_id}",
+                stamp,
+                progress,
+                level=level,
+                message=message,
+                values=values,
+            )  # fmt: skip
+        )
+
+    def publish_diagnostics(
+        self,
+        stamp: Time,
+        name: str,
+        mode: str,
+        vehicles: Sequence[Vehicle],
+        followers: Sequence[VehicleFollower],
+        *,
+        following: bool,
+        holding: bool,
+        trouble: str,
+    ) -> None:
+        """Publish the health of the node of this name.
+
+        Args:
+            stamp: Wall time.
+            name: Name of the node.
+            mode: What it does with the steps of a search.
+            vehicles: All vehicles.
+            followers: What leads them; empty as long as no search does.
+            following: Whether there is a search.
+            holding: Whether the vehicles hold, as no steps come.
+            trouble: Why none can do what it is for; empty if they can.
+        """
+        lost = [one for one, f in zip(self._names, followers, strict=False) if f.lost]
+        refused = [one for one, f in zip(self._names, followers, strict=False) if f.refused]
+        level = DiagnosticStatus.OK
+        message = "following" if following else "waiting for step_report"
+        if holding:
+            level, message = DiagnosticStatus.WARN, "no steps: the vehicles hold"
+        if lost or refused:
+            level = DiagnosticStatus.WARN
+        if trouble:
+            level, message = DiagnosticStatus.ERROR, trouble
+        counts: Counter[str] = Counter()
+        for vehicle in vehicles:
+            counts += vehicle.counts
+        values: dict[str, object] = {
+            "mode": mode,
+            "vehicles": len(vehicles),
+            "connected": sum(vehicle.state.connected for vehicle in vehicles),
+            "flying": sum(vehicle.state.flying for vehicle in vehicles),
+            "lost": ", ".join(lost),
+            "refused": ", ".join(refused),
+        }
+        values |= {f"count.{key}": n for key, n in sorted(counts.items())}
+        self._diagnostics.publish(
+            diagnostic_array(
+                stamp,
+                name=name,
+                hardware_id="dsse_ros",
+                level=level,
+                message=message,
+                values=values,
+            )  # fmt: skip
+        )
+
+
+def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[bytes, str]:
+    """Return level and line of a vehicle's state."""
+    state, outcome = vehicle.state, vehicle.outcome
+    if lost:
+        return DiagnosticStatus.ERROR, f"lost: {lost}"
+    if refused:
+        return DiagnosticStatus.ERROR, f"refused: {refused}"
+    if not state.connected:
+        return DiagnosticStatus.STALE, vehicle.trouble or "not heard"
+    if blocked:
+        return DiagnosticStatus.WARN, f"cannot take off yet: {blocked}"
+    if state.failsafe or outcome.status in ("failed", "taken_over"):
+        return DiagnosticStatus.WARN, f"{outcome.status}: {outcome.reason} {state.failsafe}".strip()
+    return DiagnosticStatus.OK, f"{state.mode}: {outcome.reason or outcome.status}"
+
+
+def _text(flag: bool) -> str:
+    return "true" if flag else "false"
+
+
+def shown_order(order: Any) -> str:
+    """Return an order on one line; a mission by its length."""
+    if order is None:
+        return ""
+    items = getattr(order, "items", None)
+    return repr(order) if items is None else f"FlyMission of {len(items)} items"

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many nodes publish what only one should."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from rclpy.node import Node
+
+from dsse_ros.nodes.settings import SimSettings
+
+
+class PublisherCounts:
+    """Counts the publishers of topics, and warns when one more comes.
+
+    Args:
+        node: Sees the topics.
+        consequences: By topic, what more than one publisher leads to.
+
+    Attributes:
+        last: What the last look has found.
+    """
+
+    def __init__(self, node: Node, consequences: Mapping[str, str]) -> None:
+        self._node = node
+        self._consequences = consequences
+        self.last: Counter[str] = Counter()
+
+    def look(self) -> Counter[str]:
+        """Return the number of publishers of each topic."""
+        node = self._node
+        counts = Counter(
+            {topic: node.count_publishers(node.resolve_topic_name(topic))
+             for topic in self._consequences}
+        )  # fmt: skip
+        for topic, count in counts.items():
+            if count > max(self.last[topic], 1):
+                text = f"{count} nodes publish {topic}: {self._consequences[topic]}"
+                node.get_logger().warning(text)
+        self.last = counts
+        return counts
+
+
+def consequences(settings: SimSettings) -> dict[str, str]:
+    """Return by topic what more than one publisher leads to."""
+    found = {
+        "step_report": "listeners hear all missions mixed; give each its own namespace",
+        "joint_action": "the last command of a drone before a step wins",
+    }
+    if settings.publish_clock:
+        found["/clock"] = "time jumps to and fro; only one may have publish_clock"
+    if settings.wait_for_vehicles:
+        found["drone0/vehicle_state"] = "two bridges would fly the same vehicles; stop one"
+    return found

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters of `sim_node`: its settings, and the fields of the scenario and of the rules."""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+from typing import Any
+
+import numpy as np
+
+from dsse_ros.mission.scenario_files import find_scenario
+from dsse_ros.mission.step_scheduler import Timing
+from dsse_ros.nodes.parameters import declare, from_ros, take_overrides
+from dsse_ros.nodes.qos import Endpoints
+from dsse_ros.nodes.runtime import AlarmNode
+from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
+from dsse_ros.search import FieldError, Scenario, SearchEnv, profile
+from dsse_ros.search.compiler import prepare
+from dsse_ros.search.fields import specs
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import ResolvedScenario
+from msg_adapters.agents import MAX_ID
+from msg_adapters.frames import GridFrame
+
+SCENARIO_SPECS = specs(Scenario)
+RULES_SPECS = {
+    name: spec
+    for name, spec in specs(Rules).items()
+    # The scenario's own value counts where both have the field.
+    if name not in SCENARIO_SPECS and name != "profile"
+}
+SETTINGS_SPECS = specs(SimSettings)
+
+OF_TIMING = {"step_mode", "step_rate", "real_time_factor", "odom_rate", "command_timeout"}
+"""Settings that say when something is due."""
+
+
+def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]:
+    """Return settings, environment and topics of a node as its parameters say, and declare them.
+
+    Raises:
+        FieldError: If a parameter or the scenario is not allowed.
+    """
+    known = {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
+    given, qos = take_overrides(node, known)
+    given = {name: from_ros(known[name], value) for name, value in given.items()}
+
+    def of(part: dict[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in given.items() if name in part}
+
+    settings = SimSettings(**of(SETTINGS_SPECS))
+    rules = profile(settings.rules, **of(RULES_SPECS))
+    path = find_scenario(settings.scenario) if settings.scenario else None
+    scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
+    prepare(node.get_logger().info)
+    env = SearchEnv(scenario, rules)
+    declare(node, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
+    declare(node, SCENARIO_SPECS, _in_force(env.scenario))
+    declare(node, RULES_SPECS, vars(rules))
+    return settings, env, Endpoints(node, qos)
+
+
+def grid_frame(scenario: ResolvedScenario, settings: SimSettings) -> GridFrame:
+    """Return where the grid of a scenario lies."""
+    assert scenario.grid_size and scenario.cell_size
+    return GridFrame(
+        grid_size=scenario.grid_size,
+        cell_size_m=scenario.cell_size,
+        origin_lat_deg=scenario.origin_lat,
+        origin_lon_deg=scenario.origin_lon,
+        origin_alt_m=scenario.origin_alt,
+        alt_m=scenario.altitude,
+        map_frame=settings.frame_prefix + settings.map_frame,
+        frame_prefix=settings.frame_prefix,
+    )
+
+
+def timing(settings: SimSettings, step_duration_s: float) -> Timing:
+    """Return when steps of this length are due."""
+    return Timing(
+        mode=settings.step_mode,
+        step_rate=settings.step_rate,
+        command_timeout_s=settings.command_timeout,
+        real_time_factor=settings.real_time_factor,
+        step_duration_s=step_duration_s,
+    )
+
+
+def draw_seed(settings: SimSettings) -> int:
+    """Return the seed that the parameter asks for."""
+    seed = settings.seed
+    return seed if seed >= 0 else int(np.random.SeedSequence().generate_state(1)[0])
+
+
+def draw_run_id(settings: SimSettings) -> int:
+    """Return the run_id that the parameter asks for."""
+    # From outside the mission's random numbers: the same seed stays the same mission.
+    return settings.run_id if settings.run_id > 0 else 1 + secrets.randbelow(MAX_ID)
+
+
+def _in_force(scenario: ResolvedScenario) -> dict[str, Any]:
+    """Return the values of all fields, also of those that state another's in another way."""
+    values = dict(vars(scenario))
+    for name, value in scenario.other_ways.items():
+        # Where drones are faster than any current, there is no such current.
+        with contextlib.suppress(FieldError):
+            values[name] = SCENARIO_SPECS[name].check(name, value)
+    return values

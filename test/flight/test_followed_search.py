@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which search is followed, with messages in every order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dsse_ros.flight.followed_search import MISSION_REPORT_S, FollowedSearch, News
+from msg_adapters.agents import AgentsInfo, Origin
+from msg_adapters.mission_report import MISSION_REPORT_DTYPE
+from msg_adapters.step_report import step_report_dtype
+
+ACTIONS = ("left", "right", "up", "down", "search")
+SEARCH = ACTIONS.index("search")
+AHEAD = (1, 2)
+
+
+def agents(run_id: int = 7, mission: int = 1, count: int = 2) -> AgentsInfo:
+    return AgentsInfo(
+        agents=tuple(f"drone{i}" for i in range(count)),
+        actions=ACTIONS,
+        rules="paper",
+        seed=0,
+        grid_size=8,
+        cell_size_m=100.0,
+        timestep_limit=10,
+        step_duration_s=1.0,
+        map_frame="map",
+        frame_prefix="",
+        origin=Origin(-24.0, -46.0, 0.0),
+        alt_m=100.0,
+        mission=mission,
+        run_id=run_id,
+    )
+
+
+def report(
+    step: int,
+    cells: Sequence[tuple[int, int]] = (AHEAD, (5, 5)),
+    *,
+    run_id: int = 7,
+    mission: int = 1,
+    over: Sequence[bool] = (False, False),
+    action: int = 0,
+) -> NDArray[np.void]:
+    made = np.zeros(len(cells), step_report_dtype(len(ACTIONS)))
+    made["run_id"], made["mission"], made["step"] = run_id, mission, step
+    made["col"], made["row"] = np.array(cells).T
+    made["terminated"], made["action"] = over, action
+    return made
+
+
+def whole(steps: int, *, run_id: int = 7, mission: int = 1, count: int = 2) -> NDArray[np.void]:
+    made = np.zeros((steps + 1, count), MISSION_REPORT_DTYPE)
+    made["run_id"], made["mission"] = run_id, mission
+    made["step"] = made["col"] = np.arange(steps + 1)[:, None]
+    made["action"] = -1
+    made["action"][-1] = SEARCH
+    return made
+
+
+def news(search: FollowedSearch, now_s: float = 0.0) -> list[News]:
+    return list(iter(lambda: search.next_news(now_s), None))
+
+
+def followed(*, whole: bool = False) -> FollowedSearch:
+    search = FollowedSearch(2, whole=whole)
+    search.take_agents(agents())
+    assert news(search) == [News.BEGUN]
+    return search
+
+
+def test_a_step_is_followed_once_it_is_known_whose_it_is() -> None:
+    search = FollowedSearch(2, whole=False)
+    search.take_report(13, report(1))
+    assert news(search) == [] and search.legs == []
+    search.take_agents(agents())
+    assert news(search) == [News.BEGUN, News.STEP]
+    assert [leg.cell for leg in search.legs] == [AHEAD, (5, 5)]
+    assert {leg.stamp_ns for leg in search.legs} == {13}
+
+
+@pytest.mark.parametrize("order", permutations(["agents", "report", "mission_report"]))
+def test_the_order_in_which_messages_come_does_not_matter(order: Sequence[str]) -> None:
+    search, heard = FollowedSearch(2, whole=True), []
+    for kind in order:
+        if kind == "agents":
+            search.take_agents(agents())
+        elif kind == "report":
+            search.take_report(40, report(3, over=(True, True)))
+        else:
+            search.take_mission_report(40, whole(3))
+        heard += news(search)
+    assert heard.count(News.BEGUN) == heard.count(News.TRACKS) == 1
+    assert News.STEP in heard and heard.index(News.BEGUN) == 0
+    assert search.trouble(1e6) == ""
+
+
+@pytest.mark.parametrize("other", [{"run_id": 8}, {"mission": 2}])
+def test_what_belongs_to_another_search_is_not_followed(other: dict[str, int]) -> None:
+    search = followed(whole=True)
+    search.take_report(13, report(1, **other))  # type: ignore[arg-type]
+    search.take_mission_report(13, whole(1, **other))
+    assert news(search) == [] and search.legs == [] and search.tracks is None
+    search.take_agents(agents(**other))
+    assert news(search) == [News.BEGUN, News.STEP, News.TRACKS]
+
+
+def test_agents_in_another_number_are_named_until_the_search_is_heard_again() -> None:
+    search = followed()
+    search.take_agents(agents(run_id=9, count=3))
+    assert news(search) == [] and search.info == agents()
+    assert search.trouble(0.0) == "2 vehicles for 3 drones: nothing is flown"
+    search.take_report(13, report(1))
+    assert news(search) == [News.HEARD_AGAIN, News.STEP]
+    assert search.trouble(0.0) == ""
+
+
+def test_without_vehicles_any_number_of_drones_is_followed() -> None:
+    search = FollowedSearch(None, whole=True)
+    search.take_agents(agents(count=3))
+    assert news(search) == [News.BEGUN] and search.foreign == ""
+
+
+def test_the_same_mission_from_its_start_is_another_one() -> None:
+    search = followed(whole=True)
+    search.take_report(40, report(5))
+    search.take_mission_report(40, whole(5))
+    assert news(search) == [News.STEP, News.TRACKS]
+    search.take_report(1, report(0))
+    assert news(search) == [News.BEGUN, News.STEP]
+    assert search.tracks is None
+
+
+def test_a_search_that_cannot_be_flown_is_followed_no_further() -> None:
+    search = FollowedSearch(2, whole=True)
+    search.take_report(13, report(1))
+    search.take_agents(agents())
+    assert search.next_news(0.0) is News.BEGUN
+    assert search.fail("no room") and not search.fail("no room")
+    assert news(search) == [] and search.legs == []
+    assert search.trouble(0.0) == "no room"
+    search.take_agents(agents(mission=2))
+    assert news(search) == [News.BEGUN]
+    assert search.trouble(0.0) == ""
+
+
+def test_a_mission_report_that_does_not_come_is_missed_after_a_while() -> None:
+    search = followed(whole=True)
+    search.take_report(13, report(4, over=(True, True)))
+    assert news(search, 10.0) == [News.STEP]
+    # A step that is published again does not put it off.
+    search.take_report(13, report(4, over=(True, True)))
+    assert news(search, 14.0) == [News.STEP]
+    assert search.trouble(10.0 + MISSION_REPORT_S) == ""
+    assert "mission_report" in search.trouble(10.1 + MISSION_REPORT_S)
+    search.take_mission_report(13, whole(4))
+    assert news(search) == [News.TRACKS]
+    assert search.trouble(1e6) == ""
+
+
+def test_who_follows_steps_wants_no_tracks() -> None:
+    search = followed()
+    search.take_report(13, report(1, over=(True, True)))
+    search.take_mission_report(13, whole(1))
+    assert news(search) == [News.STEP]
+    assert search.tracks is None and search.trouble(1e6) == ""
+
+
+def test_tracks_have_the_cells_and_where_they_were_searched() -> None:
+    search = followed(whole=True)
+    search.take_mission_report(40, whole(3))
+    assert news(search) == [News.TRACKS]
+    cells, searched = search.track(1)
+    assert cells.tolist() == [[0, 0], [1, 0], [2, 0], [3, 0]]
+    assert searched.tolist() == [False, False, False, True]
+    assert all(leg.over and leg.cell == (3, 0) for leg in search.final_legs)
+
+
+def test_reports_of_another_number_of_drones_and_empty_ones_are_left_alone() -> None:
+    search = followed(whole=True)
+    search.take_report(13, report(1, cells=[(0, 0)], over=(False,)))
+    search.take_mission_report(13, whole(1, count=3))
+    search.take_report(13, report(1)[:0])
+    search.take_mission_report(13, whole(1)[:0])
+    assert news(search) == [] and search.legs == [] and search.tracks is None
+
+
+def test_drones_that_end_in_one_cell_have_crashed() -> None:
+    search = followed()
+    search.take_report(13, report(2, cells=[(4, 4), (4, 4)], over=(True, True), action=SEARCH))
+    assert news(search) == [News.STEP]
+    assert all(leg.crashed and leg.over and leg.searched for leg in search.legs)
