@@ -3,44 +3,32 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import socket
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+from bridge_rig import (
+    RIGHT,
+    SEARCH,
+    SEARCHED,
+    UP,
+    Bridge,
+    autopilots,
+    away_m,
+    fly,
+    health_when,
+    take_off_orders,
+)
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
-from rig import BEST_EFFORT, LATCHED, RELIABLE, Process, Rig, Sim, stamp_ns
+from rig import BEST_EFFORT, LATCHED, Rig, stamp_ns
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import map_to_geodetic
 from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "flight"))
-
-from autopilot.running import Running, running_autopilot  # noqa: E402
-
-LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
-SPEEDUP = 20.0
-FRAME = GridFrame(6, 130.0, -24.04, -46.17, 0.0, 120.0)
-SEARCHED: dict[str, Any] = {
-    "grid_size": 6,
-    "cell_size": 130.0,
-    "altitude": 120.0,
-    "origin_lat": -24.04,
-    "origin_lon": -46.17,
-    "person_initial_position": [5, 0],
-    "probability_of_detection": 0.0,
-    "seed": 1,
-}
 
 
 @pytest.fixture
@@ -51,78 +39,6 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
         yield made
     finally:
         made.close()
-
-
-@contextlib.contextmanager
-def autopilots(*faults: tuple[str, ...], **options: Any) -> Iterator[list[Running]]:
-    """Run autopilots beside the first cells of the southern row, with these faults each."""
-    with contextlib.ExitStack() as stack:
-        yield [
-            stack.enter_context(
-                running_autopilot(
-                    link="udp",
-                    system=i + 1,
-                    home=map_to_geodetic(FRAME, 65.0 + 130.0 * (i % 6), 40.0 * (1 + i // 6), 0.0),
-                    faults=each,
-                    **{"speedup": SPEEDUP, **options},
-                )
-            )
-            for i, each in enumerate(faults)
-        ]
-
-
-class Bridge:
-    """The bridge as its peers see it."""
-
-    def __init__(self, rig: Rig, vehicles: list[Running], **parameters: Any) -> None:
-        given = {"connections": [v.connection for v in vehicles], "arm": True, "speed": 10.0}
-        self.rig = rig
-        self.process: Process = rig.start(
-            "mavlink_bridge",
-            given | {"pose_rate": 20.0, "state_directory": str(rig.folder / "state")} | parameters,
-        )
-        names = [f"drone{i}" for i in range(len(vehicles))]
-        self.states = [rig.listen(DiagnosticArray, f"{n}/vehicle_state", LATCHED) for n in names]
-        self.poses = [rig.listen(PoseStamped, f"{n}/vehicle_pose", RELIABLE) for n in names]
-
-    def state(self, i: int) -> Mapping[str, str]:
-        """Return what was told of a vehicle last."""
-        if not self.states[i]:
-            return {}
-        status = self.states[i].last.status[0]
-        return {pair.key: pair.value for pair in status.values} | {"message": status.message}
-
-    def until(self, i: int, **values: str) -> Mapping[str, str]:
-        """Return the state of a vehicle as soon as it has these values."""
-        self.rig.until(lambda: self.state(i).items() >= values.items(), f"{values} of drone{i}")
-        return self.state(i)
-
-
-def health_when(rig: Rig, message: str) -> dict[str, str]:
-    """Return the bridge's diagnostics with this message."""
-    with rig.listening(DiagnosticArray, "/diagnostics") as inbox:
-
-        def found() -> Any:
-            for array in inbox:
-                for status in array.status:
-                    if status.name == "dsse_bridge" and status.message == message:
-                        return status
-            return None
-
-        status = rig.until(found, message)
-    return {pair.key: pair.value for pair in status.values}
-
-
-def away_m(message: PoseStamped, cell: tuple[int, int]) -> float:
-    here = message.pose.position
-    return float(np.hypot(*np.subtract((here.x, here.y), cell_to_map(FRAME, *cell))))
-
-
-def fly(sim: Sim, *actions: int) -> None:
-    """Command all, again until the step is done: the barrier may wait for a minute."""
-    seen = len(sim.reports)
-    sim.joint(*actions)
-    sim.next_report(seen)
 
 
 def test_vehicles_fly_the_cells_of_their_drones_and_the_search_waits_for_them(rig: Rig) -> None:
@@ -210,115 +126,6 @@ def test_a_take_off_is_called_off_when_a_search_comes_that_cannot_be_flown(rig: 
         rig.until(lambda: trouble in bridge.state(0)["message"], trouble)
 
 
-def take_off_orders(*bridges: Bridge) -> int:
-    return sum(bridge.process.output.count(": TakeOff(") for bridge in bridges)
-
-
-@pytest.mark.parametrize("where", ["on the ground", "in the air"])
-@pytest.mark.parametrize("search", ["running", "over", "drone lost"])
-def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
-    rig: Rig, search: str, where: str
-) -> None:
-    """The vehicle is met again where it is: before take-off, aloft, landed, or with a pilot."""
-    landed, lost = where == "on the ground", search == "drone lost"
-    faults = ("pilot@airborne:20=LAND" if landed else "pilot@airborne:20=LOITER",) if lost else ()
-    waits = search == "running" and landed
-    with autopilots(faults, ready_s=200.0 if waits else 10.0) as vehicles:
-        sim = rig.sim(
-            SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True, "timestep_limit": 1}
-        )
-        at_end = {"at_end": "return" if landed else "hold"}
-        first = Bridge(rig, vehicles, **at_end)
-        if waits:
-            rig.until(lambda: first.state(0).get("order", "").startswith("TakeOff"), "the order")
-        elif lost:
-            rig.until(lambda: first.state(0).get("lost"), "the loss")
-            rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
-        else:
-            first.until(0, arrived="true", cell="0 5")
-            if search == "over":
-                fly(sim, UP)
-                fly(sim, UP)
-        if landed:
-            first.until(0, flying="false", armed="false")
-        else:
-            first.until(0, flying="true", **({"order": "Hold()"} if search == "over" else {}))
-        first.process.kill()
-        again = Bridge(rig, vehicles, **at_end)
-        told = again.states[0]
-        if search == "running":
-            if not waits:
-                fly(sim, UP)
-            again.until(0, arrived="true", flying="true", cell="0 5" if waits else "0 4")
-            assert take_off_orders(again) == waits
-        else:
-            again.until(0, connected="true")
-            rig.until(lambda: len(told) >= 5, "more of its state")
-            assert take_off_orders(again) == 0
-            state = again.state(0)
-            assert state["flying"] == state["armed"] == ("false" if landed else "true")
-            if lost:
-                assert state["lost"].startswith("taken over") and state["order"] == ""
-                assert state["mode"] == ("LAND" if landed else "LOITER")
-
-
-@pytest.mark.parametrize("where", ["on the ground", "in the air"])
-@pytest.mark.parametrize("search", ["running", "over", "drone lost"])
-def test_a_simulation_started_again_is_a_search_for_all_but_those_a_pilot_has(
-    rig: Rig, search: str, where: str
-) -> None:
-    landed, lost = where == "on the ground", search == "drone lost"
-    faults = ("pilot@airborne:20=LAND" if landed else "pilot@airborne:20=LOITER",) if lost else ()
-    waits = search == "running" and landed
-    searched = SEARCHED | {
-        "drones_positions": [0, 5], "wait_for_vehicles": True, "timestep_limit": 1
-    }  # fmt: skip
-    with autopilots(faults, ready_s=200.0 if waits else 10.0) as vehicles:
-        sim = rig.sim(searched)
-        bridge = Bridge(rig, vehicles, at_end="return" if landed else "hold")
-        if waits:
-            rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
-        elif lost:
-            rig.until(lambda: bridge.state(0).get("lost"), "the loss")
-        else:
-            bridge.until(0, arrived="true", cell="0 5")
-            if search == "over":
-                fly(sim, UP)
-                fly(sim, UP)
-                bridge.until(0, **({"armed": "false"} if landed else {"order": "Hold()"}))
-        if landed:
-            bridge.until(0, flying="false", armed="false")
-        sim.process.kill()
-        before = take_off_orders(bridge)
-        sim = rig.sim(searched | {"drones_positions": [1, 4]})
-        if lost:
-            rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
-            told = len(bridge.states[0])
-            rig.until(lambda: len(bridge.states[0]) >= told + 4, "more of its state")
-            assert bridge.state(0)["mode"] == ("LAND" if landed else "LOITER")
-            assert bridge.state(0)["flying"] == ("false" if landed else "true")
-            return
-        state = bridge.until(0, arrived="true", flying="true", cell="1 4")
-        assert state["lost"] == ""
-        # A take-off that was waiting for the first search is called off and ordered anew.
-        assert take_off_orders(bridge) - before <= landed
-
-
-def test_a_foreign_simulation_stops_nothing_but_the_take_offs(rig: Rig) -> None:
-    with autopilots(()) as vehicles:
-        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles)
-        bridge.until(0, arrived="true", cell="0 5")
-        foreign = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5, 3, 5]})
-        trouble = "1 vehicles for 4 drones: nothing is flown"
-        rig.until(lambda: trouble in bridge.state(0)["message"], trouble)
-        assert bridge.states[0].last.status[0].level == DiagnosticStatus.ERROR
-        foreign.process.stop()
-        fly(sim, UP)
-        state = bridge.until(0, arrived="true", cell="0 4", refused="")
-        assert state["flying"] == "true" and take_off_orders(bridge) == 1
-
-
 @pytest.mark.parametrize(
     ("options", "why"),
     [
@@ -375,19 +182,6 @@ def test_the_bridge_ends_when_its_vehicles_are_home_if_it_is_to(rig: Rig) -> Non
         for i in range(2):
             state = bridge.until(i, armed="false")
             assert state["lost"] == "" and state["arrived"] == "true"
-
-
-def test_a_simulation_restarted_before_its_first_step_is_followed_anew(rig: Rig) -> None:
-    with autopilots(()) as vehicles:
-        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles)
-        bridge.until(0, arrived="true", cell="0 5")
-        sim.process.kill()
-        again = {"drones_positions": [1, 4], "wait_for_vehicles": True, "seed": 2}
-        sim = rig.sim(SEARCHED | again)
-        bridge.until(0, arrived="true", cell="1 4")
-        fly(sim, SEARCH)
-        assert sim.cells == [(1, 4)]
 
 
 def test_why_a_vehicle_cannot_be_reached_is_told_once_and_of_who_is_lost(rig: Rig) -> None:
@@ -519,23 +313,6 @@ def test_a_search_whose_report_does_not_come_is_an_error_until_it_comes(rig: Rig
     rig.talk(PointCloud2, "mission_report", LATCHED).publish(kept)
     rig.until(lambda: "2 files in" in bridge.output, "the files")
     health_when(rig, "following")
-
-
-def test_a_mission_that_was_flown_is_not_flown_again_by_a_bridge_started_again(rig: Rig) -> None:
-    with autopilots(()) as vehicles:
-        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1})
-        for _ in range(2):
-            fly(sim, UP)
-        first = Bridge(rig, vehicles, mode="mission")
-        first.until(0, mode="AUTO", flying="true")
-        first.process.kill()
-        second = Bridge(rig, vehicles, mode="mission")
-        second.until(0, connected="true", armed="false", order="", lost="")
-        assert second.process.output.count("order") == 0
-        second.process.kill()
-        third = Bridge(rig, vehicles, mode="mission", exit_at_end=True)
-        rig.until(lambda: not third.process.running, "the end of the bridge")
-        third.process.stop()
 
 
 def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
