@@ -210,12 +210,10 @@ class Vehicle:
 
     def join(self, timeout_s: float) -> None:
         """Wait for the end of the thread after `stop`, no longer than so many seconds."""
-        if self._thread is not None:
+        if self._thread is None:
+            self._close_wakers()
+        else:
             self._thread.join(timeout_s)
-            if self._thread.is_alive():
-                return
-        self._waker.close()
-        self._woken.close()
 
     def close(self) -> None:
         """Stop and join."""
@@ -233,6 +231,10 @@ class Vehicle:
         with contextlib.suppress(OSError):
             self._waker.send(b"\0")
 
+    def _close_wakers(self) -> None:
+        self._waker.close()
+        self._woken.close()
+
     # The thread
 
     def _run(self) -> None:
@@ -245,6 +247,7 @@ class Vehicle:
             self._isolated_turn()
         self._link.close()
         self._codec.close()
+        self._close_wakers()
 
     def _isolated_turn(self) -> None:
         try:

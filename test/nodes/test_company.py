@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import array
+import contextlib
 import json
 import time
 from pathlib import Path
@@ -148,25 +149,22 @@ def test_names_can_be_remapped_and_their_qos_overridden_under_the_new_name(rig: 
 def test_a_node_can_have_another_name(rig: Rig) -> None:
     process = rig.start("sim_node", ENDLESS, "-r", "__ns:=/named", "-r", "__node:=ocean")
     Sim(rig, process, "/named")
-    assert ("ocean", "/named") in rig.node.get_node_names_and_namespaces()
+    known = rig.node.get_node_names_and_namespaces
+    rig.until(lambda: ("ocean", "/named") in known(), "the node's name")
 
 
 @pytest.mark.parametrize("use_sim_time", [False, True])
 def test_a_planner_that_comes_late_takes_over_whatever_its_clock(
-    rig: Rig, use_sim_time: bool
+    tmp_path: Path, use_sim_time: bool
 ) -> None:
-    space = f"/late_{use_sim_time}".lower()
-    sim = rig.sim(ENDLESS, namespace=space)
-    sim.fly(1, 3)
-    for _ in range(2):
-        planner = rig.start(
-            "planner_node",
-            {"use_sim_time": use_sim_time, "planner": "sweep"},
-            "-r",
-            f"__ns:={space}",
-        )
-        goes_on(rig, sim)
-        planner.kill()
+    # In a domain of its own: simulations of other tests have clocks too.
+    with contextlib.closing(Rig(tmp_path)) as rig:
+        sim = rig.sim(ENDLESS)
+        sim.fly(1, 3)
+        for _ in range(2):
+            planner = rig.start("planner_node", {"use_sim_time": use_sim_time, "planner": "sweep"})
+            goes_on(rig, sim)
+            planner.kill()
 
 
 def test_a_mission_is_paused_stepped_and_reset_while_a_planner_commands_it(rig: Rig) -> None:
