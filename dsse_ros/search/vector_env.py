@@ -289,9 +289,10 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(self, env: VectorEnv) -> None:
+        # Before anything is refused: Gymnasium closes what could not be made, too.
+        self.env = env
         if env.world.maps.shape[1] == 0:
             raise FieldError("lazy: true is not allowed here; observations must be arrays")
-        self.env = env
         self.num_envs = env.num_envs
         g, n = env.world.grid_size, env.world.num_drones
         margin = int(env.rules.leave_policy == "fly_on")
