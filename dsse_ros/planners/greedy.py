@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.planner import Cell, Observation, cells_of, probability_of
+from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.search.actions import ActionSet
 
 
@@ -36,7 +36,7 @@ class Greedy:
 
     def __call__(
         self,
-        observations: Mapping[str, Observation],
+        observations: Mapping[str, AgentObservation],
         infos: Mapping[str, Mapping[str, Any]],
     ) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search.actions import Cell
-from dsse_ros.search.observation import Observation
+from dsse_ros.search.observation import AgentObservation, Observation
 
 
 class Planner(Protocol):
@@ -18,7 +18,7 @@ class Planner(Protocol):
 
     def __call__(
         self,
-        observations: Mapping[str, Observation],
+        observations: Mapping[str, AgentObservation],
         infos: Mapping[str, Mapping[str, Any]],
     ) -> dict[str, int]:
         """Return an action number for every drone.
@@ -34,15 +34,15 @@ PlannerFactory: TypeAlias = Callable[..., Planner]
 """Called with the names of the actions and the keyword `seed`."""
 
 
-def cells_of(observations: Mapping[str, Observation]) -> list[Cell]:
+def cells_of(observations: Mapping[str, AgentObservation]) -> list[Cell]:
     """Return the present cell of every drone, in the order of the observations."""
     cells = []
     for observation in observations.values():
-        col, row = observation.position
+        col, row = Observation(*observation).position
         cells.append((int(col), int(row)))
     return cells
 
 
-def probability_of(observations: Mapping[str, Observation]) -> NDArray[np.float32]:
+def probability_of(observations: Mapping[str, AgentObservation]) -> NDArray[np.float32]:
     """Return the map (G, G) that all drones share; there must be an observation."""
-    return next(iter(observations.values())).probability
+    return Observation(*next(iter(observations.values()))).probability

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.planners.avoidance import settle
-from dsse_ros.planners.planner import Observation, cells_of
+from dsse_ros.planners.planner import AgentObservation, cells_of
 from dsse_ros.search.actions import ActionSet
 
 
@@ -33,7 +33,7 @@ class RandomMoves:
 
     def __call__(
         self,
-        observations: Mapping[str, Observation],
+        observations: Mapping[str, AgentObservation],
         infos: Mapping[str, Mapping[str, Any]],
     ) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import settle_around
-from dsse_ros.planners.planner import Cell, Observation, cells_of, probability_of
+from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.search.actions import ActionSet
 
 PATIENCE = 2
@@ -78,7 +78,7 @@ class RouteFollower:
 
     def __call__(
         self,
-        observations: Mapping[str, Observation],
+        observations: Mapping[str, AgentObservation],
         infos: Mapping[str, Mapping[str, Any]],
     ) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""

@@ -19,3 +19,7 @@ class Observation(NamedTuple):
 
     position: NDArray[np.integer[Any]]
     probability: NDArray[np.float32]
+
+
+AgentObservation = tuple[NDArray[np.integer[Any]], NDArray[np.float32]]
+"""What an environment hands out for each agent: `Observation(*it)` has names."""

@@ -16,7 +16,7 @@ from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
 
 from dsse_ros.search import rendering
 from dsse_ros.search.fields import FieldError, Spec, shown
-from dsse_ros.search.observation import Observation
+from dsse_ros.search.observation import AgentObservation
 from dsse_ros.search.options import check_options, check_seed
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
@@ -24,11 +24,12 @@ from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
 
 
-class SearchEnv(ParallelEnv[str, Observation, int]):
+class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     """A drone swarm searching for persons at sea (PettingZoo parallel API).
 
-    An `Observation` is of `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's
-    cell (x, y) and the map [y, x], one read-only array that all agents share. `infos[agent]` has
+    An observation is a tuple, an `Observation` without its names, of
+    `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell (x, y) and the map
+    [y, x], one read-only array that all agents share. `infos[agent]` has
     `Found`, whether every person has been found, and `action_mask` (A,) int8, 0 where a move
     would leave the grid. Actions are numbers of `rules.actions`.
 
@@ -121,7 +122,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, AgentObservation], dict[str, dict[str, Any]]]:
         """Start a new mission.
 
         Args:
@@ -148,7 +149,7 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
     def step(
         self, actions: Mapping[str, int]
     ) -> tuple[
-        dict[str, Observation],
+        dict[str, AgentObservation],
         dict[str, float],
         dict[str, bool],
         dict[str, bool],
@@ -335,12 +336,11 @@ class SearchEnv(ParallelEnv[str, Observation, int]):
 
     def _observe(
         self, agents: list[str], live: list[int]
-    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, AgentObservation], dict[str, dict[str, Any]]]:
         """Return observations and infos of these agents."""
         cells = self._xy.copy() if len(agents) == len(self._xy) else self._xy[live]
-        pairs = zip(cells, repeat(self.probability))
-        # A third of the time of Observation(*pair).
-        observations = dict(zip(agents, map(tuple.__new__, repeat(Observation), pairs)))
+        # Plain tuples: with names they would take a sixth of a step with 50 drones.
+        observations = dict(zip(agents, zip(cells, repeat(self.probability))))
         masks, found = self._masks, self._adrift[0] == 0
         infos = {
             agent: {"Found": found, "action_mask": masks[y][x]}

@@ -9,7 +9,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -149,12 +149,29 @@ class World:
         self.truncated = self.drones["truncated"]
         self.found = self.drones["found"]
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
+        # One for each thread, with scratch memory of its own.
+        self._kernels = [
+            partial(
+                kernels.step_worlds, self.constants, self.worlds, self.starts, self.drones,
+                self.persons, self.gauss, self.tails, *scratch,
+            )
+            for scratch in self._scratch
+        ]  # fmt: skip
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._process = os.getpid()
 
     def __getstate__(self) -> dict[str, Any]:
         # A view that is copied or pickled would become an array of its own.
-        bound = {"rewards", "terminated", "truncated", "found", "_scratch", "_pool", "_process"}
+        bound = {
+            "rewards",
+            "terminated",
+            "truncated",
+            "found",
+            "_scratch",
+            "_kernels",
+            "_pool",
+            "_process",
+        }
         return {name: value for name, value in vars(self).items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -243,26 +260,29 @@ class World:
         if self._pool is not None and self._process != os.getpid():
             # Threads do not outlive a fork.
             self._bind()
+        if self._pool is None and report is None:
+            self._kernels[0](actions, self.maps, 0, self.num_worlds)
+            return
         count = self.num_worlds
         size = count if self._pool is None else -(-count // (SHARES * self._threads))
         if report is not None:
             size = min(size, max(1, SHARE_BYTES // self.drones[0].nbytes))
         shares = deque((first, min(first + size, count)) for first in range(0, count, size))
         if self._pool is None:
-            self._do(shares, self._scratch[0], actions, report)
+            self._do(shares, self._kernels[0], actions, report)
             return
         others = [
-            self._pool.submit(self._do, shares, scratch, actions, report)
-            for scratch in self._scratch[1:]
+            self._pool.submit(self._do, shares, kernel, actions, report)
+            for kernel in self._kernels[1:]
         ]
-        self._do(shares, self._scratch[0], actions, report)
+        self._do(shares, self._kernels[0], actions, report)
         for other in others:
             other.result()
 
     def _do(
         self,
         shares: deque[tuple[int, int]],
-        scratch: tuple[NDArray[Any], ...],
+        kernel: Callable[..., None],
         actions: NDArray[np.int8],
         report: Callable[[int, int], None] | None,
     ) -> None:
@@ -272,10 +292,7 @@ class World:
                 first, last = shares.popleft()
             except IndexError:
                 return
-            kernels.step_worlds(
-                self.constants, self.worlds, self.starts, self.drones, self.persons, self.gauss,
-                self.tails, *scratch, actions, self.maps, first, last,
-            )  # fmt: skip
+            kernel(actions, self.maps, first, last)
             if report is not None:
                 report(first, last)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from play import cells
 
-from dsse_ros.search import ACTION_VECTORS, PROFILES, ActionSet, parallel_env
+from dsse_ros.search import ACTION_VECTORS, PROFILES, ActionSet, Observation, parallel_env
 
 STRAIGHT = ("left", "right", "up", "down", "search")
 orders = st.permutations(list(ACTION_VECTORS))
@@ -72,6 +72,7 @@ def test_an_observation_has_names_and_is_still_a_pair(rules: str) -> None:
     for of_all in (observations, stepped):
         for agent, observation in of_all.items():
             position, probability = observation
-            assert observation.position is position and observation.probability is probability
+            named = Observation(*observation)
+            assert named.position is position and named.probability is probability
             assert observation == (position, probability)
             assert env.observation_space(agent).contains(observation)
