@@ -16,10 +16,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
-from dsse_ros.flight.messages import Address
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
-from dsse_ros.flight.pilot import Pilot, PilotSettings
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
     CommandAck,
     CommandLong,
     GlobalPosition,
@@ -28,6 +25,9 @@ from dsse_ros.flight.telegrams import (
     SetPositionTarget,
     StatusText,
 )
+from dsse_ros.flight.mission_messages import Address
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
+from dsse_ros.flight.pilot import Pilot, PilotSettings
 from dsse_ros.flight.transfer import Timeouts
 
 DIALECTS = ("ardupilot", "px4")

@@ -10,8 +10,8 @@ import pytest
 from autopilot.commands import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED
 from virtual_flight import VirtualFlight
 
+from dsse_ros.flight.mavlink_messages import SetPositionTarget
 from dsse_ros.flight.orders import GoTo, TakeOff
-from dsse_ros.flight.telegrams import SetPositionTarget
 
 TAKEOFF, CHANGE_SPEED = 22, 178
 DIALECTS = ("ardupilot", "px4")
