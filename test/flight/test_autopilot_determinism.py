@@ -80,13 +80,11 @@ def test_any_input_is_survived_and_gives_the_same_bytes_twice(
     assert sent == play(script, dialect=dialect, flying=flying, seed=seed)
 
 
-@given(dialect=DIALECTS, junk=st.lists(st.binary(max_size=300), max_size=10))
-def test_junk_is_survived_and_the_next_message_is_understood(
-    dialect: str, junk: list[bytes]
-) -> None:
+@given(dialect=DIALECTS, garbage=st.lists(st.binary(max_size=300), max_size=10))
+def test_after_garbage_the_next_message_is_decoded(dialect: str, garbage: list[bytes]) -> None:
     bench = Bench(dialect=dialect)
-    for data in junk:
-        bench.vehicle.hear(bench.channel, data)
+    for data in garbage:
+        bench.vehicle.receive(bench.channel, data)
     assert bench.command(512, 148) == 0
     assert bench.last("AUTOPILOT_VERSION")
 
@@ -104,12 +102,12 @@ def flight(seed: int, step_s: float) -> list[bytes]:
     return bench.sent
 
 
-def test_what_is_random_depends_on_the_seed() -> None:
+def test_random_numbers_depend_on_the_seed() -> None:
     assert flight(1, 0.1) == flight(1, 0.1) != flight(2, 0.1)
 
 
 @pytest.mark.parametrize("step_s", [0.02, 1.0])
-def test_it_does_not_matter_in_which_strides_time_passes(step_s: float) -> None:
+def test_the_size_of_time_steps_does_not_matter(step_s: float) -> None:
     def heard(stride_s: float) -> list[bytes]:
         bench = Bench()
         for _ in range(round(60 / stride_s)):
@@ -120,7 +118,7 @@ def test_it_does_not_matter_in_which_strides_time_passes(step_s: float) -> None:
 
 
 @given(data=st.binary(min_size=1, max_size=400), cuts=st.lists(st.integers(0, 400), max_size=5))
-def test_a_stream_is_understood_wherever_it_is_cut(data: bytes, cuts: list[int]) -> None:
+def test_a_stream_is_decoded_wherever_it_is_cut(data: bytes, cuts: list[int]) -> None:
     sender, receiver = Codec(9), Codec(1)
     frames = b"".join(sender.encode(mavlink.MAVLink_timesync_message(0, n)) for n in data[:20])
     places = [0, *sorted(cut for cut in cuts if cut < len(frames)), len(frames)]

@@ -28,7 +28,7 @@ def refusing(dialect: str, number: int, *results: int, **settings: Any) -> Virtu
         result = answers.pop(0) if len(answers) > 1 else answers[0]
         return obey(command) if result == ACCEPTED else result
 
-    flight.vehicle.understand({number: answer})
+    flight.vehicle.add_commands({number: answer})
     return flight
 
 

@@ -90,7 +90,7 @@ class VirtualFlight:
         while self._under_way and self._under_way[0][0] <= self.now:
             _, _, to_vehicle, data = heapq.heappop(self._under_way)
             if to_vehicle:
-                self.vehicle.hear(self._channel, data)
+                self.vehicle.receive(self._channel, data)
                 continue
             for message in self._codec.decode(data, self.now, datagram=True):
                 self.heard.append(message)
