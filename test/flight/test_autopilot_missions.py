@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ArduCopter's end of the mission protocol, and how it flies a mission, in vehicle time."""
+"""ArduCopter's side of the mission protocol, and how it flies a mission, in vehicle time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 from autopilot.bench import AUTO, GUIDED, Bench
-from autopilot.commands import ACCEPTED
+from autopilot.commands import ACCEPTED, FAILED
 from autopilot.local_frame import Place
 from autopilot.mission_items import Item
 from autopilot.wire import mavlink
@@ -236,6 +236,14 @@ class TestAuto:
         assert flying.last("MISSION_CURRENT").seq == 3
         flying.until(lambda: flying.vehicle.mission.reached == 3)
         assert flying.vehicle.craft.point == pytest.approx((60, 60, 30), abs=0.5)
+
+
+def test_without_a_mission_auto_is_refused_only_when_armed(bench: Bench) -> None:
+    assert bench.command(300) == ACCEPTED
+    assert bench.command(176, 1, GUIDED) == ACCEPTED
+    bench.until(lambda: bench.vehicle.ready)
+    assert bench.command(400, 1) == ACCEPTED
+    assert bench.command(300) == FAILED
 
 
 def test_a_mission_starts_on_the_ground_with_its_take_off(bench: Bench) -> None:

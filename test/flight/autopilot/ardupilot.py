@@ -248,11 +248,11 @@ class ArduCopter(Vehicle):
         # Disarmed, it accepts nearly any mode.
         if self.armed and not self.has_position and mode not in _WITHOUT_POSITION:
             return "requires position"
-        if mode is Mode.AUTO:
-            if self.armed and self.mission_total < 1:
+        if mode is Mode.AUTO and self.armed:
+            if self.mission_total < 1:
                 return "init failed"
             first = self.mission.items[1].command
-            if self.armed and self.landed and first != mavlink.MAV_CMD_NAV_TAKEOFF:
+            if self.landed and first != mavlink.MAV_CMD_NAV_TAKEOFF:
                 self.send_text("Auto: Missing Takeoff Cmd", mavlink.MAV_SEVERITY_CRITICAL)
                 return "init failed"
         return ""
