@@ -137,7 +137,7 @@ class MissionRequestInt:
 
 @dataclass(frozen=True)
 class MissionRequest:
-    """Requests an item by the deprecated message, as ArduPilot does; the answer is the same."""
+    """Requests an item by the deprecated message, as ArduPilot does; the reply is the same."""
 
     target: Address
     seq: int

@@ -83,7 +83,7 @@ class Failed:
 
     Attributes:
         code: Short snake_case key: `cancelled`, `no_reply`, `refused` and `stalled` for any;
-            `early_ack`, `cancelled_by_vehicle`, `unconfirmed` and `mismatch` for uploads.
+            `early_ack`, `cancelled_by_vehicle` and `mismatch` for uploads.
         reason: One line for people.
         ack: The vehicle's MAV_MISSION_RESULT.
         changed: Whether the vehicle may hold another mission than before, or none, or with

@@ -49,9 +49,10 @@ _MAX_PARAMETER: dict[Dialect, float] = {"ardupilot": 1.0, "px4": 1e-3}
 
 
 class Upload(Transfer):
-    """Sends the number of items, then those that the vehicle requests until it acknowledges.
+    """Sends the number of items, then those that the vehicle requests.
 
-    An acknowledgement proves little: only `VerifiedUpload` knows which mission the vehicle holds.
+    It ends with the acknowledgement, or without one if the vehicle has requested all items: only
+    `VerifiedUpload`, which reads them back, knows which mission the vehicle holds.
 
     Args:
         items: The mission, numbered as the vehicle does; an empty one clears it.
@@ -59,7 +60,6 @@ class Upload(Transfer):
         source: Ourselves.
         dialect: Whose autopilot it is. ArduPilot does not process a cancellation: after a failure
             the exchange waits until its own time-out.
-        must_confirm: Whether an acknowledgement is required; not if the mission is read back.
         mission_type: MAV_MISSION_TYPE, which the items must have.
         timeouts: Timeouts and retries.
 
@@ -78,14 +78,12 @@ class Upload(Transfer):
         source: Address,
         *,
         dialect: Dialect,
-        must_confirm: bool = True,
         mission_type: int = 0,
         timeouts: Timeouts | None = None,
     ) -> None:
         super().__init__(target, source, mission_type=mission_type, timeouts=timeouts)
         self._items = tuple(items)
         self._dialect = dialect
-        self._must_confirm = must_confirm
         self._requested: set[int] = set()
         self._vehicle_ended = False
         for index, item in enumerate(self._items):
@@ -154,9 +152,7 @@ class Upload(Transfer):
         if not self._all_requested:
             reason = f"stalled after {len(self._requested)} of {len(self._items)} items"
             return self._fail_attempt("stalled", reason, now)
-        if not self._must_confirm:
-            return self._settle(Done(self._items), now, [])
-        return self._fail_attempt("unconfirmed", "no acknowledgement", now)
+        return self._settle(Done(self._items), now, [])
 
     def _quiet_s(self) -> float:
         if self._vehicle_ended or not isinstance(self._conclusion, Failed):
@@ -259,7 +255,6 @@ class VerifiedUpload:
             self._items,
             *self._address,
             dialect=self._dialect,
-            must_confirm=False,
             mission_type=self._mission_type,
             timeouts=dataclasses.replace(self._timeouts, upload_retries=self._attempts_left),
         )

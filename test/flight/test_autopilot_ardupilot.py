@@ -180,11 +180,11 @@ def test_a_setpoint_outside_guided_is_ignored_without_a_message(bench: Bench) ->
     bench.fly_to_altitude()
     bench.command(SET_MODE, 1, LOITER)
     bench.wait(1.01)
-    before, said = bench.vehicle.craft.point, bench.texts()
+    before, texts = bench.vehicle.craft.point, bench.texts()
     bench.setpoint(100, 0, 20)
     bench.wait(20)
     assert bench.vehicle.craft.point == pytest.approx(before, abs=0.01)
-    assert bench.texts() == said
+    assert bench.texts() == texts
 
 
 def test_a_setpoint_on_the_ground_lifts_nothing(bench: Bench) -> None:

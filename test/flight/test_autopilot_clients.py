@@ -97,7 +97,7 @@ class Console:
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self.process = process
-        self.said: list[str] = []
+        self.output: list[str] = []
         self._lines: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()
 
@@ -116,10 +116,10 @@ class Console:
         deadline_s = time.monotonic() + TIMEOUT_S
         while time.monotonic() < deadline_s:
             with contextlib.suppress(queue.Empty):
-                self.said.append(self._lines.get(timeout=0.2))
-                if text in self.said[-1]:
-                    return self.said[-1]
-        raise AssertionError(f"no {text!r} in\n" + "\n".join(self.said))
+                self.output.append(self._lines.get(timeout=0.2))
+                if text in self.output[-1]:
+                    return self.output[-1]
+        raise AssertionError(f"no {text!r} in\n" + "\n".join(self.output))
 
 
 @contextlib.contextmanager

@@ -65,7 +65,7 @@ def test_a_low_battery_brings_it_down(dialect: str, coming: int) -> None:
     assert vehicle.last("HEARTBEAT").system_status == 5
     assert vehicle.command(512, 1) == 0
     assert vehicle.last("SYS_STATUS").battery_remaining <= 12
-    # PX4 has no words for those who are no ground station.
+    # PX4 sends no status texts without a ground station.
     assert any("attery" in text for text in vehicle.texts()) == (dialect == "ardupilot")
     vehicle.until(lambda: not vehicle.vehicle.armed)
 

@@ -164,7 +164,7 @@ def test_it_ends_while_it_waits_for_its_first_client() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "reason"),
+    ("arguments", "reason"),
     [
         ("", "no link"),
         ("--udpin 70000", "port 70000"),
@@ -177,8 +177,8 @@ def test_it_ends_while_it_waits_for_its_first_client() -> None:
     ],
 )
 def test_options_that_are_not_allowed_are_refused_with_a_reason(
-    words: str, reason: str, capsys: pytest.CaptureFixture[str]
+    arguments: str, reason: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit):
-        options.parse(words.split())
+        options.parse(arguments.split())
     assert reason in capsys.readouterr().err

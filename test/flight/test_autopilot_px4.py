@@ -239,7 +239,7 @@ class TestMissions:
         assert modes == {Mode.MISSION, Mode.RTL, Mode.HOLD}
         reached = [message.seq for message in bench.all("MISSION_ITEM_REACHED")]
         assert list(dict.fromkeys(reached)) == [0, 1, 2]
-        assert reached.count(1) > 1, "it says so more than once"
+        assert reached.count(1) > 1, "it is reported more than once"
         assert math.hypot(*bench.vehicle.craft.point) < 0.5
 
     def test_the_mode_is_refused_without_a_mission(self, bench: Bench) -> None:

@@ -170,7 +170,7 @@ def test_tcpin_serves_a_client() -> None:
     port = free_port(socket.SOCK_STREAM)
     link = parse_connection(f"tcpin:127.0.0.1:{port}")
     link.open()
-    link.send(b"nobody there")
+    link.send(b"no client yet")
     with socket.create_connection(("127.0.0.1", port), TIMEOUT_S) as client:
         client.sendall(b"hello")
         assert receive(link, 5) == b"hello"

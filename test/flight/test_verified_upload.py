@@ -75,27 +75,27 @@ def test_no_vehicle_ever_holds_a_mixture_of_a_cancelled_mission_and_the_next(dia
             assert not held or None in [difference(items, held, dialect) for items in missions]
 
 
-class Forgetful(ArduPilot):
+class Corrupting(ArduPilot):
     """Stores a wrong altitude now and then."""
 
-    spoilt = 0
+    corrupted = 0
 
     def stored(self, item):
         kept = super().stored(item)
-        if item.seq == 2 and self.spoilt:
-            self.spoilt -= 1
+        if item.seq == 2 and self.corrupted:
+            self.corrupted -= 1
             return dataclasses.replace(kept, z=20.0)
         return kept
 
 
-@pytest.mark.parametrize(("spoilt", "done"), [(0, True), (3, True), (4, False)])
-def test_a_mission_that_reads_back_wrong_is_uploaded_again_as_often_as_allowed(spoilt, done):
-    vehicle = Forgetful()
-    vehicle.spoilt = spoilt
+@pytest.mark.parametrize(("corrupted", "done"), [(0, True), (3, True), (4, False)])
+def test_a_mission_that_reads_back_wrong_is_uploaded_again_as_often_as_allowed(corrupted, done):
+    vehicle = Corrupting()
+    vehicle.corrupted = corrupted
     exchange = verified(mission(1, 5), "ardupilot", timeouts=Timeouts(upload_retries=3))
     result = World(vehicle, Channel(), seed=0).run(exchange)
     assert isinstance(result, Done) == done
-    assert exchange.counts["mismatch"] == min(spoilt, 3)
+    assert exchange.counts["mismatch"] == min(corrupted, 3)
     if isinstance(result, Failed):
         assert (result.code, result.changed) == ("mismatch", True)
         assert "item 2: z 120.0 was sent, 20.0 read back" in result.reason
