@@ -26,7 +26,7 @@ PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install \
 TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracles.py rendering.py \
 	scenario.py snapshot.py vector_env.py withdraw.py world.py) test/planners/test_planners.py \
 	$(addprefix test/msg_adapters/test_,geodesy.py mavlink_items.py occupancy.py poses.py) \
-	$(addprefix test/flight/test_,codec.py messages.py upload.py) test/mission/test_mission.py
+	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
