@@ -19,6 +19,8 @@ from typing import Any
 import pytest
 from autopilot.running import FOLDER, Running, running_autopilot
 
+pytestmark = pytest.mark.slow
+
 TIMEOUT_S = 60.0
 HOME = (-24.0, -46.3, 100.0)
 URLS = {"udpin": "udpin", "udpout": "udpout", "tcp": "tcpout"}

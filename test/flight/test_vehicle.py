@@ -21,6 +21,8 @@ from dsse_ros.flight.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
 
+pytestmark = pytest.mark.slow
+
 TIMEOUT_S = 90.0
 HOME = (-24.0, -46.3)
 NEAR = (-24.0, -46.2997)
