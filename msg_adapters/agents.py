@@ -6,6 +6,8 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
+import numpy as np
+from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from msg_adapters.frames import GridFrame
@@ -45,6 +47,8 @@ class AgentsInfo:
             from a snapshot keeps its own.
         run_id: Identity of the simulation since its start, 1 to 2**32 - 1: with the mission it
             identifies a search.
+        area: Which cells are searched: a text for each row, from the north, with a 1 for each of
+            them and a 0 for each other one, from the west; None for the whole grid.
     """
 
     agents: tuple[str, ...]
@@ -61,6 +65,14 @@ class AgentsInfo:
     alt_m: float
     mission: int
     run_id: int
+    area: tuple[str, ...] | None = None
+
+    @property
+    def area_mask(self) -> NDArray[np.bool_] | None:
+        """The cells that are searched, (G, G) bool [row, col]; None for all."""
+        if self.area is None:
+            return None
+        return np.array([[cell == "1" for cell in row] for row in self.area])
 
     @property
     def frame(self) -> GridFrame:
@@ -75,6 +87,13 @@ class AgentsInfo:
             map_frame=self.map_frame,
             frame_prefix=self.frame_prefix,
         )
+
+
+def area_rows(mask: NDArray[np.bool_] | None) -> tuple[str, ...] | None:
+    """Return the `area` of `AgentsInfo` with this mask (G, G) bool; None for None."""
+    if mask is None:
+        return None
+    return tuple("".join("1" if cell else "0" for cell in row) for row in mask.tolist())
 
 
 def agents_message(info: AgentsInfo) -> String:
@@ -111,9 +130,25 @@ def agents_from_message(message: String) -> AgentsInfo:
         alt_m=keys.number("alt_m"),
         mission=keys.integer("mission", 0, MAX_ID),
         run_id=keys.integer("run_id", 1, MAX_ID),
+        area=_area_of(keys),
     )
     try:
         _ = info.frame
     except ValueError as error:
         raise ValueError(f"agents: {error}") from None
     return info
+
+
+def _area_of(keys: Keys) -> tuple[str, ...] | None:
+    """Return the area, None where the key is missing too: a version before had none.
+
+    Raises:
+        ValueError: If it is none of a grid of this size.
+    """
+    if keys.optional("area") is None:
+        return None
+    size = keys.integer("grid_size", 1)
+    rows = keys.entries("area", size)
+    if not all(isinstance(row, str) and len(row) == size and not row.strip("01") for row in rows):
+        keys.refuse("area", f"{size} texts of {size} digits 0 and 1")
+    return tuple(rows)

@@ -35,7 +35,7 @@ def play(
         and whether everybody was found.
     """
     observations, infos = env.reset(seed=seed)
-    policy = make_planner(planner, env.rules.actions, seed=seed)
+    policy = make_planner(planner, env.rules.actions, seed=seed, area=env.scenario.area_mask)
     search = env.rules.action_set.search
     numbers = {name: i for i, name in enumerate(env.possible_agents)}
     cells = [env.positions]

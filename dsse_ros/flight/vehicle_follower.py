@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from dsse_ros.flight.fence import Fence, check_mission, check_place
+from dsse_ros.flight.fence import Fence, check_mission, check_place, check_take_off
 from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.flight.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
@@ -381,6 +381,6 @@ class VehicleFollower:
         if not state.has_position or self.record.took_off:
             return False
         alt_m = self._take_off.alt_m
-        checked = check_place(state.lat_deg, state.lon_deg, alt_m, self._fence)
+        checked = check_take_off(state.lat_deg, state.lon_deg, alt_m, self._fence)
         self.refused = f"take-off: {checked.reason}" if isinstance(checked, Rejected) else ""
         return not self.refused

@@ -139,7 +139,9 @@ class PlannerNode(AlarmNode):
             try:
                 if last is None or step[:2] != last[:2] or step[2] < last[2]:
                     settings = self.settings
-                    self._planner = make_planner(settings.planner, info.actions, seed=settings.seed)
+                    self._planner = make_planner(
+                        settings.planner, info.actions, seed=settings.seed, area=info.area_mask
+                    )
                 assert self._planner is not None
                 actions = _ask(self._planner, info, report, probability, live)
                 answer = joint_action_message(step[2], actions, mission=step[1])

@@ -25,13 +25,14 @@ class Planner(Protocol):
 
         Args:
             observations: By live agent, in the fixed order of the agents.
-            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid.
+            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid
+                or the area that is searched.
         """
         ...
 
 
 PlannerFactory: TypeAlias = Callable[..., Planner]
-"""Called with the names of the actions and the keyword `seed`."""
+"""Called with the names of the actions and the keywords `seed` and `area`, see `make_planner`."""
 
 
 def cells_of(observations: Mapping[str, AgentObservation]) -> list[Cell]:

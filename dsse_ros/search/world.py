@@ -17,6 +17,7 @@ from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
+from dsse_ros.search.area import runs_of
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
 from dsse_ros.search.seeds import words_of_seeds
@@ -94,6 +95,7 @@ class World:
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
             `kernels.WORLDS`, `kernels.DRONES` and `kernels.PERSONS`.
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
+        area, runs: Which cells are searched, see `kernels`.
         maps: (B, G, G) float32, the probability of cell [row, col].
         rewards: (B, N) float64 of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool since the last reset, views on `drones`; when drones
@@ -132,6 +134,9 @@ class World:
         tables = num_worlds if resolved.dispersion_inc else 1
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
+        mask = resolved.area_mask
+        self.area = np.zeros((0, 0), np.bool_) if mask is None else mask.copy()
+        self.runs = runs_of(self.area)
         self._reuse_maps = reuse_maps
         self._threads = threads
         self._bind()
@@ -153,7 +158,7 @@ class World:
         self._kernels = [
             partial(
                 kernels.step_worlds, self.constants, self.worlds, self.starts, self.drones,
-                self.persons, self.gauss, self.tails, *scratch,
+                self.persons, self.gauss, self.tails, self.area, self.runs, *scratch,
             )
             for scratch in self._scratch
         ]  # fmt: skip
@@ -235,7 +240,7 @@ class World:
         _, *scratch = self._scratch[0]
         kernels.reset_worlds(
             self.constants, self.worlds, self.starts, self.drones, self.persons, self.gauss,
-            self.tails, *scratch, self.maps, which,
+            self.tails, self.area, self.runs, *scratch, self.maps, which,
         )  # fmt: skip
 
     def step(
@@ -311,7 +316,7 @@ class World:
         """Write the tables that the state asks for, and these maps."""
         _, circle, _, span = self._scratch[0]
         kernels.refresh_worlds(
-            self.constants, self.worlds, self.gauss, self.tails, circle, span, maps
+            self.constants, self.worlds, self.gauss, self.tails, self.area, circle, span, maps
         )
 
     def close(self) -> None:
@@ -321,7 +326,7 @@ class World:
         self._bind()
 
     def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the probabilities (B, K) float32 of cells, 0 outside the grid.
+        """Return the probabilities (B, K) float32 of cells, 0 outside the grid and the area.
 
         Args:
             x: (B, K) int64 columns.
@@ -330,7 +335,7 @@ class World:
         # One kind of array, or the function would be compiled for each.
         x, y = (np.require(array, np.int64, ["C", "W"]) for array in (x, y))
         out = np.empty(x.shape, np.float32)
-        kernels.read_cells(self.constants, self.worlds, self.gauss, x, y, out)
+        kernels.read_cells(self.constants, self.worlds, self.gauss, self.area, x, y, out)
         return out
 
     def snapshot(self) -> Snapshot:
@@ -392,5 +397,5 @@ class World:
             "rules": dataclasses.asdict(self.rules),
         }
         # As a file has it: through JSON a tuple becomes a list.
-        identity: dict[str, Any] = json.loads(json.dumps(parts))
+        identity: dict[str, Any] = json.loads(json.dumps(parts, default=dataclasses.asdict))
         return identity
