@@ -271,7 +271,7 @@ class SimNode(AlarmNode):
             # It goes on from step to step, or it would never ring at a high step_rate.
             self._odom_alarm.repeat(1.0 / self.settings.odom_rate)
         else:
-            self._idle_alarm.repeat(IDLE_S)
+            self._idle_alarm.set(IDLE_S)
             self._odom_alarm.cancel()
         self._step_alarm.set(scheduler.wait_s(time.monotonic(), ready=self._ready()))
 
@@ -344,6 +344,7 @@ class SimNode(AlarmNode):
         if not self._idle and self.settings.step_mode == "lockstep" and self._awaited():
             self.get_logger().info(f"step {self.mission.result.step}: {self._awaited()}")
         self._idle = True
+        self._idle_alarm.set(IDLE_S)
 
     def _awaited(self) -> str:
         return status.awaited(self.mission, self._scheduler, self._late())

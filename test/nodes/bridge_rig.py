@@ -69,7 +69,7 @@ class Bridge:
         self.poses = [rig.listen(PoseStamped, f"{n}/vehicle_pose", RELIABLE) for n in names]
 
     def state(self, i: int) -> Mapping[str, str]:
-        """Return what was told of a vehicle last."""
+        """Return the last state of a vehicle."""
         if not self.states[i]:
             return {}
         status = self.states[i].last.status[0]
