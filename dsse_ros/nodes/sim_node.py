@@ -57,7 +57,7 @@ IDLE_S = 1.0
 
 
 class SimNode(AlarmNode):
-    """The search as a ROS 2 node; see the README for its topics, services and parameters.
+    """The search as a ROS 2 node; see docs/topics.md for its topics and services.
 
     Raises:
         FieldError: If a parameter or the scenario is not allowed.
