@@ -15,6 +15,7 @@ BEING_MOVED: tuple[str, ...] = (
     "README.md",
     "config/mavlink_bridge.yml",
     "docs/flight.md",
+    "docs/parameters.md",
     "docs/ros.md",
     "dsse_ros/cli/export_mission.py",
     "dsse_ros/flight/",
