@@ -153,7 +153,7 @@ class StepScheduler:
 
     @property
     def moving(self) -> bool:
-        """Whether drones are on their way between two cells, be it that they are held there."""
+        """Whether drones are on their way between two cells, or held there."""
         return self.timing.mode == "realtime" and not self.done
 
     def share(self, now_s: float) -> float:

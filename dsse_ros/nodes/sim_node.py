@@ -241,7 +241,7 @@ class SimNode(AlarmNode):
         return ""
 
     def _publish(self, *, first: bool = False) -> None:
-        """Publish the last step, be it the first of which vehicles may report."""
+        """Publish the last step; `first`: the first one that vehicles may report on."""
         result, stamp, settings = self.mission.result, self.stamp(), self.settings
         self._report_stamp = stamp
         self._vehicles.set_stamp(to_nanoseconds(stamp), first=first)
@@ -277,7 +277,7 @@ class SimNode(AlarmNode):
 
     def _ready(self) -> bool:
         """Return whether every live drone has commanded and every vehicle has arrived."""
-        # Nothing is looked for where nothing waits for it.
+        # Not computed where nothing waits for it.
         return self._scheduler.running and not (self.mission.missing or self._late())
 
     def _late(self) -> list[int]:
