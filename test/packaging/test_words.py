@@ -50,7 +50,7 @@ WORDS = {
 # Identifiers that are plain English otherwise, exactly as they are written here.
 NAMES = {
     r"(?:worlds\[\"|\bw\.)(?:flying|adrift|over)\b": "num_active, num_missing, done",
-    r"\b(?:mission|scheduler|watcher)\.over\b|\bover=": "done",
+    r"\b(?:mission|scheduler|watcher)\.over\b": "done",
     r"(?:drones\[\"|\bd\.)earned\b": "episode_return",
     r"\b_meet\b": "configure",
     r"\bclass Pilot\b|\bPilot\(": "VehicleController",
@@ -64,7 +64,7 @@ ALLOWED = (
     ("benchmarks/results/", ".*", "was recorded before"),
     ("test/oracles/data/", ".*", "was recorded before"),
     ("test/packaging/test_words.py", ".*", "lists the words"),
-    ("", r"person adrift", "drifts at sea"),
+    ("", "person adrift", "drifts at sea"),
     ("", r"math\.floor|np\.floor", "rounds down"),
     ("", r"\.tell", "is the position in a file"),
     ("", r"(?:mavlink|pymavlink)[ .']*dialects?", "is MAVLink's: a set of messages"),
@@ -73,6 +73,9 @@ ALLOWED = (
     ("test/search/test_rendering.py", "legend", "belongs to the picture"),
     ("test/flight/sitl_demo.py", "legend", "belongs to the picture"),
     ("test/packaging/test_docs.py", "anchors", "are HTML's"),
+    ("dsse_ros/flight/", r"settl\w+", "is what a transfer does until its line is quiet"),
+    ("dsse_ros/nodes/mavlink_bridge.py", r"settle\w*", "is the wait for latched messages"),
+    ("test/flight/", r"settl\w+", "is what a transfer does until its line is quiet"),
 )
 
 
