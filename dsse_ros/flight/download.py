@@ -3,25 +3,25 @@
 
 from __future__ import annotations
 
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import (
+from dsse_ros.flight.mission_messages import (
     MISSION_FAULTS,
-    Message,
     MissionAck,
     MissionCount,
     MissionItemInt,
+    MissionMessage,
     MissionRequestInt,
     MissionRequestList,
     MissionResult,
+    WireItem,
 )
 from dsse_ros.flight.transfer import Done, Transfer
 
 
 class Download(Transfer):
-    """Asks how many items there are, then for one after the other: see `Transfer`.
+    """Requests the number of items, then one after the other: see `Transfer`.
 
-    PX4 breaks a download off when a request arrives late, after two others. Each attempt after
-    the first therefore asks more slowly, until no request can be overtaken so.
+    PX4 aborts a download when a request arrives late, after two others. Each attempt after the
+    first therefore sends its requests more slowly, until no request can be overtaken like that.
     """
 
     name = "download"
@@ -30,12 +30,12 @@ class Download(Transfer):
     _count: int | None = None
     _items: tuple[WireItem, ...] = ()
 
-    def _begin(self, now: float) -> list[Message]:
+    def _begin(self, now: float) -> list[MissionMessage]:
         self._count, self._items = None, ()
         request = MissionRequestList(self.target, self.mission_type)
-        return self._ask(request, self.timeouts.reply_s, now)
+        return self._send(request, self.timeouts.reply_s, now)
 
-    def _take(self, message: Message, now: float) -> list[Message]:
+    def _take(self, message: MissionMessage, now: float) -> list[MissionMessage]:
         if isinstance(message, MissionCount) and self._count is None:
             self._count = message.count
             return self._go_on(now)
@@ -49,25 +49,22 @@ class Download(Transfer):
                 return self._refused(message, now)
             if message.type in MISSION_FAULTS:
                 return self._fail(self._refusal(message), now)
-            return self._fail_attempt("stalled", "broken off by the vehicle", now)
+            return self._fail_attempt("stalled", "aborted by the vehicle", now)
         return self._ignore("unexpected")
 
-    def _exhausted(self, now: float) -> list[Message]:
+    def _exhausted(self, now: float) -> list[MissionMessage]:
         if self._count is None:
             return self._no_reply(now)
         reason = f"stalled after {len(self._items)} of {self._count} items"
         return self._fail_attempt("stalled", reason, now)
 
-    def _goodbye(self) -> list[Message]:
-        return [self._cancellation()]
-
-    def _go_on(self, now: float) -> list[Message]:
+    def _go_on(self, now: float) -> list[MissionMessage]:
         seq = len(self._items)
         if seq == self._count:
-            thanks = MissionAck(self.target, MissionResult.ACCEPTED, self.mission_type)
-            return self._settle(Done(self._items), now, [thanks])
+            acknowledgement = MissionAck(self.target, MissionResult.ACCEPTED, self.mission_type)
+            return self._settle(Done(self._items), now, [acknowledgement])
         request = MissionRequestInt(self.target, seq, self.mission_type)
-        return self._ask(request, self.timeouts.item_s, now, pause_s=self._pause_s())
+        return self._send(request, self.timeouts.item_s, now, pause_s=self._pause_s())
 
     def _pause_s(self) -> float:
         timeouts = self.timeouts

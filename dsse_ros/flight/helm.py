@@ -9,18 +9,18 @@ from dataclasses import dataclass, replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.messages import Address
-from dsse_ros.flight.modes import mode_parameters
-from dsse_ros.flight.paced_setpoint import PacedSetpoint
-from dsse_ros.flight.readback import Dialect
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
     CommandAck,
     CommandLong,
     MissionSetCurrent,
-    Said,
+    Outgoing,
     SetPositionTarget,
 )
+from dsse_ros.flight.mission_messages import Address
+from dsse_ros.flight.modes import mode_parameters
+from dsse_ros.flight.paced_setpoint import PacedSetpoint
 from dsse_ros.flight.transfer import Exchange, Timeouts
+from dsse_ros.flight.upload import Dialect
 from dsse_ros.flight.vehicle_state import VehicleState
 
 DO_SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
@@ -139,7 +139,7 @@ class Helm:
         self.target = target
         self.state = VehicleState()
         self.now = -math.inf
-        self.out: list[Said] = []
+        self.out: list[Outgoing] = []
         self.own_modes: frozenset[str] | None = None
         self.exchange: Exchange | None = None
         self.set_point: SetPositionTarget | None = None
@@ -151,7 +151,7 @@ class Helm:
         self._set_point_tries = 0
         self._speed_tries = 0
         self._speed_due_s = -math.inf
-        self._command: Said | None = None
+        self._command: Outgoing | None = None
         self._asking = ""
         self._command_due_s = -math.inf
         self._command_tries: Counter[str] = Counter()

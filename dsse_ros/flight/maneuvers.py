@@ -16,12 +16,11 @@ from dsse_ros.flight.helm import (
     NotOursError,
     OrderFailedError,
 )
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mavlink_messages import MissionSetCurrent
+from dsse_ros.flight.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
-from dsse_ros.flight.telegrams import MissionSetCurrent
 from dsse_ros.flight.transfer import Failed
-from dsse_ros.flight.verified_upload import VerifiedUpload
+from dsse_ros.flight.upload import VerifiedUpload
 
 Maneuver = Iterator[str]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.readback import Dialect
+from dsse_ros.flight.upload import Dialect
 
 _ARDUCOPTER = {
     number: entry.name.removeprefix("COPTER_MODE_")

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.mission_messages import WireItem
 
 _MAX_ALT_M = 1e5
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from dsse_ros.flight.telegrams import SetPositionTarget
+from dsse_ros.flight.mavlink_messages import SetPositionTarget
 from dsse_ros.flight.vehicle_state import VehicleState
 
 _LEAD_S = 1.0

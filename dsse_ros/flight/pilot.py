@@ -9,21 +9,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-from dsse_ros.flight import messages
 from dsse_ros.flight.defects import Defects, describe
 from dsse_ros.flight.helm import Helm, NotOursError, OrderFailedError, PilotSettings
 from dsse_ros.flight.maneuvers import Maneuver, maneuver
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mavlink_messages import CommandAck, Heartbeat, Incoming, Outgoing, StatusText
+from dsse_ros.flight.mission_messages import Address, MissionMessage
 from dsse_ros.flight.orders import Hold, Order, TakeOff
 from dsse_ros.flight.streams import Streams
-from dsse_ros.flight.telegrams import CommandAck, Heard, Heartbeat, Said, StatusText
 from dsse_ros.flight.vehicle_state import VehicleState, observe, without_link
 
 __all__ = ["Outcome", "Pilot", "PilotSettings", "Status"]
 
 Status = Literal["idle", "under_way", "done", "failed", "taken_over", "silent"]
 
-_MISSION_MESSAGES = get_args(messages.Message)
+_MISSION_MESSAGES = get_args(MissionMessage)
 _TICK_S = 0.2
 _GIVES_BACK_S = 5.0
 """How long PX4 may take to go back to OFFBOARD once it gets setpoints again."""
@@ -113,7 +112,7 @@ class Pilot:
         transfer_s = helm.exchange.deadline if helm.exchange is not None else None
         return min(self._due_s, helm.due_s, math.inf if transfer_s is None else transfer_s)
 
-    def give(self, order: Order, now: float) -> list[Said]:
+    def give(self, order: Order, now: float) -> list[Outgoing]:
         """Take an order in place of any other; returns what to send."""
         self._outcome = Outcome(order, self._outcome.number + 1, "under_way", "given")
         self._maneuver = None
@@ -131,11 +130,11 @@ class Pilot:
         helm.begin()
         self._maneuver = maneuver(helm, order, self._source)
 
-    def receive(self, message: Heard, now: float) -> list[Said]:
+    def receive(self, message: Incoming, now: float) -> list[Outgoing]:
         """Take a message of the vehicle; returns what to send."""
         return self._guarded(now, lambda: self._receive(message, now))
 
-    def _receive(self, message: Heard, now: float) -> None:
+    def _receive(self, message: Incoming, now: float) -> None:
         helm = self._helm
         was_silent, before = self._silent, helm.state
         helm.state = self._judge(observe(before, message, now, self._settings.dialect))
@@ -154,7 +153,7 @@ class Pilot:
             case message if isinstance(message, _MISSION_MESSAGES) and helm.exchange is not None:
                 helm.out += helm.exchange.receive(message, self._target, now)
 
-    def tick(self, now: float) -> list[Said]:
+    def tick(self, now: float) -> list[Outgoing]:
         """Let time pass; returns what to send."""
         self._due_s = now + _TICK_S
         return self._guarded(now, lambda: self._tick(now))
@@ -170,7 +169,7 @@ class Pilot:
                 helm.out += helm.exchange.tick(now)
             helm.out += self._streams.requests(now, flies_somewhere=helm.set_point is not None)
 
-    def part(self, now: float) -> list[Said]:
+    def part(self, now: float) -> list[Outgoing]:
         """Have a vehicle that flies to our setpoints hold by itself; returns what to send.
 
         One that takes off, comes down or flies a mission does that without us, and one that is in
@@ -205,7 +204,7 @@ class Pilot:
         state = self._helm.state
         return bool(state.mode) and not state.connected
 
-    def _guarded(self, now: float, happen: Callable[[], None]) -> list[Said]:
+    def _guarded(self, now: float, happen: Callable[[], None]) -> list[Outgoing]:
         """Let something happen, go on with the order, and return what is to be sent."""
         helm = self._helm
         helm.now = now

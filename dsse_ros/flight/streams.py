@@ -10,20 +10,20 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.messages import Address
-from dsse_ros.flight.readback import Dialect
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
     BatteryStatus,
     CommandLong,
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
-    Heard,
     HomePosition,
+    Incoming,
     MissionCurrent,
     PositionTarget,
     SysStatus,
 )
+from dsse_ros.flight.mission_messages import Address
+from dsse_ros.flight.upload import Dialect
 
 SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 REQUEST_MESSAGE = mavlink.MAV_CMD_REQUEST_MESSAGE
@@ -71,7 +71,7 @@ class Streams:
         # It says where it flies only while it flies somewhere.
         self._optional = {PositionTarget}
 
-    def heard(self, message: Heard, now: float) -> None:
+    def heard(self, message: Incoming, now: float) -> None:
         """Take note of a message."""
         kind = type(message)
         if kind in self._heard_s:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from dsse_ros.flight.fence import Fence, check_mission, check_place
 from dsse_ros.flight.flight_settings import BridgeSettings
-from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.pilot import Outcome
 from dsse_ros.flight.track_files import acceptance_radius_m

@@ -8,23 +8,23 @@ from dataclasses import dataclass, replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.modes import mode_name
-from dsse_ros.flight.readback import Dialect
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
+    NO_POSITION,
     BatteryStatus,
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
-    Heard,
     Heartbeat,
     HomePosition,
+    Incoming,
     MissionCurrent,
     MissionItemReached,
     PositionTarget,
     StatusText,
     SysStatus,
 )
-from dsse_ros.flight.validation import NO_POSITION
+from dsse_ros.flight.modes import mode_name
+from dsse_ros.flight.upload import Dialect
 
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE
@@ -151,7 +151,7 @@ class VehicleState:
         return math.isfinite(self.lat_deg) and math.isfinite(self.alt_m)
 
 
-def observe(state: VehicleState, heard: Heard, now: float, dialect: Dialect) -> VehicleState:
+def observe(state: VehicleState, heard: Incoming, now: float, dialect: Dialect) -> VehicleState:
     """Return the state after a message of the vehicle.
 
     Args:

@@ -16,12 +16,12 @@ from typing import Any
 if not __package__ and __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from autopilot.wire import Codec as Speaker
+from autopilot.wire import Codec as VehicleCodec
 from autopilot.wire import mavlink
 
 from dsse_ros.flight.codec import Codec
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mavlink_messages import INCOMING_NAMES
+from dsse_ros.flight.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import (
     FlyMission,
     GoTo,
@@ -33,11 +33,10 @@ from dsse_ros.flight.orders import (
     TakeOff,
 )
 from dsse_ros.flight.pilot import Pilot, PilotSettings
-from dsse_ros.flight.telegrams import HEARD_NAMES
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 _ALL = list(mavlink.mavlink_map.values())
-_HEARD = [kind for kind in _ALL if kind.msgname in HEARD_NAMES]
+_INCOMING = [kind for kind in _ALL if kind.msgname in INCOMING_NAMES]
 _ITEMS = tuple(
     WireItem(seq, 6, command, x=-240000000 + 100 * seq, y=-463000000, z=20.0)
     for seq, command in enumerate((16, 22, 16, 20))
@@ -69,11 +68,11 @@ def fuzz(number: int, seed: int, dialect: Any) -> tuple[Counter[str], Counter[st
     """Send messages to a controller that gets orders, and return what codec and controller count.
 
     Raises:
-        AssertionError: If it would send what cannot be sent, be due at once again, or believe in
-            a place that cannot be.
+        AssertionError: If it would send what cannot be sent, be due at once again, or accept
+            an invalid position.
     """
     draw = random.Random(seed)
-    speaker = Speaker(VEHICLE.system)
+    sender = VehicleCodec(VEHICLE.system)
     codec = Codec(OURSELVES, VEHICLE)
     settings = PilotSettings(dialect=dialect, arm=True, speed_mps=5.0)
     pilot = Pilot(VEHICLE, OURSELVES, settings)
@@ -81,22 +80,22 @@ def fuzz(number: int, seed: int, dialect: Any) -> tuple[Counter[str], Counter[st
     now = 0.0
     for _ in range(number):
         now += draw.choice((0.0, 0.01, 0.1))
-        said = []
-        kind = draw.choice(_HEARD if draw.random() < 0.8 else _ALL)
-        data = bytes(speaker.encode(any_message(kind, draw)))
+        outgoing = []
+        kind = draw.choice(_INCOMING if draw.random() < 0.8 else _ALL)
+        data = bytes(sender.encode(any_message(kind, draw)))
         for message in codec.decode(data, now, datagram=True):
-            said += pilot.receive(message, now)
+            outgoing += pilot.receive(message, now)
         if now >= pilot.deadline:
-            said += pilot.tick(now)
+            outgoing += pilot.tick(now)
             assert pilot.deadline > now
         if draw.random() < 0.01:
-            said += pilot.give(draw.choice(_ORDERS), now)
+            outgoing += pilot.give(draw.choice(_ORDERS), now)
         if draw.random() < 0.001:
-            said += pilot.part(now)
+            outgoing += pilot.part(now)
             # As when the program is started again.
             counts += pilot.counts
             pilot = Pilot(VEHICLE, OURSELVES, settings)
-        for one in said:
+        for one in outgoing:
             assert codec.encode(one)
         state = pilot.state
         assert not abs(state.lat_deg) > 90 and not abs(state.lon_deg) > 180

@@ -14,6 +14,8 @@ from dsse_ros.flight.fleet import Fleet, default_connections
 from dsse_ros.flight.orders import GoTo, Return, TakeOff
 from dsse_ros.flight.vehicle import VehicleSettings
 
+pytestmark = pytest.mark.slow
+
 NUMBER = 20
 TIMEOUT_S = 120.0
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mavlink_messages import SetPositionTarget
+from dsse_ros.flight.mission_messages import Address
 from dsse_ros.flight.paced_setpoint import PacedSetpoint
-from dsse_ros.flight.telegrams import SetPositionTarget
 from dsse_ros.flight.vehicle_state import VehicleState
 
 METRE_DEG = 1 / 111_195.0

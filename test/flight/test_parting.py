@@ -14,6 +14,8 @@ from dsse_ros.flight.fleet import Fleet
 from dsse_ros.flight.orders import FlyMission, GoTo, Land, Order, Return, TakeOff
 from dsse_ros.flight.vehicle import CLOSE_S, Vehicle, VehicleSettings
 
+pytestmark = pytest.mark.slow
+
 DIALECTS = ("ardupilot", "px4")
 FAR = GoTo(-24.02, -46.3, 20.0, 5.0)
 both = pytest.mark.parametrize("dialect", DIALECTS)

@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Uploads over links that lose, double and delay: complete or refused, and never a mixture."""
+"""Uploads over links that lose, double and delay: complete or failed, and never a mixture.
+
+A mission that was stored correctly comes back changed; any other difference is found.
+"""
 
 import dataclasses
+import math
 import random
 
 import pytest
 from lossy_world import OURSELVES, Channel, World
-from mission_vehicle import VEHICLE, VEHICLES, ArduPilot, Px4
+from mission_vehicle import HOME, VEHICLE, VEHICLES, ArduPilot, Px4
 from sample_missions import mission
 
-from dsse_ros.flight.messages import MissionAck, MissionItemInt
-from dsse_ros.flight.readback import difference
+from dsse_ros.flight.mission_messages import MissionAck, MissionItemInt
 from dsse_ros.flight.transfer import Done, Failed, Timeouts
-from dsse_ros.flight.verified_upload import VerifiedUpload
+from dsse_ros.flight.upload import VerifiedUpload, difference
 
 DIALECTS = list(VEHICLES)
 BAD_LINK = Channel(loss=0.3, duplicate=0.2, reorder=0.3)
@@ -72,34 +75,34 @@ def test_no_vehicle_ever_holds_a_mixture_of_a_cancelled_mission_and_the_next(dia
             assert not held or None in [difference(items, held, dialect) for items in missions]
 
 
-class Forgetful(ArduPilot):
+class Corrupting(ArduPilot):
     """Stores a wrong altitude now and then."""
 
-    spoilt = 0
+    corrupted = 0
 
     def stored(self, item):
         kept = super().stored(item)
-        if item.seq == 2 and self.spoilt:
-            self.spoilt -= 1
+        if item.seq == 2 and self.corrupted:
+            self.corrupted -= 1
             return dataclasses.replace(kept, z=20.0)
         return kept
 
 
-@pytest.mark.parametrize(("spoilt", "done"), [(0, True), (3, True), (4, False)])
-def test_a_mission_that_reads_back_wrong_is_uploaded_again_as_often_as_allowed(spoilt, done):
-    vehicle = Forgetful()
-    vehicle.spoilt = spoilt
+@pytest.mark.parametrize(("corrupted", "done"), [(0, True), (3, True), (4, False)])
+def test_a_mission_that_reads_back_wrong_is_uploaded_again_as_often_as_allowed(corrupted, done):
+    vehicle = Corrupting()
+    vehicle.corrupted = corrupted
     exchange = verified(mission(1, 5), "ardupilot", timeouts=Timeouts(upload_retries=3))
     result = World(vehicle, Channel(), seed=0).run(exchange)
     assert isinstance(result, Done) == done
-    assert exchange.counts["mismatch"] == min(spoilt, 3)
+    assert exchange.counts["mismatch"] == min(corrupted, 3)
     if isinstance(result, Failed):
         assert (result.code, result.changed) == ("mismatch", True)
         assert "item 2: z 120.0 was sent, 20.0 read back" in result.reason
 
 
 class Mute(Px4):
-    """Loses every acknowledgement."""
+    """Sends no acknowledgement."""
 
     def ack(self, to, result):
         return []
@@ -110,7 +113,7 @@ def test_a_mission_that_reads_back_right_needs_no_acknowledgement():
     assert isinstance(world.run(verified(mission(1), "px4")), Done)
 
 
-def test_a_vehicle_that_dies_after_the_upload_has_an_unknown_mission():
+def test_without_a_reply_after_the_upload_the_mission_counts_as_changed():
     world = World(ArduPilot(), Channel(), seed=0)
     exchange = verified(mission(1), "ardupilot")
     world.send(exchange.start(0.0))
@@ -145,3 +148,70 @@ def test_cancel_ends_an_upload_whenever_it_comes(dialect):
         assert now - world.now <= Timeouts().stall_s
         steps += 1
     assert steps > 20
+
+
+SENT = mission(1, 5)
+
+
+def stored(dialect, items=SENT):
+    vehicle = VEHICLES[dialect]()
+    return tuple(vehicle.stored(item) for item in items)
+
+
+def changed(index, dialect="ardupilot", **values):
+    read = list(stored(dialect))
+    read[index] = dataclasses.replace(read[index], **values)
+    return read
+
+
+@pytest.mark.parametrize("dialect", VEHICLES)
+def test_a_mission_is_the_same_as_its_vehicle_returns_it(dialect):
+    assert stored(dialect) != SENT
+    assert difference(SENT, stored(dialect), dialect) is None
+
+
+def test_home_is_the_vehicles_own_with_ardupilot_only():
+    assert difference(SENT, (HOME, *SENT[1:]), "ardupilot") is None
+    assert "item 0" in difference(SENT, (HOME, *SENT[1:]), "px4")
+
+
+def test_an_open_yaw_comes_back_as_anything():
+    for yaw in (0.0, 90.0, math.nan):
+        assert difference(SENT, changed(1, param4=yaw), "ardupilot") is None
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"seq": 4},
+        {"command": 19},
+        {"frame": 0},
+        {"frame": 10},
+        {"x": SENT[1].x + 3},
+        {"y": SENT[1].y - 3},
+        {"z": 119.9},
+        {"z": math.nan},
+        {"param1": 7.0},
+        {"param1": math.nan},
+        {"param2": 0.0},
+    ],
+)
+def test_every_field_that_matters_is_compared(values):
+    name = next(iter(values))
+    assert f"item 1: {name} " in difference(SENT, changed(1, **values), "ardupilot")
+
+
+def test_px4_returns_times_and_radii_as_they_were():
+    assert difference(SENT, changed(1, "px4", param1=5.5), "px4") is not None
+    assert difference(SENT, changed(1, "ardupilot", param1=5.5), "ardupilot") is None
+
+
+def test_a_mission_with_another_number_of_items_differs():
+    assert difference(SENT, SENT[:-1], "px4") == "5 items were sent, 4 read back"
+    assert difference(SENT, (), "ardupilot") is not None
+    assert difference((), (), "ardupilot") is None
+
+
+def test_items_of_another_mission_are_found():
+    mixture = (*SENT[:3], *mission(2, 5)[3:])
+    assert "item 3" in difference(SENT, mixture, "ardupilot")

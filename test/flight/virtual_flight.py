@@ -14,11 +14,16 @@ from autopilot.main import make_vehicle
 from autopilot.settings import Settings
 
 from dsse_ros.flight.codec import Codec
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mavlink_messages import (
+    CommandLong,
+    Heartbeat,
+    Incoming,
+    Outgoing,
+    SetPositionTarget,
+)
+from dsse_ros.flight.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import Order
 from dsse_ros.flight.pilot import Outcome, Pilot, PilotSettings
-from dsse_ros.flight.telegrams import CommandLong, Heard, Heartbeat, Said, SetPositionTarget
 from dsse_ros.flight.vehicle_state import VehicleState
 
 VEHICLE, OURSELVES = Address(1, 1), Address(245, 191)
@@ -61,8 +66,8 @@ class VirtualFlight:
         self.pilot = Pilot(VEHICLE, OURSELVES, self._settings)
         self.now = 0.0
         self.loss, self.duplicate, self.delay_s = loss, duplicate, delay_s
-        self.said: list[tuple[float, Said]] = []
-        self.heard: list[Heard] = []
+        self.said: list[tuple[float, Outgoing]] = []
+        self.heard: list[Incoming] = []
         self.seen: list[Outcome] = []
         self._random = random.Random(seed)
         self._codec = Codec(OURSELVES, VEHICLE)
@@ -85,7 +90,7 @@ class VirtualFlight:
         while self._under_way and self._under_way[0][0] <= self.now:
             _, _, to_vehicle, data = heapq.heappop(self._under_way)
             if to_vehicle:
-                self.vehicle.hear(self._channel, data)
+                self.vehicle.receive(self._channel, data)
                 continue
             for message in self._codec.decode(data, self.now, datagram=True):
                 self.heard.append(message)
@@ -162,7 +167,7 @@ class VirtualFlight:
         """Return all set-points."""
         return [message for _, message in self.said if isinstance(message, SetPositionTarget)]
 
-    def _send(self, said: list[Said]) -> None:
+    def _send(self, said: list[Outgoing]) -> None:
         for message in said:
             self.said.append((self.now, message))
             self._put(self._codec.encode(message), to_vehicle=True)

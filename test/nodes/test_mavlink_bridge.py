@@ -19,6 +19,7 @@ from bridge_rig import (
     Bridge,
     autopilots,
     away_m,
+    detour_m,
     fly,
     health_when,
     take_off_orders,
@@ -45,26 +46,28 @@ def test_vehicles_fly_the_cells_of_their_drones_and_the_search_waits_for_them(ri
     start = {"drones_positions": [0, 5, 1, 5], "timestep_limit": 3}
     with autopilots((), ()) as vehicles:
         sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles)
+        bridge = Bridge(rig, vehicles, search_hold=20.0)
         fixes = rig.listen(NavSatFix, "drone1/vehicle_fix", BEST_EFFORT)
-        aloft = []
+        visits, first = [], 0
         for actions in ((UP, RIGHT), (SEARCH, RIGHT), (RIGHT, UP)):
-            before = list(sim.cells)
-            lows = [len(poses) for poses in bridge.poses]
+            cells, begun = list(sim.cells), [len(poses) for poses in bridge.poses]
             fly(sim, *actions)
-            for poses, cell, low in zip(bridge.poses, before, lows, strict=True):
-                assert min(away_m(pose, cell) for pose in poses[max(low - 1, 0) :]) <= 10.0
-            aloft.append(len(bridge.poses[0]))
-        # The search was a descent to where it belongs.
-        lowest = min(pose.pose.position.z for pose in bridge.poses[0][aloft[0] :])
-        assert 25.0 <= lowest <= 35.0
+            visits.append((cells, begun))
+            first = first or len(bridge.poses[0])
+        down = len(bridge.poses[0])
         assert fixes and abs(fixes.last.latitude + 24.04) < 0.01
         fly(sim, SEARCH, SEARCH)
         assert not sim.flying
         for i in range(2):
             state = bridge.until(i, flying="false", armed="false", arrived="true")
             assert state["lost"] == "" and state["mode"] == "RTL"
-        assert bridge.poses[0].last.pose.position.z < 1.0
+        rig.until(lambda: bridge.poses[0].last.pose.position.z < 1.0, "its pose on the ground")
+        for cells, begun in visits:
+            for poses, cell, since in zip(bridge.poses, cells, begun, strict=True):
+                assert detour_m(poses[max(since - 1, 0) :], cell) <= 10.0
+        # The search was a descent to where it belongs.
+        lowest = min(pose.pose.position.z for pose in bridge.poses[0][first:down])
+        assert 25.0 <= lowest <= 35.0
 
 
 @pytest.mark.parametrize(

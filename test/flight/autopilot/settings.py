@@ -18,15 +18,16 @@ class Settings:
 
     Attributes:
         system: System id.
-        dialect: Whose manners it has.
+        dialect: Whose behaviour it has.
         home: Where it stands.
-        seed: Of all that is random.
-        key: 32 bytes to sign with, None to leave it.
+        seed: Random seed.
+        key: 32 bytes to sign with, None not to sign.
         ready_s: Time from the start until it can be armed.
-        deaf_s: Requests for messages in this time from the start are acknowledged and lost.
-        gps: Whether it ever knows where it is.
+        requests_lost_s: Time from the start in which requests for messages are acknowledged and
+            lost.
+        gps: Whether it ever has a position.
         endurance_s: Time in the air that its battery lasts.
-        faults: What goes wrong.
+        faults: Failures.
         parameters: Values of its parameters, by name, instead of the usual ones.
     """
 
@@ -36,7 +37,7 @@ class Settings:
     seed: int = 0
     key: bytes | None = None
     ready_s: float = 42.0
-    deaf_s: float = 1.0
+    requests_lost_s: float = 1.0
     gps: bool = True
     endurance_s: float = 1500.0
     faults: tuple[Fault, ...] = ()
