@@ -395,16 +395,16 @@ def test_every_profile_has_its_row_and_its_column() -> None:
         assert [name.strip("`") for name in row][1:] == list(PROFILES)
 
 
-def test_the_golden_traces_are_as_many_as_told() -> None:
-    told = table(RULES, "How they are held to the packages", "What")
+def test_the_golden_traces_are_as_many_as_stated() -> None:
+    stated = table(RULES, "How they are held to the packages", "What")
     for version in ("v1", "v2"):
         data = ROOT / "test" / "oracles" / "data"
         with np.load(data / f"{version}_maps.npz") as stored:
             cases = len(json.loads(str(stored["meta"]))["cases"])
         episodes = len(json.loads((data / f"{version}_episodes.json").read_text())["episodes"])
         column = f"`{version}`"
-        assert told["Maps over 60 steps"][column].startswith(f"{cases} cases")
-        assert told["Scripted episodes"][column].startswith(f"{episodes}:")
+        assert stated["Maps over 60 steps"][column].startswith(f"{cases} cases")
+        assert stated["Scripted episodes"][column].startswith(f"{episodes}:")
 
 
 def test_every_dependency_is_explained() -> None:
