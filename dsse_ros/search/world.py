@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.area import runs_of
+from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
 from dsse_ros.search.seeds import words_of_seeds
@@ -36,14 +37,12 @@ _OF_SCENARIO = (
     "grid_size", "timestep_limit", "pre_search_steps", "probability_of_detection", "sigma_x",
     "sigma_y", "dispersion_inc", "cell_size", "step_duration_s",
 )  # fmt: skip
-_OF_RULES = (
-    "move", "leave_grid", "collisions", "collision", "search_min_probability",
-    "search_min_inclusive", "search_below", "search_scale", "find", "find_bonus",
-    "one_find_per_search", "found_persons_stay", "time_out", "time_out_grace", "time_out_acts",
-    "time_out_total", "both_flags", "ends_together", "drift_axes_independent", "drift_by_speed",
-    "reset_sea_steps", "circle", "circle_on_previous_datum", "person_first", "person_walks_blind",
-    "person_scatter",
-)  # fmt: skip
+_OF_RULES = tuple(
+    name
+    for name in kernels.CONSTANTS.names or ()
+    if name in specs(Rules) and name not in _OF_SCENARIO
+)
+"""Fields of the rules that the kernels read as they are, by the same name."""
 
 
 def constants_of(
@@ -77,6 +76,14 @@ def constants_of(
     for name, value in values.items():
         constants[name] = value
     return constants
+
+
+def area_of(scenario: ResolvedScenario) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Return `area` and `runs` as the kernels read them, empty where the whole grid is searched."""
+    mask = scenario.area_mask
+    # A read-only array would have them compiled anew.
+    area = np.zeros((0, 0), np.bool_) if mask is None else mask.copy()
+    return area, runs_of(area)
 
 
 class World:
@@ -134,9 +141,7 @@ class World:
         tables = num_worlds if resolved.dispersion_inc else 1
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
-        mask = resolved.area_mask
-        self.area = np.zeros((0, 0), np.bool_) if mask is None else mask.copy()
-        self.runs = runs_of(self.area)
+        self.area, self.runs = area_of(resolved)
         self._reuse_maps = reuse_maps
         self._threads = threads
         self._bind()
