@@ -80,8 +80,9 @@ class BeamSearch:
         names = (*STRAIGHT, *(DIAGONAL if actions.diagonal else ()))
         steps = [(0, 0), *(ACTION_VECTORS[name] for name in names)]
         self._moves = np.array([dy * self._side + dx for dx, dy in steps])
-        margin = np.pad(forecast.area, MARGIN).ravel()
-        self._masked = ~margin if forecast.area.size else np.zeros(self._side**2, np.bool_)
+        self._masked = np.zeros(self._side**2, np.bool_)
+        if forecast.area is not None:
+            self._masked = ~np.pad(forecast.area, MARGIN).ravel()
         self._powers = options.closeness ** np.arange(2.0 * self._side)
         self._plans: dict[Hashable, _Plan] = {}
 

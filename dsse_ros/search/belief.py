@@ -154,7 +154,7 @@ class Belief:
             (x, y)
             for y in range(max(y0 - reach, 0), min(y0 + reach, g - 1) + 1)
             for x in range(max(x0 - reach, 0), min(x0 + reach, g - 1) + 1)
-            if (x, y) != (x0, y0) and (not area.size or area[y, x])
+            if (x, y) != (x0, y0) and (area is None or area[y, x])
         ] or [(x0, y0)]
         persons = scenario.person_amount
         for person, of_class in enumerate(self._class_of.tolist()):

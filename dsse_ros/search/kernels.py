@@ -9,7 +9,8 @@ The state of the worlds is in three structured arrays, `worlds` (B,), `drones` (
 grows to the east, y is the row and grows to the south.
 
 Where only a part of the grid is searched, `area` (G, G) bool is true in its cells, and `runs`
-(R, 3) int64 has them as (row, first column, last column). Both are empty where all of it is.
+(R, 3) int64 has them as (row, first column, last column). Both are None where all of it is: then
+what they would cost is compiled away.
 
 The module is longer than others: Numba's cache is renewed when the file of a function changes, not
 when that of a function it calls does, so that all that is compiled into the step is in one file.
@@ -223,21 +224,27 @@ def is_inside(g, x, y):
 @part
 def is_masked(area, g, x, y):
     """Return whether a cell is on the grid and not in the area."""
-    return len(area) > 0 and is_inside(g, x, y) and not area[y, x]
+    if area is None:
+        return False
+    return is_inside(g, x, y) and not area[y, x]
 
 
 @part
 def is_open(area, g, x, y):
     """Return whether a cell is on the grid and in the area."""
-    return is_inside(g, x, y) and (len(area) == 0 or area[y, x])
+    if area is None:
+        return is_inside(g, x, y)
+    return is_inside(g, x, y) and area[y, x]
 
 
 @part
 def step_within(area, g, x, y, dx, dy):
-    """Return the cell that a step leads to: an axis that would leave the area stays, x tried first.
+    """Return the cell that a step leads to; an axis that would leave stays alone.
 
-    On a grid without an area each axis stays by itself.
+    Where either of both would lead to a cell of the area and both together would not, x moves.
     """
+    if area is None:
+        return x + dx if 0 <= x + dx < g else x, y + dy if 0 <= y + dy < g else y
     if is_open(area, g, x + dx, y + dy):
         return x + dx, y + dy
     if is_open(area, g, x + dx, y):
@@ -251,9 +258,7 @@ def step_within(area, g, x, y, dx, dy):
 def cell_probability(c, w, gauss, area, x, y):
     """Return the probability of the cell (x, y), 0 outside the grid and the area."""
     g = c.grid_size
-    if x < 0 or y < 0 or x >= g or y >= g:
-        return 0.0
-    if len(area) > 0 and not area[y, x]:
+    if x < 0 or y < 0 or x >= g or y >= g or is_masked(area, g, x, y):
         return 0.0
     adx, ady = abs(x - w.circle_x), abs(y - w.circle_y)
     if w.scale == 0.0:
@@ -344,7 +349,7 @@ def normalise(c, w, gauss, tails, runs, circle):
     g = c.grid_size
     if c.circle:
         update_circle(w, circle)
-    if len(runs) > 0:
+    if runs is not None:
         total = area_sum(c, w, gauss, tails, runs, circle, g)
     elif c.circle:
         total = circle_sum(w, gauss, tails, circle, g)
@@ -392,16 +397,22 @@ def write_map(c, w, gauss, area, circle, span, stream, out):
                 span[x + half_width] = 0.0
             half_width -= 1
         row, k = out[j], w.scale * rows[j]
-        if len(area) > 0:
-            of_area = area[j]
-            for i in range(g):
-                row[i] = k * span[i] if of_area[i] else 0.0
-        elif stream:
+        if stream:
             for i in range(0, g, LANES):
                 stream_product(row, i, k, span)
         else:
             for i in range(g):
                 row[i] = k * span[i]
+    if area is not None:
+        cut_map(area, out)
+
+
+@part
+def cut_map(area, out):
+    """Set the cells of a map outside the area to 0."""
+    for j in range(len(area)):
+        for i in range(len(area)):
+            out[j, i] = out[j, i] if area[j, i] else 0.0
 
 
 @part
@@ -865,8 +876,8 @@ def step_worlds(
         persons: (B, P) of `PERSONS`.
         gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
         tails: (1 or B, 2, G + 2) float64, their tail sums.
-        area: (G, G) bool, the cells that are searched; (0, 0) for all.
-        runs: (R, 3) int64, the same by row, first and last column; (0, 3) for all.
+        area: (G, G) bool, the cells that are searched; None for all.
+        runs: (R, 3) int64, the same by row, first and last column; None for all.
         occupied: (G * G + 1,) uint16 scratch, see `occupy`.
         circle: (G + 1,) int64 scratch, see `update_circle`.
         cells: (K,) int64 scratch, the cells that persons are scattered over.
@@ -958,7 +969,7 @@ def report_worlds(
             cells[n, 0], cells[n, 1] = x, y
             reward[n] = d.reward
             ended[n], stopped[n] = d.terminated, d.truncated
-            if len(area) > 0 and is_inside(c.grid_size, x, y):
+            if area is not None and is_inside(c.grid_size, x, y):
                 for a in range(num_actions):
                     masks[n, a] = is_open(area, c.grid_size, x + c.dx[a], y + c.dy[a])
             elif (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):

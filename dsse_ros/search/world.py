@@ -78,12 +78,13 @@ def constants_of(
     return constants
 
 
-def area_of(scenario: ResolvedScenario) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Return `area` and `runs` as the kernels read them, empty where the whole grid is searched."""
+def area_of(
+    scenario: ResolvedScenario,
+) -> tuple[NDArray[np.bool_] | None, NDArray[np.int64] | None]:
+    """Return `area` and `runs` as the kernels read them, None where the whole grid is searched."""
     mask = scenario.area_mask
     # A read-only array would have them compiled anew.
-    area = np.zeros((0, 0), np.bool_) if mask is None else mask.copy()
-    return area, runs_of(area)
+    return (None, None) if mask is None else (mask.copy(), runs_of(mask))
 
 
 class World:
