@@ -9,19 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.fence import Fence, check_mission, check_place
-from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
-from dsse_ros.flight.pilot import Outcome
-from dsse_ros.flight.track_files import acceptance_radius_m
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
+from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mavlink_items import mission_fields
-from msg_adapters.mission_files import Firmware, Mission
-from msg_adapters.mission_items import NAV_WAYPOINT
+from msg_adapters.mission_items import NAV_WAYPOINT, Mission
 from msg_adapters.result import Accepted, Rejected, Result
+from msg_adapters.track_missions import FlightSettings, Leg, acceptance_radius_m
 
 TRIES = 3
 """How often an order is given that fails."""
@@ -47,26 +46,7 @@ class FlightRecord:
     taken_over: bool = False
 
 
-@dataclass(frozen=True)
-class Leg:
-    """What a step asks of one drone's vehicle.
-
-    Attributes:
-        stamp_ns: Stamp of the step's report.
-        cell: (col, row) where the drone is now.
-        searched: Whether it has searched there in this step.
-        over: Whether its search is over.
-        crashed: Whether that is because another drone is in its cell: no vehicle follows it there.
-    """
-
-    stamp_ns: int
-    cell: tuple[int, int]
-    searched: bool = False
-    over: bool = False
-    crashed: bool = False
-
-
-def leg_task(leg: Leg, frame: GridFrame, settings: BridgeSettings, fence: Fence) -> Result[Task]:
+def leg_task(leg: Leg, frame: GridFrame, settings: FlightSettings, fence: Fence) -> Result[Task]:
     """Return what a vehicle has to do for a leg, or why it may not.
 
     Args:
@@ -89,14 +69,14 @@ def leg_task(leg: Leg, frame: GridFrame, settings: BridgeSettings, fence: Fence)
     return Accepted(GoTo(lat_deg, lon_deg, frame.alt_m, radius_m))
 
 
-def mission_task(mission: Mission, fence: Fence, firmware: Firmware) -> Result[Task]:
+def mission_task(mission: Mission, fence: Fence, autopilot: Autopilot) -> Result[Task]:
     """Return the order to fly a mission, or why it may not be flown."""
-    checked = check_mission(mission.numbered(firmware), fence, firmware)
+    checked = check_mission(mission.numbered(autopilot.name), fence, autopilot.name)
     if isinstance(checked, Rejected):
         return checked
     items = checked.value
-    if firmware == "ardupilot":
-        # ArduCopter has one radius for all and keeps none of an item: 0 is what it reads back.
+    if not autopilot.keeps_item_radius:
+        # It has one radius for all waypoints, and returns 0 for that of an item.
         items = tuple(
             replace(item, param2=0.0) if item.command == NAV_WAYPOINT else item for item in items
         )

@@ -11,41 +11,41 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from rclpy.clock import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from dsse_ros.flight.defects import Defects, describe
+from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.fence import Fence
-from dsse_ros.flight.fleet import Fleet, default_connections
-from dsse_ros.flight.flight_records import FlightRecords, default_directory
-from dsse_ros.flight.flight_settings import BridgeSettings
-from dsse_ros.flight.followed_search import FollowedSearch, News
-from dsse_ros.flight.orders import Hold, Order
-from dsse_ros.flight.track_files import layers, search_mission, write_missions
-from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
+from dsse_ros.flight.orders import Hold
+from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
+from dsse_ros.flight.vehicle_controller import Defects, Order, describe
 from dsse_ros.flight.vehicle_follower import (
     FlightRecord,
-    Leg,
     VehicleFollower,
     leg_task,
     mission_task,
     takes_off_yet,
 )
+from dsse_ros.mission.followed_search import FollowedSearch, News
+from dsse_ros.mission.track_files import write_missions
 from dsse_ros.nodes.bridge_publishers import BridgePublishers, shown_order
+from dsse_ros.nodes.flight_records import FlightRecords, default_directory
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
+from dsse_ros.nodes.settings import BridgeSettings
 from dsse_ros.search import FieldError
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.frames import GridFrame
-from msg_adapters.mission_files import Firmware, Home
+from msg_adapters.mission_items import Home
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
+from msg_adapters.track_missions import Leg, layers, search_mission
 
 TURN_S = 0.1
 """Wall time between looks at the vehicles."""
@@ -206,7 +206,7 @@ class BridgeNode(AlarmNode):
             for i, name in enumerate(info.agents)
         }
         try:
-            written = write_missions(directory, missions, self.settings.dialect)
+            written = write_missions(directory, missions, self.settings.autopilot)
         except OSError as error:
             self._fail(f"export_directory: {str(directory)!r}: {error.strerror}")
             return
@@ -320,8 +320,8 @@ class BridgeNode(AlarmNode):
             return
         frame, settings = self._frames[drone], self.settings
         mission = search_mission(frame, *self._search.track(drone), settings, Home(*home))
-        firmware = cast(Firmware, settings.dialect)
-        follower.follow(leg, mission_task(mission, self._fence(frame), firmware))
+        autopilot = AUTOPILOTS[settings.autopilot]
+        follower.follow(leg, mission_task(mission, self._fence(frame), autopilot))
         self._report_refusal(follower)
 
     def _report_refusal(self, follower: VehicleFollower) -> None:
@@ -388,7 +388,9 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
     """
     if settings.mode == "export":
         return None
-    connections = settings.connections or default_connections(settings.vehicles, settings.dialect)
+    connections = settings.connections or AUTOPILOTS[settings.autopilot].connections(
+        settings.vehicles
+    )
     system_ids = settings.system_ids or range(1, settings.vehicles + 1)
     try:
         return Fleet(
@@ -397,10 +399,10 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
                     connection=connection,
                     system_id=system_id,
                     own_system_id=settings.own_system_id,
-                    dialect=settings.dialect,  # type: ignore[arg-type]
+                    autopilot=settings.autopilot,
                     arm=settings.arm,
                     speed_mps=settings.speed,
-                    set_point_hz=settings.set_point_rate,
+                    setpoint_hz=settings.setpoint_rate,
                     link_timeout_s=settings.link_timeout,
                     signing_key_file=settings.signing_key_file,
                 )

@@ -20,7 +20,6 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from std_msgs.msg import Int8, Int32MultiArray, String
 
-from dsse_ros.flight.track_files import acceptance_radius_m
 from dsse_ros.mission import status
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.command_intake import CommandIntake
@@ -44,6 +43,7 @@ from dsse_ros.nodes.sim_parameters import (
 )
 from msg_adapters.result import Rejected
 from msg_adapters.stamps import to_nanoseconds, to_stamp
+from msg_adapters.track_missions import acceptance_radius_m
 from msg_adapters.vehicles import place_from_pose, progress_from_message
 
 HISTORY_PERIOD_S = 0.5

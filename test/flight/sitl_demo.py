@@ -35,16 +35,16 @@ from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of  # noqa: E402
 from dsse_ros.cli.run_mission import MissionFailed, check_running, process  # noqa: E402
-from dsse_ros.flight.flight_settings import FlightSettings  # noqa: E402
 from dsse_ros.nodes.exit_codes import fail  # noqa: E402
 from dsse_ros.nodes.qos import COMPLETE, LATCHED  # noqa: E402
 from dsse_ros.nodes.runtime import new_executor  # noqa: E402
 from dsse_ros.search import FieldError  # noqa: E402
 from dsse_ros.search.fields import specs  # noqa: E402
-from msg_adapters.frames import GridFrame, cell_to_map  # noqa: E402
+from msg_adapters.frames import GridFrame, cell_to_map, scenario_frame  # noqa: E402
 from msg_adapters.geodesy import map_to_geodetic  # noqa: E402
 from msg_adapters.images import image_to_probability  # noqa: E402
 from msg_adapters.step_report import step_report_from_message  # noqa: E402
+from msg_adapters.track_missions import FlightSettings  # noqa: E402
 
 RADIUS_M = 10.0
 HOMES_APART_M = 20.0
@@ -173,16 +173,13 @@ def picture(witness: Witness, frame: GridFrame, path: Path, title: str) -> None:
 def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) -> int:
     """Fly; returns the exit code."""
     drones = scenario.num_drones
-    frame = GridFrame(
-        scenario.grid_size, scenario.cell_size, scenario.origin_lat, scenario.origin_lon,
-        scenario.origin_alt, scenario.altitude,
-    )  # fmt: skip
+    frame = scenario_frame(scenario)
     out: Path = arguments.out
     with contextlib.ExitStack() as stack:
         autopilots = [
             stack.enter_context(
                 running_autopilot(
-                    arguments.dialect,
+                    arguments.autopilot,
                     link="udp",
                     system=i + 1,
                     home=map_to_geodetic(frame, HOMES_APART_M * (i + 1), 10.0, 0.0),
@@ -204,11 +201,11 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
             },
             "mavlink_bridge": {
                 "connections": [autopilot.connection for autopilot in autopilots],
-                "dialect": arguments.dialect, "arm": True, "speed": float(scenario.drone_speed),
+                "autopilot": arguments.autopilot, "arm": True, "speed": float(scenario.drone_speed),
                 "acceptance_radius": RADIUS_M, "pose_rate": min(50.0, 200.0 / drones),
                 "state_directory": str(out / "state"),
                 # Wall time, in which vehicle time goes faster.
-                "planner_timeout": 60.0, "set_point_rate": min(5.0 * arguments.speedup, 200.0),
+                "planner_timeout": 60.0, "setpoint_rate": min(5.0 * arguments.speedup, 200.0),
             },
             "planner_node": {"planner": arguments.planner, "seed": arguments.seed},
         }  # fmt: skip
@@ -259,9 +256,9 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
 def parse(argv: list[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
     parser = Parser(prog="sitl_demo", description="Fly a search with simulated autopilots.")
-    dialects = specs(FlightSettings)["dialect"].choices
+    autopilots = specs(FlightSettings)["autopilot"].choices
     parser.add_search("sitl")
-    parser.add("--dialect", default="ardupilot", choices=dialects, help="whose autopilots")
+    parser.add("--autopilot", default="ardupilot", choices=autopilots, help="which autopilots")
     parser.add("--speedup", type=float, default=20.0, help="of vehicle time")
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
     return parser.parse_args(argv)

@@ -10,9 +10,9 @@ from autopilot.faults import Fault
 from virtual_flight import VirtualFlight, mission
 
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Return, Search, TakeOff
-from dsse_ros.flight.pilot import Status
+from dsse_ros.flight.vehicle_controller import Status
 
-DIALECTS = ("ardupilot", "px4")
+AUTOPILOTS = ("ardupilot", "px4")
 
 
 def test_lost_is_for_who_follows_the_vehicle_to_say() -> None:
@@ -52,10 +52,10 @@ def test_an_order_goes_on_where_it_was(during: str) -> None:
         assert flight.off_m(50.0, 0.0) < 5.0
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_silence_in_between_does_not_count_as_no_progress(dialect: str) -> None:
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_silence_in_between_does_not_count_as_no_progress(autopilot: str) -> None:
     silence = Fault("link", 12.0, since_airborne=True, duration_s=20.0)
-    flight = VirtualFlight(dialect, arm=True, stall_s=10.0, vehicle={"faults": (silence,)})
+    flight = VirtualFlight(autopilot, arm=True, stall_s=10.0, vehicle={"faults": (silence,)})
     assert flight.fly(TakeOff(15.0)).status == "done"
     order = GoTo(*flight.place(900.0, 0.0), 15.0, 3.0)
     flight.give(order)

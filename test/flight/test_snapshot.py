@@ -111,7 +111,7 @@ def signed_heartbeat(vehicle: Vehicle, key: bytes | None) -> None:
     """Have the vehicle's codec hear a heartbeat."""
     data = bytes(Speaker(1, key).encode(mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3)))
     for message in vehicle._codec.decode(data, 0.0, datagram=True):
-        vehicle._pilot.receive(message, 0.0)
+        vehicle._controller.receive(message, 0.0)
     vehicle._snapshot = vehicle._look()
 
 

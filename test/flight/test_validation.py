@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.messages import Address
-from dsse_ros.flight.pilot import Pilot, PilotSettings
+from dsse_ros.flight.vehicle_controller import VehicleController
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 ONLY_POSITION, NO_POSITION = 0x0DF8, 0x0DFF
@@ -62,7 +63,7 @@ def test_a_place_that_cannot_be_is_counted_and_changes_nothing(
     name: str, field: str, value: float
 ) -> None:
     codec = Codec(OURSELVES, VEHICLE)
-    pilot = Pilot(VEHICLE, OURSELVES, PilotSettings())
+    pilot = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
     for good in GOOD:
         for message in codec.decode(frame(good), 1.0, datagram=True):
             pilot.receive(message, 1.0)

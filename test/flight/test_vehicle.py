@@ -41,14 +41,14 @@ def fly(vehicle: Vehicle, order: Order) -> str:
 
 
 @contextmanager
-def vehicle_of(autopilot: Running, dialect: Any = "ardupilot", **options: Any) -> Iterator[Vehicle]:
-    fields = {"connection": autopilot.connection, "arm": True, "set_point_hz": 40.0, **options}
-    with Vehicle(VehicleSettings(dialect=dialect, **fields)) as vehicle:
+def vehicle_of(autopilot: Running, name: Any = "ardupilot", **options: Any) -> Iterator[Vehicle]:
+    fields = {"connection": autopilot.connection, "arm": True, "setpoint_hz": 40.0, **options}
+    with Vehicle(VehicleSettings(autopilot=name, **fields)) as vehicle:
         yield vehicle
     assert vehicle.counts["errors"] == 0
 
 
-def a_mission(dialect: str) -> tuple[WireItem, ...]:
+def a_mission(name: str) -> tuple[WireItem, ...]:
     x, y = round(NEAR[0] * 1e7), round(NEAR[1] * 1e7)
     home = WireItem(0, 0, 16, 1, x=round(HOME[0] * 1e7), y=round(HOME[1] * 1e7))
     rest = [
@@ -57,28 +57,28 @@ def a_mission(dialect: str) -> tuple[WireItem, ...]:
         (6, 16, x + 1000, y, 15.0),
         (2, 20, 0, 0, 0.0),
     ]
-    first = [home] if dialect == "ardupilot" else []
+    first = [home] if name == "ardupilot" else []
     items = enumerate(rest, len(first))
     return (*first, *(WireItem(k, f, c, x=x, y=y, z=z) for k, (f, c, x, y, z) in items))
 
 
 @pytest.mark.parametrize(
-    ("dialect", "link"),
+    ("name", "link"),
     [("ardupilot", "udp"), ("ardupilot", "udpin"), ("ardupilot", "tcp"), ("px4", "udp"),
      ("px4", "tcp")],
 )  # fmt: skip
-def test_it_flies_all_orders_over_a_real_link(dialect: Any, link: Any) -> None:
+def test_it_flies_all_orders_over_a_real_link(name: Any, link: Any) -> None:
     orders: list[Order] = [
         TakeOff(10.0),
         GoTo(*NEAR, 15.0, 4.0),
         Search(*HOME, 15.0, 5.0, 3.0, 4.0),
         Hold(),
         Return() if link == "udp" else Land(),
-        FlyMission(a_mission(dialect)),
+        FlyMission(a_mission(name)),
     ]
     with (
-        running_autopilot(dialect, link=link, speedup=10, ready_s=5.0) as autopilot,
-        vehicle_of(autopilot, dialect) as vehicle,
+        running_autopilot(name, link=link, speedup=10, ready_s=5.0) as autopilot,
+        vehicle_of(autopilot, name) as vehicle,
     ):
         assert [fly(vehicle, order) for order in orders] == ["done"] * len(orders)
         state = vehicle.state
@@ -87,7 +87,7 @@ def test_it_flies_all_orders_over_a_real_link(dialect: Any, link: Any) -> None:
         assert vehicle.trouble == ""
         # PX4 has no words for those who are no ground station.
         texts = [text.text for text in vehicle.take_texts()]
-        assert any("rm" in text for text in texts) == (dialect == "ardupilot")
+        assert any("rm" in text for text in texts) == (name == "ardupilot")
         assert vehicle.take_texts() == []
 
 

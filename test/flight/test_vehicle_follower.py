@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.flight.autopilots import ARDUPILOT, PX4
 from dsse_ros.flight.fence import Fence
-from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
-from dsse_ros.flight.pilot import Outcome
-from dsse_ros.flight.track_files import search_mission
+from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_follower import (
     CRITICAL_S,
     RETRY_S,
@@ -27,10 +26,12 @@ from dsse_ros.flight.vehicle_follower import (
     mission_task,
 )
 from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.nodes.settings import BridgeSettings
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mission_files import Home
 from msg_adapters.result import Accepted, Rejected
+from msg_adapters.track_missions import search_mission
 
 FRAME = GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0)
 SETTINGS = BridgeSettings()
@@ -255,7 +256,7 @@ def test_who_is_lost_before_take_off_is_told_to_stay_even_before_it_is_heard_aga
 
 def fly_mission(led: VehicleFollower) -> None:
     mission = search_mission(FRAME, [(0, 9), (1, 9)], [0, 0], SETTINGS, Home(-23.999, -45.999, 0.0))
-    led.follow(Leg(13, (1, 9), over=True), mission_task(mission, FENCE, "px4"))
+    led.follow(Leg(13, (1, 9), over=True), mission_task(mission, FENCE, PX4))
 
 
 def test_a_mission_that_waits_for_its_take_off_is_not_flown_by_who_was_lost() -> None:
@@ -359,7 +360,7 @@ def test_nothing_takes_off_for_a_search_that_is_gone() -> None:
     assert led.advance(ON_GROUND, Outcome(), 0.0, search_alive=False) is None
     order = led.advance(ON_GROUND, Outcome(), 0.1)
     assert order == TakeOff(120.0)
-    outcome = Outcome(order, 1, "under_way", "waits until it is ready")
+    outcome = Outcome(order, 1, "under_way", "waiting until it is ready")
     assert led.advance(ON_GROUND, outcome, 0.2, search_alive=False) == Hold()
 
 
@@ -541,7 +542,7 @@ def test_somebody_who_may_arm_later_has_all_the_time_in_the_world() -> None:
     follow(led, 0, 0, 0)
     vehicle.turn()
     vehicle.now_s += 1000.0
-    vehicle.turn(reason="waits for somebody to arm it")
+    vehicle.turn(reason="waiting for somebody to arm it")
     assert not led.lost and not led.blocked
 
 
@@ -601,7 +602,7 @@ def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> Non
 def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     home = Home(-23.999, -45.999, 0.0)
     mission = search_mission(FRAME, [(0, 9), (1, 9), (1, 9)], [0, 0, 1], SETTINGS, home)
-    task = mission_task(mission, FENCE, "ardupilot")
+    task = mission_task(mission, FENCE, ARDUPILOT)
     assert isinstance(task, Accepted)
     led = follower(whole=True)
     vehicle = Vehicle(led)
@@ -612,7 +613,7 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     assert vehicle.turn() is None
     vehicle.obey()
     assert led.arrived_stamp_ns == 26 and vehicle.turn() is None
-    far = mission_task(replace(mission, home=Home(0.0, 0.0, 0.0)), FENCE, "ardupilot")
+    far = mission_task(replace(mission, home=Home(0.0, 0.0, 0.0)), FENCE, ARDUPILOT)
     assert isinstance(far, Rejected)
 
 
@@ -652,8 +653,8 @@ def test_an_order_that_would_fail_again_is_given_once() -> None:
     vehicle = Vehicle(led)
     follow(led, 0, 3, 4)
     assert vehicle.turn() == TakeOff(120.0)
-    vehicle.turn(status="failed", reason="takes off: UNSUPPORTED", final=True)
-    assert led.lost == "failed: takes off: UNSUPPORTED"
+    vehicle.turn(status="failed", reason="taking off: UNSUPPORTED", final=True)
+    assert led.lost == "failed: taking off: UNSUPPORTED"
     assert vehicle.orders == [TakeOff(120.0)]
 
 

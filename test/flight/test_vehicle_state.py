@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import Any, get_args
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.modes import mode_name, mode_parameters
+from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.telegrams import (
     BatteryStatus,
     EkfStatus,
@@ -37,10 +37,10 @@ PLAIN = [kind for kind in get_args(Heard) if not hasattr(kind, "target")]
 NUMBERS = st.integers(-(2**31), 2**32 - 1)
 
 
-def after(*messages: Heard, dialect: Any = "ardupilot") -> VehicleState:
+def after(*messages: Heard, autopilot: str = "ardupilot") -> VehicleState:
     state = VehicleState()
     for message in messages:
-        state = observe(state, message, 7.0, dialect)
+        state = observe(state, message, 7.0, AUTOPILOTS[autopilot])
     return state
 
 
@@ -143,18 +143,18 @@ def unwell(sensor: int) -> SysStatus:
     ],
 )
 def test_a_failsafe_of_px4_is_named_by_what_is_not_well(message: Heard, failsafe: str) -> None:
-    assert after(message, CRITICAL, dialect="px4").failsafe == failsafe
-    assert after(CRITICAL, message, dialect="px4").failsafe == failsafe
+    assert after(message, CRITICAL, autopilot="px4").failsafe == failsafe
+    assert after(CRITICAL, message, autopilot="px4").failsafe == failsafe
     # What is not well is no failsafe by itself.
-    assert after(ACTIVE, message, dialect="px4").failsafe == ""
-    assert after(CRITICAL, message, ACTIVE, dialect="px4").failsafe == ""
+    assert after(ACTIVE, message, autopilot="px4").failsafe == ""
+    assert after(CRITICAL, message, ACTIVE, autopilot="px4").failsafe == ""
 
 
 def test_px4_is_ready_when_its_checks_are_passed_and_its_place_is_known() -> None:
     checks = SysStatus(READY, 90)
-    assert after(HERE, checks, dialect="px4").ready
-    assert not after(checks, dialect="px4").ready
-    assert not after(HERE, SysStatus(0, 90), dialect="px4").ready
+    assert after(HERE, checks, autopilot="px4").ready
+    assert not after(checks, autopilot="px4").ready
+    assert not after(HERE, SysStatus(0, 90), autopilot="px4").ready
 
 
 def test_a_failsafe_that_is_cleared_is_none() -> None:
@@ -186,24 +186,24 @@ def test_without_a_link_it_is_neither_connected_nor_ready_but_last_seen_somewher
 
 
 @given(st.data(), st.sampled_from(["ardupilot", "px4"]))
-def test_nothing_a_vehicle_says_makes_it_raise(data: st.DataObject, dialect: Any) -> None:
+def test_nothing_a_vehicle_says_makes_it_raise(data: st.DataObject, autopilot: str) -> None:
     state = VehicleState()
     for kind in data.draw(st.lists(st.sampled_from(PLAIN), max_size=20)):
         values = {
             field.name: data.draw(st.text(max_size=50) if field.type == "str" else NUMBERS)
             for field in fields(kind)
         }
-        state = observe(state, kind(**values), 1.0, dialect)
+        state = observe(state, kind(**values), 1.0, AUTOPILOTS[autopilot])
     assert isinstance(state.mode, str)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["ardupilot", "px4"]))
-def test_every_mode_has_a_name(custom_mode: int, dialect: Any) -> None:
-    assert mode_name(custom_mode, dialect)
+def test_every_mode_has_a_name(custom_mode: int, autopilot: str) -> None:
+    assert AUTOPILOTS[autopilot].mode_name(custom_mode)
 
 
 @pytest.mark.parametrize(
-    ("name", "dialect", "custom_mode"),
+    ("name", "autopilot", "custom_mode"),
     [
         ("GUIDED", "ardupilot", 4),
         ("RTL", "ardupilot", 6),
@@ -211,8 +211,10 @@ def test_every_mode_has_a_name(custom_mode: int, dialect: Any) -> None:
         ("HOLD", "px4", 4 << 16 | 3 << 24),
     ],
 )
-def test_a_mode_is_asked_for_by_its_name(name: str, dialect: Any, custom_mode: int) -> None:
-    enabled, main, sub = mode_parameters(name, dialect)
+def test_a_mode_is_asked_for_by_its_name(name: str, autopilot: str, custom_mode: int) -> None:
+    one = AUTOPILOTS[autopilot]
+    enabled, *fields = map(int, one.mode_parameters(name))
     assert enabled == 1
-    assert mode_name(custom_mode, dialect) == name
-    assert (main if dialect == "ardupilot" else main << 16 | sub << 24) == custom_mode
+    assert one.mode_name(custom_mode) == name
+    shifted = zip(fields, one.mode_shifts, strict=True)
+    assert sum(field << shift for field, shift in shifted) == custom_mode

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pilot and a simulated vehicle on a bad link, without sockets, in a time of their own."""
+"""A controller and a simulated vehicle on a bad link, without sockets, in a time of their own."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from autopilot.main import make_vehicle
 from autopilot.settings import Settings
 
 from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.items import WireItem
 from dsse_ros.flight.messages import Address
 from dsse_ros.flight.orders import Order
-from dsse_ros.flight.pilot import Outcome, Pilot, PilotSettings
 from dsse_ros.flight.telegrams import CommandLong, Heard, Heartbeat, Said, SetPositionTarget
+from dsse_ros.flight.vehicle_controller import Outcome, VehicleController
 from dsse_ros.flight.vehicle_state import VehicleState
 
 VEHICLE, OURSELVES = Address(1, 1), Address(245, 191)
@@ -27,26 +28,26 @@ STEP_S = 0.05
 
 
 class VirtualFlight:
-    """One vehicle, one pilot.
+    """One vehicle, one controller.
 
     Args:
-        dialect: Whose autopilot.
+        autopilot: Which autopilot it has.
         loss: Share of messages that are lost, in each direction.
         duplicate: Share of the others that come twice.
         delay_s: Greatest delay of a message, which may so be overtaken.
         seed: Of the link and of the vehicle.
         vehicle: Fields of the vehicle's `Settings`.
-        settings: Fields of `PilotSettings`.
+        settings: Fields of `ControllerSettings`.
 
     Attributes:
-        said: What the pilot has sent, with the time.
+        said: What the controller has sent, with the time.
         heard: What has reached it.
         seen: What became of its orders, in turn.
     """
 
     def __init__(
         self,
-        dialect: Any = "ardupilot",
+        autopilot: Any = "ardupilot",
         *,
         loss: float = 0.0,
         duplicate: float = 0.0,
@@ -56,9 +57,9 @@ class VirtualFlight:
         **settings: Any,
     ) -> None:
         options = {"ready_s": 5.0, **(vehicle or {})}
-        self.vehicle = make_vehicle(Settings(dialect=dialect, seed=seed, **options))
-        self._settings = PilotSettings(dialect=dialect, **settings)
-        self.pilot = Pilot(VEHICLE, OURSELVES, self._settings)
+        self.vehicle = make_vehicle(Settings(dialect=autopilot, seed=seed, **options))
+        self._settings = ControllerSettings(autopilot=autopilot, **settings)
+        self.controller = VehicleController(VEHICLE, OURSELVES, self._settings)
         self.now = 0.0
         self.loss, self.duplicate, self.delay_s = loss, duplicate, delay_s
         self.said: list[tuple[float, Said]] = []
@@ -89,13 +90,13 @@ class VirtualFlight:
                 continue
             for message in self._codec.decode(data, self.now, datagram=True):
                 self.heard.append(message)
-                self._send(self.pilot.receive(message, self.now))
-        if self.now >= self.pilot.deadline:
-            self._send(self.pilot.tick(self.now))
+                self._send(self.controller.receive(message, self.now))
+        if self.now >= self.controller.deadline:
+            self._send(self.controller.tick(self.now))
             # Whoever drives it would not get any rest.
-            assert self.pilot.deadline > self.now
-        if not self.seen or self.pilot.outcome != self.seen[-1]:
-            self.seen.append(self.pilot.outcome)
+            assert self.controller.deadline > self.now
+        if not self.seen or self.controller.outcome != self.seen[-1]:
+            self.seen.append(self.controller.outcome)
 
     def wait(self, seconds: float) -> None:
         """Let time pass."""
@@ -104,8 +105,8 @@ class VirtualFlight:
             self.step()
 
     def restart(self) -> None:
-        """Put a new pilot in place of the one there is, as when the program is restarted."""
-        self.pilot = Pilot(VEHICLE, OURSELVES, self._settings)
+        """Put a new controller in place of the one there is, as when the program is restarted."""
+        self.controller = VehicleController(VEHICLE, OURSELVES, self._settings)
 
     def until(self, condition: Callable[[], Any], limit_s: float = 600.0) -> None:
         """Let time pass until something is true."""
@@ -118,7 +119,7 @@ class VirtualFlight:
 
     def give(self, order: Order) -> None:
         """Give an order and go on."""
-        self._send(self.pilot.give(order, self.now))
+        self._send(self.controller.give(order, self.now))
 
     def fly(self, order: Order, limit_s: float = 600.0) -> Outcome:
         """Give an order, and return what has become of it in the end."""
@@ -129,12 +130,12 @@ class VirtualFlight:
     @property
     def outcome(self) -> Outcome:
         """Of the latest order."""
-        return self.pilot.outcome
+        return self.controller.outcome
 
     @property
     def state(self) -> VehicleState:
-        """As the pilot knows it."""
-        return self.pilot.state
+        """As the controller knows it."""
+        return self.controller.state
 
     def statuses(self) -> list[str]:
         """Return what the status has been, in turn."""
@@ -158,8 +159,8 @@ class VirtualFlight:
         """Return the commands of a kind."""
         return [m for _, m in self.said if isinstance(m, CommandLong) and m.command == number]
 
-    def set_points(self) -> list[SetPositionTarget]:
-        """Return all set-points."""
+    def setpoints(self) -> list[SetPositionTarget]:
+        """Return all setpoints."""
         return [message for _, message in self.said if isinstance(message, SetPositionTarget)]
 
     def _send(self, said: list[Said]) -> None:

@@ -92,13 +92,13 @@ def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
         assert lost in sim.health()["lost.drone1"]
 
 
-@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
-    rig: Rig, dialect: str
+    rig: Rig, autopilot: str
 ) -> None:
-    with autopilots((), dialect=dialect, ready_s=200.0) as vehicles:
+    with autopilots((), dialect=autopilot, ready_s=200.0) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles, dialect=dialect, link_timeout=1.0, lost_timeout=1.0)
+        bridge = Bridge(rig, vehicles, autopilot=autopilot, link_timeout=1.0, lost_timeout=1.0)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
         os.kill(vehicles[0].pid, signal.SIGSTOP)
         bridge.until(0, connected="false", lost="link lost: no heartbeat for 1 s")
@@ -218,7 +218,7 @@ def test_nothing_is_armed_unless_that_is_allowed(rig: Rig) -> None:
     with autopilots(()) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5]})
         bridge = Bridge(rig, vehicles, arm=False)
-        state = bridge.until(0, reason="waits for GUIDED: it is in STABILIZE")
+        state = bridge.until(0, reason="waiting for GUIDED: it is in STABILIZE")
         assert state["armed"] == "false" and state["ready"] == "true"
 
 
@@ -238,7 +238,7 @@ def test_px4_flies_cells_and_searches_too(rig: Rig) -> None:
         sim = rig.sim(
             SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1, "wait_for_vehicles": True}
         )
-        bridge = Bridge(rig, vehicles, dialect="px4", set_point_rate=50.0)
+        bridge = Bridge(rig, vehicles, autopilot="px4", setpoint_rate=50.0)
         fly(sim, SEARCH)
         fly(sim, UP)
         state = bridge.until(0, arrived="true", flying="false", armed="false")
@@ -274,11 +274,11 @@ def test_an_open_loop_goes_after_the_latest_step(rig: Rig) -> None:
         rig.until(lambda: away_m(bridge.poses[0].last, (1, 3)) <= 10.0, "the vehicle's pose")
 
 
-@pytest.mark.parametrize(("dialect", "mode"), [("ardupilot", "AUTO"), ("px4", "MISSION")])
-def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, dialect: str, mode: str) -> None:
-    with autopilots((), dialect=dialect) as vehicles:
+@pytest.mark.parametrize(("autopilot", "mode"), [("ardupilot", "AUTO"), ("px4", "MISSION")])
+def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, autopilot: str, mode: str) -> None:
+    with autopilots((), dialect=autopilot) as vehicles:
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 3})
-        bridge = Bridge(rig, vehicles, mode="mission", dialect=dialect)
+        bridge = Bridge(rig, vehicles, mode="mission", autopilot=autopilot)
         bridge.until(0, ready="true")
         for action in (UP, UP, SEARCH, SEARCH):
             assert bridge.state(0)["armed"] == "false"

@@ -152,7 +152,7 @@ def test_an_import_from_above_is_seen(module: str, code: str) -> None:
         ("dsse_ros.planners.sweep", "from ..search.rules import Rules"),
         ("dsse_ros.flight.link", "from pymavlink import mavutil"),
         ("dsse_ros.flight.fence", "from msg_adapters.frames import GridFrame"),
-        ("dsse_ros.flight.track_files", "from dsse_ros.search.fields import FieldError"),
+        ("dsse_ros.flight.vehicle_follower", "from msg_adapters.track_missions import Leg"),
         ("dsse_ros.mission.mission", "from msg_adapters.result import Rejected"),
         ("dsse_ros.nodes.sim_node", "from dsse_ros.mission.mission import Mission"),
         ("dsse_ros.cli.run_mission", "import rclpy\nfrom dsse_ros.nodes.qos import LATCHED"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dsse_ros.flight.followed_search import MISSION_REPORT_S, FollowedSearch, News
+from dsse_ros.mission.followed_search import MISSION_REPORT_S, FollowedSearch, News
 from msg_adapters.agents import AgentsInfo, Origin
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
 from msg_adapters.step_report import step_report_dtype

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.flight.vehicle_follower import Leg
 from msg_adapters.agents import AgentsInfo
+from msg_adapters.track_missions import Leg
 
 MISSION_REPORT_S = 5.0
 """Time in which the report of a mission comes that is over."""
