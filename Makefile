@@ -26,7 +26,10 @@ PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install \
 TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracles.py rendering.py \
 	scenario.py snapshot.py vector_env.py withdraw.py world.py) test/planners/test_planners.py \
 	$(addprefix test/msg_adapters/test_,geodesy.py mavlink_items.py occupancy.py poses.py) \
-	$(addprefix test/flight/test_,codec.py messages.py upload.py) test/mission/test_mission.py
+	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
+
+# Folders of tests without DDS; those marked slow are left out of them.
+TESTS_OF_CHECK := $(addprefix test/,benchmarks flight mission msg_adapters packaging planners search)
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
@@ -39,7 +42,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim sitl-demo test test-oldest lint format bench reproduce clean
+.PHONY: help sim sitl-demo check test test-oldest lint format bench reproduce clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
@@ -50,6 +53,9 @@ sim: $(VENV)/.sim ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n O
 
 sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
+
+check: lint ## Lint, check the types and run the tests that need no DDS
+	@$(BIN)/pytest --numprocesses=2 --dist=worksteal -m 'not slow' $(TESTS_OF_CHECK)
 
 test: lint ## Lint, check the types and run all tests
 	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest --numprocesses=2 --dist=loadfile

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import conversion, goals, lockstep, memory, plot, seeding, speed, start_up
-from benchmarks.processes import ROOT, ContenderError
+from benchmarks.processes import ROOT, BenchmarkError
 from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
 
 RESULTS = Path(__file__).with_name("results")
@@ -29,12 +29,12 @@ def main(arguments: list[str] | None = None) -> int:
     given.build.mkdir(parents=True, exist_ok=True)
     out = given.out or (given.build if quick else RESULTS)
     out.mkdir(parents=True, exist_ok=True)
-    pythons, programs = _contenders(given.build)
+    pythons, programs = _baselines(given.build)
 
     began = time.time()
     load = os.getloadavg()[0]
     if load > BUSY:
-        _tell(f"The machine is busy (load {load:.1f}): figures and ratios will be worse")
+        _print(f"The machine is busy (load {load:.1f}): figures and ratios will be worse")
     figures: dict[str, Any] = {"speed": []}
     sections: dict[str, Callable[[], Any]] = {
         "speed": lambda: speed.measure(
@@ -43,28 +43,28 @@ def main(arguments: list[str] | None = None) -> int:
             cells=speed.QUICK_CELLS if quick else speed.CELLS,
             rounds=3 if quick else 6,
             seconds=0.1 if quick else 0.15,
-            tell=_tell,
+            log=_print,
         ),
         "seeding": lambda: seeding.measure(3 if quick else 10),
         "start_up": lambda: start_up.measure(1 if quick else 2),
         "memory": lambda: memory.measure(pythons, 10**5 if quick else 10**6),
         "conversion": lambda: conversion.measure(30 if quick else 300),
         "lockstep": lambda: lockstep.measure(
-            rounds=2 if quick else 5, seconds=1.0 if quick else 2.5, tell=_tell
+            rounds=2 if quick else 5, seconds=1.0 if quick else 2.5, log=_print
         ),
     }
     for name in given.only or SECTIONS:
-        _tell(f"\n{name.replace('_', '-')}")
+        _print(f"\n{name.replace('_', '-')}")
         if name == "speed":
-            _tell(speed.heading())
+            _print(speed.heading())
         try:
             figures[name] = sections[name]()
-        except (ContenderError, OSError) as error:
-            _tell(f"{name}: {error}")
-    _tell_others(figures)
+        except (BenchmarkError, OSError) as error:
+            _print(f"{name}: {error}")
+    _print_others(figures)
 
     judged = goals.judge(figures)
-    _tell(f"\n{goals.table(judged)}")
+    _print(f"\n{goals.table(judged)}")
     result = {
         "machine": machine(),
         "load_before": load,
@@ -83,7 +83,7 @@ def main(arguments: list[str] | None = None) -> int:
     path.write_text(json.dumps(rounded(result), indent=1) + "\n", encoding="utf-8")
     if figures["speed"]:
         plot.save(figures["speed"], out / "bench.png")
-    _tell(f"\n{result['seconds']} s; written to {path}")
+    _print(f"\n{result['seconds']} s; written to {path}")
     return 0
 
 
@@ -132,7 +132,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def _contenders(folder: Path) -> tuple[dict[str, Path], dict[str, Path]]:
+def _baselines(folder: Path) -> tuple[dict[str, Path], dict[str, Path]]:
     """Return the Pythons of the published packages and the C programs that can be had here."""
     pythons: dict[str, Path] = {}
     programs: dict[str, Path] = {}
@@ -140,32 +140,32 @@ def _contenders(folder: Path) -> tuple[dict[str, Path], dict[str, Path]]:
         try:
             pythons[name] = install(package, folder)
         except Unavailable as error:
-            _tell(str(error))
+            _print(str(error))
     for source in (BASELINE, LIMIT):
         try:
             programs[source.stem] = build(source, folder)
         except Unavailable as error:
-            _tell(str(error))
+            _print(str(error))
     return pythons, programs
 
 
-def _tell(line: str) -> None:
+def _print(line: str) -> None:
     print(line, flush=True)
 
 
-def _tell_others(figures: dict[str, Any]) -> None:
+def _print_others(figures: dict[str, Any]) -> None:
     if "start_up" in figures:
         best = {kind: min(found) for kind, found in figures["start_up"].items()}
-        _tell(
+        _print(
             f"\nfirst step after {best['warm_s']:.2f} s with the compiler's cache, "
             f"{best['cold_s']:.1f} s without"
         )
     for name, found in figures.get("memory", {}).items():
         growth = found.get("growth_bytes_per_step")
         grows = "" if growth is None else f", grows {growth:.3f} bytes per step"
-        _tell(f"memory {name:12} peak {found['peak_mib']:6.0f} MiB{grows}")
+        _print(f"memory {name:12} peak {found['peak_mib']:6.0f} MiB{grows}")
     for name, found in figures.get("conversion", {}).items():
-        _tell(
+        _print(
             f"OccupancyGrid 1000 x 1000, {name}: {1e3 * found['message_s']:.2f} ms; copying the "
             f"bytes {1e3 * found['copy_s']:.2f} ms, into new memory "
             f"{1e3 * found['new_copy_s']:.2f} ms"

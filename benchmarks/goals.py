@@ -38,7 +38,7 @@ class Goal:
     measured: Callable[[Figures], tuple[float, float] | None]
 
     def text(self) -> str:
-        """Return the bound in words."""
+        """Return the bound as text."""
         return f"{self.sign} {self.bound:g} {self.unit}"
 
     def verdict(self, value: float | None) -> str:
@@ -66,7 +66,7 @@ def _conversion(figures: Figures) -> tuple[float, float] | None:
     found = figures.get("conversion")
     if not found:
         return None
-    # The dearer map and the cheaper copy.
+    # The slower map and the faster copy.
     dense = found["dense"]
     return (
         dense["message_s"] / dense["copy_s"],
@@ -158,7 +158,7 @@ def table(judged: list[dict[str, Any]]) -> str:
 
 
 def markdown(judged: list[dict[str, Any]]) -> str:
-    """Return the figures as the table in README.md."""
+    """Return the figures as the table in docs/speed.md."""
     lines = ["| Figure | Goal | Best | Median |", "| --- | --- | --- | --- |"]
     for row in judged:
         values = ("-" if row[kind] is None else f"{row[kind]:.3g}" for kind in ("best", "median"))

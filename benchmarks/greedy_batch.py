@@ -144,13 +144,13 @@ class GreedyBatch:
     """The greedy policy.
 
     Args:
-        legend: Names of the actions by number, with diagonals.
+        actions: Names of the actions by number, with diagonals.
         ties: One of `TIES`.
     """
 
-    def __init__(self, legend: tuple[str, ...], ties: str) -> None:
+    def __init__(self, actions: tuple[str, ...], ties: str) -> None:
         self._numbers = np.zeros((3, 3), np.int8)
-        for number, name in enumerate(legend):
+        for number, name in enumerate(actions):
             dx, dy = ACTION_VECTORS[name]
             self._numbers[dy + 1, dx + 1] = number
         self._quicksort = {"quicksort": True, "stable": False}[ties]

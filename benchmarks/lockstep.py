@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.processes import ROOT, ContenderError, Process, last_line
+from benchmarks.processes import ROOT, BenchmarkError, Process, last_line
 from benchmarks.workload import random_walks
 from dsse_ros.search.rules import profile
 
@@ -27,17 +27,17 @@ CAPTURE_TIMEOUT_S = 120
 
 
 def measure(
-    *, rounds: int, seconds: float, tell: Callable[[str], None]
+    *, rounds: int, seconds: float, log: Callable[[str], None]
 ) -> dict[str, dict[str, Any]]:
     """Return steps per second by number of drones; both take turns."""
     found = {}
     for num_drones in DRONES:
         try:
             found[str(num_drones)] = figures = _measure(num_drones, rounds, seconds)
-        except (ContenderError, subprocess.SubprocessError) as error:
-            tell(f"lockstep with {num_drones} drones: {error}")
+        except (BenchmarkError, subprocess.SubprocessError) as error:
+            log(f"lockstep with {num_drones} drones: {error}")
             continue
-        tell(
+        log(
             f"{num_drones:>7} drones{max(figures['sim_node']):10.1f} sim_node"
             f"{max(figures['ping_pong']):10.1f} ping-pong   steps/s"
             f"{figures['messages_per_step']:8.1f} messages per step"
@@ -115,7 +115,7 @@ def _node(module: str, arguments: list[str], environment: dict[str, str]) -> Ite
     """Run a node while the block lasts.
 
     Raises:
-        ContenderError: If the block fails and it is the node that had ended.
+        BenchmarkError: If the block fails and it is the node that had ended.
     """
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
@@ -130,7 +130,7 @@ def _node(module: str, arguments: list[str], environment: dict[str, str]) -> Ite
             yield
         except Exception:
             if process.poll() is not None:
-                raise ContenderError(f"{module}: {last_line(errors)}") from None
+                raise BenchmarkError(f"{module}: {last_line(errors)}") from None
             raise
         finally:
             process.terminate()

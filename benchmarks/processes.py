@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contenders as processes that wait while another one runs."""
+"""What is measured: processes that wait while another one runs, and the C programs."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ ROOT = Path(__file__).resolve().parents[1]
 TIMEOUT_S = 180.0
 
 
-class ContenderError(Exception):
-    """A contender failed or fell silent; its text is one line."""
+class BenchmarkError(Exception):
+    """What is measured has failed or gives no answer; the text is one line."""
 
 
-class Contender(Protocol):
+class Implementation(Protocol):
     """Something that does environment steps on demand."""
 
     def set_up(self, config: dict[str, Any]) -> None:
@@ -33,7 +33,7 @@ class Contender(Protocol):
 
 
 class Process:
-    """A program of `benchmarks.contenders`.
+    """A program of `benchmarks.baselines`.
 
     Args:
         module: Its name.
@@ -41,7 +41,7 @@ class Process:
         environment: Variables to add.
 
     Raises:
-        ContenderError: From any method, if the program fails.
+        BenchmarkError: From any method, if the program fails.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Process:
         self.module = module
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = subprocess.Popen(
-            [str(python or sys.executable), "-m", f"benchmarks.contenders.{module}"],
+            [str(python or sys.executable), "-m", f"benchmarks.baselines.{module}"],
             cwd=ROOT,
             env={**os.environ, "SDL_VIDEODRIVER": "dummy", **(environment or {})},
             stdin=subprocess.PIPE,
@@ -86,13 +86,13 @@ class Process:
         try:
             self._process.stdin.write(request.encode())
         except BrokenPipeError:
-            raise ContenderError(self._last_words()) from None
+            raise BenchmarkError(self._exit_reason()) from None
         if not select.select([self._process.stdout], [], [], TIMEOUT_S)[0]:
             self._process.kill()
-            raise ContenderError(f"{self.module}: no answer within {TIMEOUT_S:g} s")
+            raise BenchmarkError(f"{self.module}: no answer within {TIMEOUT_S:g} s")
         line = self._process.stdout.readline()
         if not line:
-            raise ContenderError(self._last_words())
+            raise BenchmarkError(self._exit_reason())
         answer: dict[str, Any] = json.loads(line)
         return answer
 
@@ -106,19 +106,19 @@ class Process:
             self._process.kill()
             self._process.wait()
 
-    def _last_words(self) -> str:
+    def _exit_reason(self) -> str:
         self._process.wait(timeout=10)
         return f"{self.module}: {last_line(self._errors)}"
 
 
 def last_line(errors: IO[bytes]) -> str:
-    """Return the last line that a program had to say."""
+    """Return the last line of a program's standard error."""
     errors.seek(0)
     lines = errors.read().decode(errors="replace").splitlines()
     return next((line.strip() for line in reversed(lines) if line.strip()), "it ended")
 
 
-class Baseline:
+class CBaseline:
     """The C baseline.
 
     Args:
@@ -171,7 +171,7 @@ def _rate(program: Path, *arguments: str) -> float:
     """Return the rate that a C program prints.
 
     Raises:
-        ContenderError: If it prints none.
+        BenchmarkError: If it prints none.
     """
     done = subprocess.run(
         [str(program), *arguments],
@@ -179,5 +179,5 @@ def _rate(program: Path, *arguments: str) -> float:
     )  # fmt: skip
     found = re.search(r"([\d.]+) (?:env steps|maps)/s", done.stdout)
     if done.returncode or found is None:
-        raise ContenderError(f"the C {program.name}: exit code {done.returncode}")
+        raise BenchmarkError(f"the C {program.name}: exit code {done.returncode}")
     return float(found[1])

@@ -49,7 +49,7 @@ V2 = Published(
 
 
 class Unavailable(Exception):
-    """A contender cannot be had here; its text is one line that says why."""
+    """A baseline is not available here; the text is one line with the reason."""
 
 
 def install(package: Published, folder: Path) -> Path:
@@ -125,7 +125,7 @@ def _run(command: list[str | Path], timeout_s: float = 900) -> str:
     """Run a program and return what it printed.
 
     Raises:
-        Unavailable: If it fails, with the last line that it had to say.
+        Unavailable: If it fails, with the last line of its standard error.
     """
     try:
         done = subprocess.run(
@@ -140,6 +140,6 @@ def _run(command: list[str | Path], timeout_s: float = 900) -> str:
     except OSError as error:
         raise Unavailable(f"{command[0]}: {error.strerror}") from None
     if done.returncode:
-        said = [line for line in done.stderr.splitlines() if line.strip()] or ["it failed"]
-        raise Unavailable(said[-1].strip())
+        lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it failed"]
+        raise Unavailable(lines[-1].strip())
     return done.stdout

@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.anchors import GREEDY, SWEEP, Source
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.greedy_batch import TIES, GreedyBatch
 from benchmarks.intervals import contains, of_mean, of_share
+from benchmarks.reference_values import GREEDY, SWEEP, Source
 from dsse_ros.search.scenario import scenario_and_rules
 from dsse_ros.search.world import World
 
@@ -46,13 +46,13 @@ class Episodes:
     rewards: NDArray[np.float64]
 
 
-def sweep_actions(legend: tuple[str, ...], grid_size: int) -> Iterator[int]:
+def sweep_actions(actions: tuple[str, ...], grid_size: int) -> Iterator[int]:
     """Yield the actions of the authors' sweep from (0, 0), row by row.
 
     It searches a cell, then steps sideways. On the last cell of a row it goes down without a
     search, and searches where it arrives.
     """
-    search, right, left, down = (legend.index(n) for n in ("search", "right", "left", "down"))
+    search, right, left, down = (actions.index(n) for n in ("search", "right", "left", "down"))
     for row in range(grid_size):
         for _ in range(grid_size - 1):
             yield search
@@ -111,8 +111,8 @@ def play(world: World, policy: Any) -> Episodes:
         steps[going] += 1
         rewards[going] += world.rewards[going].sum(axis=1)
         # A world that goes on after its end does not count any more.
-        found |= going & (world.worlds["adrift"] == 0)
-        going &= ~world.worlds["over"]
+        found |= going & (world.worlds["num_missing"] == 0)
+        going &= ~world.worlds["done"]
     return Episodes(found, steps, rewards)
 
 

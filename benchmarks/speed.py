@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Environment steps per second of every contender, over grids and numbers of drones."""
+"""Environment steps per second of ours and of the baselines, by grid and number of drones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.processes import Baseline, Contender, ContenderError, Limit, Process
+from benchmarks.processes import BenchmarkError, CBaseline, Implementation, Limit, Process
 from benchmarks.workload import batch_size, random_walks
 from dsse_ros.search.rules import profile
 
@@ -32,7 +32,7 @@ TOO_LARGE = {"dsse_0_1_13": 1000}
 
 
 def configuration(rules: str, grid_size: int, num_drones: int) -> dict[str, Any]:
-    """Return what every contender is told: the scenario of the C baseline, or the defaults of v2.
+    """Return what all are set up with: the scenario of the C baseline, or the defaults of v2.
 
     Nobody is found, so that every episode lasts until its time is out.
     """
@@ -49,14 +49,14 @@ def configuration(rules: str, grid_size: int, num_drones: int) -> dict[str, Any]
     return {"fields": fields, "num_drones": num_drones}
 
 
-def contenders(
+def implementations(
     stack: ExitStack, pythons: Mapping[str, Path], programs: Mapping[str, Path]
-) -> dict[str, tuple[str, dict[str, Any], Contender]]:
-    """Return every contender by name, with its rules and what its set-up adds.
+) -> dict[str, tuple[str, dict[str, Any], Implementation]]:
+    """Return all that is measured by name, with its rules and what its set-up adds.
 
     Args:
         stack: Ends their processes.
-        pythons: Of the published packages, by the name of the contender.
+        pythons: Of the published packages, by the name of the baseline.
         programs: The C programs "baseline" and "limit".
     """
 
@@ -66,7 +66,7 @@ def contenders(
     def worlds(lazy: bool, threads: int) -> dict[str, Any]:
         return {"worlds": {"lazy": lazy, "threads": threads}}
 
-    made: dict[str, tuple[str, dict[str, Any], Contender]] = {}
+    made: dict[str, tuple[str, dict[str, Any], Implementation]] = {}
     for module, rules in (("dsse_0_1_13", "v1"), ("dsse_1_1_9", "v2")):
         if module in pythons:
             process = stack.enter_context(Process(module, pythons[module]))
@@ -74,8 +74,8 @@ def contenders(
         made[f"single_{rules}"] = (rules, {}, ours())
     baseline, limit = programs.get("baseline"), programs.get("limit")
     if baseline is not None:
-        made["baseline_single"] = ("v1", {}, Baseline(baseline, worlds=1))
-        made["baseline_batch"] = ("v1", worlds(False, 1), Baseline(baseline))
+        made["baseline_single"] = ("v1", {}, CBaseline(baseline, worlds=1))
+        made["baseline_batch"] = ("v1", worlds(False, 1), CBaseline(baseline))
     if limit is not None:
         made["limit_one_core"] = ("v1", worlds(False, 1), Limit(limit))
     made["batch_one_core"] = ("v1", worlds(False, 1), ours())
@@ -83,7 +83,7 @@ def contenders(
     if limit is not None:
         made["limit_two_cores"] = ("v1", worlds(False, 2), Limit(limit))
     if baseline is not None:
-        made["baseline_lazy"] = ("v1", worlds(True, 1), Baseline(baseline, lazy=True))
+        made["baseline_lazy"] = ("v1", worlds(True, 1), CBaseline(baseline, lazy=True))
     made["lazy_one_core"] = ("v1", worlds(True, 1), ours())
     made["lazy_two_cores"] = ("v1", worlds(True, 2), ours())
     made["batch_v2_one_core"] = ("v2", worlds(False, 1), ours())
@@ -97,9 +97,9 @@ def measure(
     cells: list[tuple[int, int]],
     rounds: int,
     seconds: float,
-    tell: Callable[[str], None],
+    log: Callable[[str], None],
 ) -> list[dict[str, Any]]:
-    """Return the rates of all contenders at each cell (grid size, drones).
+    """Return the rates of all at each cell (grid size, drones).
 
     They take turns, in one order and then in the other, so that a slow phase of the machine meets
     them all; the cells that have goals get twice as many rounds.
@@ -107,10 +107,10 @@ def measure(
     found = []
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        made = contenders(stack, pythons, programs)
+        made = implementations(stack, pythons, programs)
         for grid_size, num_drones in cells:
             rates: dict[str, list[float]] = {}
-            for name, (rules, extra, contender) in made.items():
+            for name, (rules, extra, implementation) in made.items():
                 if grid_size >= TOO_LARGE.get(name, grid_size + 1):
                     continue
                 config = configuration(rules, grid_size, num_drones)
@@ -118,17 +118,17 @@ def measure(
                 if "worlds" in extra:
                     config["worlds"] = {"count": batch_size(grid_size), **extra["worlds"]}
                 try:
-                    contender.set_up(config)
+                    implementation.set_up(config)
                     rates[name] = []
-                except ContenderError as error:
-                    tell(f"G {grid_size} N {num_drones}: {error}")
+                except BenchmarkError as error:
+                    log(f"G {grid_size} N {num_drones}: {error}")
             turns = rounds * (2 if (grid_size, num_drones) in GOAL_CELLS else 1)
             for turn in range(turns):
                 for name in list(rates)[:: 1 if turn % 2 == 0 else -1]:
                     try:
                         rates[name].append(made[name][2].rate(seconds))
-                    except ContenderError as error:
-                        tell(f"G {grid_size} N {num_drones}: {error}")
+                    except BenchmarkError as error:
+                        log(f"G {grid_size} N {num_drones}: {error}")
                         del rates[name]
             found.append(
                 {
@@ -140,7 +140,7 @@ def measure(
                     "median": {name: median(measured) for name, measured in rates.items()},
                 }
             )
-            tell(row(found[-1]))
+            log(row(found[-1]))
     return found
 
 
@@ -194,7 +194,7 @@ def row(cell: Mapping[str, Any]) -> str:
 def ratio(
     cells: list[dict[str, Any]], cell: tuple[int, int], of: str, to: str
 ) -> tuple[float, float] | None:
-    """Return the ratio of two contenders' best rates and of their medians.
+    """Return the ratio of two best rates and of their medians.
 
     Returns:
         None where one of them was not measured.

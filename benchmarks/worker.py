@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The side of a contender that runs in a process and an environment of its own.
+"""The side of a measurement that runs in a process and an environment of its own.
 
 It needs nothing but the standard library and knows nothing of this package, so that it runs
-beside the published ones. It is told what to do by lines of JSON and answers with one each.
+beside the published ones. Its requests are lines of JSON, and it answers with one each.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from collections.abc import Callable, Iterator
 from itertools import islice
 from typing import Any
 
-Contender = Callable[[dict[str, Any]], Iterator[int]]
-"""Makes a contender from what the set-up says: an endless iterator that does some work at each
-`next` and says how many environment steps it was."""
+MakeWork = Callable[[dict[str, Any]], Iterator[int]]
+"""Makes of the set-up an endless iterator that does some work at each `next` and returns how many
+environment steps it was."""
 
 LOOK_S = 0.002
 """Time between looks at the clock."""
@@ -38,7 +38,7 @@ def peak_bytes() -> int:
 
 
 def present_bytes() -> int:
-    """Return the memory of this process now, 0 where the system does not tell."""
+    """Return the memory of this process now, 0 where the system does not state it."""
     try:
         with open("/proc/self/statm") as statm:
             return int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -47,13 +47,13 @@ def present_bytes() -> int:
 
 
 class _Runner:
-    def __init__(self, make: Contender) -> None:
+    def __init__(self, make: MakeWork) -> None:
         self._make = make
         self._work: Iterator[int] = iter(())
         self._between_looks = 1
 
     def set_up(self, config: dict[str, Any]) -> dict[str, Any]:
-        """Make the contender and let it warm up."""
+        """Make the iterator and let it warm up."""
         self._work = iter(())
         self._work = self._make(config)
         next(self._work)
@@ -84,9 +84,9 @@ class _Runner:
         return {"steps": done, "peak": peak_bytes(), "present": present_bytes()}
 
 
-def serve(make: Contender) -> None:
+def serve(make: MakeWork) -> None:
     """Obey the lines on standard input until it ends."""
-    # Whatever the contender prints must not get between the answers.
+    # Whatever the work prints must not get between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     runner = _Runner(make)

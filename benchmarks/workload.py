@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The work that every contender does: where drones start, and their actions in advance."""
+"""The work that all do: where drones start, and their actions in advance."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def batch_size(grid_size: int) -> int:
 
 
 def random_walks(
-    grid_size: int, num_drones: int, legend: Sequence[str], calls: int, worlds: int, seed: int
+    grid_size: int, num_drones: int, action_names: Sequence[str], calls: int, worlds: int, seed: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
     """Return random valid actions for drones that never leave the grid and never meet.
 
     Each drone has a block of the grid to itself, starts in its middle and stays in it, so that an
-    episode lasts until its time is out, whatever the rules. One action in len(legend) is a search,
-    the others are moves that the block allows, equally likely.
+    episode lasts until its time is out, whatever the rules. One action in as many as there are is
+    a search, the others are moves that the block allows, equally likely.
 
     Args:
         grid_size: Cells along a side.
         num_drones: N, at most one per cell.
-        legend: Names of the actions by number.
+        action_names: Names of the actions by number.
         calls: Steps, K.
         worlds: Different walks, W.
         seed: Of the walks.
@@ -47,8 +47,8 @@ def random_walks(
     low = np.array([(cols.start, rows.start) for cols, rows in blocks])
     high = np.array([(cols.stop - 1, rows.stop - 1) for cols, rows in blocks])
     starts = (low + high) // 2
-    search = list(legend).index("search")
-    vectors = np.array([ACTION_VECTORS[name] for name in legend])
+    search = list(action_names).index("search")
+    vectors = np.array([ACTION_VECTORS[name] for name in action_names])
     rng = np.random.default_rng(seed)
     cells = np.repeat(starts[None], worlds, axis=0)
     actions = np.empty((calls, worlds, num_drones), np.int8)
@@ -58,7 +58,7 @@ def random_walks(
         allowed[..., search] = False
         drawn = np.where(allowed, rng.random(allowed.shape), -1.0)
         chosen = drawn.argmax(axis=-1)
-        searches = rng.random(chosen.shape) < 1 / len(legend)
+        searches = rng.random(chosen.shape) < 1 / len(action_names)
         chosen[searches | ~allowed.any(axis=-1)] = search
         actions[call] = chosen
         cells = cells + vectors[chosen]

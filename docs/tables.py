@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of parameters, from the code, into the README and into docs.
+"""Writes the tables of parameters, from the code, into the pages of docs.
 
 Run `python docs/tables.py` after a change of a scenario's, a rule's or a node's fields, or of the
 arguments of a launch file.
@@ -163,7 +163,7 @@ TABLES = {
     "scenario": scenario_table,
     "rules": rules_table,
 }
-PAGES = ("README.md", "docs/flight.md", "docs/parameters.md", "docs/ros.md")
+PAGES = ("docs/flight.md", "docs/parameters.md", "docs/ros.md")
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
 

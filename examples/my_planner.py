@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A planner of one's own, which hears and says nothing but topics: start `sim_node`, then this.
+"""A planner of one's own, which uses nothing but topics: start `sim_node`, then this.
 
 Each drone has its own columns; it flies to the best cell in them and searches there.
 """
@@ -36,24 +36,26 @@ class MyPlanner(Node):
 
     def __init__(self) -> None:
         super().__init__("my_planner")
-        self.heard: dict[str, Any] = {}
+        self.received: dict[str, Any] = {}
         self.answered = None
         self.commands: list[Any] = []
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for kind, topic in ((Image, "probability"), (PointCloud2, "step_report")):
-            self.create_subscription(kind, topic, partial(self.heard.__setitem__, topic), latched)
+            self.create_subscription(
+                kind, topic, partial(self.received.__setitem__, topic), latched
+            )
         self.create_timer(0.01, self.answer)
 
     def answer(self) -> None:
         """Command the drones once per step, when its map and its report are both here."""
-        image, report = self.heard.get("probability"), self.heard.get("step_report")
+        image, report = self.received.get("probability"), self.received.get("step_report")
         if not image or not report or image.header.stamp != report.header.stamp:
             return
         drones, probability = step_report_from_message(report), image_to_probability(image)
         for i in range(len(self.commands), len(drones)):
             self.commands.append(self.create_publisher(String, f"drone{i}/cmd_action_name", 10))
-        heard = all(command.get_subscription_count() for command in self.commands)
-        if report is self.answered or not heard:
+        subscribed = all(command.get_subscription_count() for command in self.commands)
+        if report is self.answered or not subscribed:
             return
         self.answered = report
         shares = np.array_split(np.arange(len(probability)), len(drones))

@@ -26,11 +26,11 @@ class Origin:
 
 @dataclass(frozen=True)
 class AgentsInfo:
-    """The search as the topic `agents` tells it.
+    """The search as the topic `agents` describes it.
 
     Attributes:
         agents: Names of the drones in their fixed order.
-        actions: Legend: the action with number i is actions[i].
+        actions: Names of the actions: the action with number i is actions[i].
         rules: Name of the rules profile.
         seed: Seed of the mission, None if it was not given.
         grid_size: Cells along a side, G.
@@ -44,7 +44,7 @@ class AgentsInfo:
         mission: Number of the mission; grows by one with each reset. A mission that is resumed
             from a snapshot keeps its own.
         run_id: Identity of the simulation since its start, 1 to 2**32 - 1: with the mission it
-            tells any two searches apart.
+            identifies a search.
     """
 
     agents: tuple[str, ...]

@@ -28,7 +28,7 @@ def parse_action(message: Int8, actions: Sequence[str]) -> Result[int]:
 
     Args:
         message: The command.
-        actions: Legend of the rules: the action with number i is actions[i].
+        actions: Names of the rules' actions: the action with number i is actions[i].
 
     Returns:
         The number, or `unknown_action`.
@@ -39,11 +39,11 @@ def parse_action(message: Int8, actions: Sequence[str]) -> Result[int]:
 
 
 def parse_action_name(message: String, actions: Sequence[str]) -> Result[int]:
-    """Return the action number of a `cmd_action_name`, whose name must be exactly the legend's.
+    """Return the action number of a `cmd_action_name`, which must be exactly one of the names.
 
     Args:
         message: The command.
-        actions: Legend of the rules.
+        actions: Names of the rules' actions by number.
 
     Returns:
         The number, or `unknown_action`.
@@ -113,12 +113,12 @@ def parse_joint_action(
     """Return the actions of a `joint_action`, for all drones or for none.
 
     Args:
-        message: Its data are [mission, step, a0, a1, ...] or [step, a0, a1, ...]: the length
-            tells.
+        message: Its data are [mission, step, a0, a1, ...] or [step, a0, a1, ...]: their
+            length decides.
         mission: Number of the mission.
         step: Number of the step that the actions must be for: that of the last report.
         num_drones: Number of drones, N.
-        actions: Legend of the rules.
+        actions: Names of the rules' actions by number.
         live: For each drone whether it takes part; the others' entries are ignored.
 
     Returns:
@@ -209,5 +209,5 @@ def _foreign_frame(field: str, frame_id: str, frame: GridFrame) -> Rejected:
 
 
 def _unknown_action(field: str, action: int, actions: Sequence[str]) -> Rejected:
-    legend = ", ".join(f"{number} {name}" for number, name in enumerate(actions))
-    return Rejected("unknown_action", f"{field}: action {action} is not allowed; {legend}")
+    known = ", ".join(f"{number} {name}" for number, name in enumerate(actions))
+    return Rejected("unknown_action", f"{field}: action {action} is not allowed; {known}")

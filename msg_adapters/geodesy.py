@@ -81,7 +81,7 @@ def geodetic_to_map(
 
 
 def on_near_side(frame: GridFrame, lat_deg: float, lon_deg: float) -> bool:
-    """Return whether a place is on the origin's side of the Earth, where x and y tell places apart.
+    """Return whether a place is on the origin's side of the Earth, where x and y are unique.
 
     Args:
         frame: The grid.

@@ -14,7 +14,7 @@ from typing import Any
 
 from benchmarks.ros.peer import REPORT, start, turn
 
-SETTLE_S = 1.0
+WARM_UP_S = 1.0
 RECORD_S = 3.0
 
 
@@ -25,7 +25,7 @@ def main(of: str, workload: str, out: str) -> None:
         of, workload, raw=True, on_message=lambda topic, message: kept[topic].append(message)
     )
     turns = turn(executor, peer)
-    _for(SETTLE_S, turns)
+    _for(WARM_UP_S, turns)
     steps, messages = peer.steps, peer.messages.copy()
     kept.clear()
     seconds = _for(RECORD_S, turns)

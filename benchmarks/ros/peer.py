@@ -100,8 +100,8 @@ class Peer(Node):
     Attributes:
         topics: (type, reliability, durability) of each.
         messages: Messages by topic.
-        heard: Messages.
-        steps: Steps that the reports told of.
+        received: Messages.
+        steps: Steps that the reports contained.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Peer(Node):
         super().__init__("peer", start_parameter_services=False)
         self.topics = publications(self, of)
         self.messages: Counter[str] = Counter()
-        self.heard = 0
+        self.received = 0
         self.steps = 0
         self._walk = walk
         self._raw = raw
@@ -129,7 +129,7 @@ class Peer(Node):
             )
 
     def _on(self, topic: str, message: Any) -> None:
-        self.heard += 1
+        self.received += 1
         self.messages[topic] += 1
         if self._on_message is not None:
             self._on_message(topic, message)
@@ -152,7 +152,7 @@ class Peer(Node):
 
 
 def turn(executor: Executor, peer: Peer) -> Iterator[int]:
-    """Yield, for each event that the peer dealt with, the steps that it told of.
+    """Yield, for each event that the peer dealt with, the steps that it contained.
 
     Raises:
         RuntimeError: If nothing comes for `SILENCE_S`.
@@ -160,11 +160,11 @@ def turn(executor: Executor, peer: Peer) -> Iterator[int]:
     idle_s = 0.0
     answered_at_s = 0.0
     while True:
-        steps, heard, start_s = peer.steps, peer.heard, time.monotonic()
+        steps, received, start_s = peer.steps, peer.received, time.monotonic()
         executor.spin_once(timeout_sec=LOOK_S)
         if peer.steps > steps:
             idle_s = answered_at_s = 0.0
-        elif peer.heard == heard:
+        elif peer.received == received:
             idle_s += time.monotonic() - start_s
             if idle_s > SILENCE_S:
                 raise RuntimeError(f"no report within {SILENCE_S:g} s")

@@ -70,7 +70,7 @@ class PingPong(Node):
         struct.pack_into("<I", self._report.data, STEP_AT, step)
         for publisher, message in self._round:
             publisher.publish(message)
-        # Cheaper than a timer, which would make the loop below dearer too.
+        # Faster than a timer, which would slow the loop below down too.
         now = time.monotonic()
         for other in self._others:
             publisher, message, period, due = other

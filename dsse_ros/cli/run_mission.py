@@ -43,7 +43,7 @@ from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
 SILENCE_S = 60.0
-"""Wall time without a step, or the compiler at work, after which the mission is given up."""
+"""Wall time without a step, or the compiler at work, after which the mission has failed."""
 SIM_PARAMETERS = (*specs(SimSettings), *specs(Scenario), *specs(Rules), *OF_EVERY_NODE)
 PLANNER_PARAMETERS = (*specs(PlannerSettings), *OF_EVERY_NODE)
 STOP_S = 10.0
@@ -67,8 +67,8 @@ class Watcher(Node):
 
     Attributes:
         step: Steps done, -1 before the first report.
-        flying: Drones in flight.
-        over: Whether the mission is over and its last map is here.
+        num_active: Drones in flight.
+        done: Whether the mission is over and its last map is here.
         probability: The last map (G, G).
         unsearched: As `Mission.unsearched`, over the steps seen.
     """
@@ -76,7 +76,7 @@ class Watcher(Node):
     def __init__(self, search_action: int, probability_of_detection: float) -> None:
         super().__init__("dsse_watcher")
         self.step = -1
-        self.flying = 0
+        self.num_active = 0
         self.unsearched = 1.0
         self.probability: NDArray[np.float32] | None = None
         self._search = search_action
@@ -88,9 +88,9 @@ class Watcher(Node):
         self.create_subscription(PointCloud2, "step_report", self._on_report, LATCHED)
 
     @property
-    def over(self) -> bool:
+    def done(self) -> bool:
         """Whether no drone is left, and the map of that step is here too."""
-        return self.step >= 0 and self.flying == 0 and self._map_stamp == self._report_stamp
+        return self.step >= 0 and self.num_active == 0 and self._map_stamp == self._report_stamp
 
     def _on_map(self, message: Image) -> None:
         self._previous = self.probability
@@ -101,7 +101,7 @@ class Watcher(Node):
         report = step_report_from_message(message)
         down = (report["terminated"] | report["truncated"]).astype(bool)
         self.step = int(report["step"][0])
-        self.flying = int((~down).sum())
+        self.num_active = int((~down).sum())
         self._report_stamp = to_nanoseconds(message.header.stamp)
         # What was searched counts with the map that the drones had seen.
         seen = self._previous if self._map_stamp == self._report_stamp else self.probability
@@ -117,9 +117,9 @@ class Watcher(Node):
             return "waiting for the first map"
         row, col = np.unravel_index(int(self.probability.argmax()), self.probability.shape)
         best = float(self.probability[row, col])
-        flying = f"{self.flying} drones" if self.flying else "over"
+        active = f"{self.num_active} drones" if self.num_active else "over"
         effort = f"search effort {1.0 - self.unsearched:.1%}"
-        return f"best cell ({col}, {row}) {best:.1%}, {flying}, {effort}"
+        return f"best cell ({col}, {row}) {best:.1%}, {active}, {effort}"
 
 
 @contextlib.contextmanager
@@ -154,7 +154,7 @@ def process(
 
 
 def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
-    """Raise if a process has ended, with what it said about that.
+    """Raise if a process has ended, with the reason that it has printed.
 
     Raises:
         MissionFailed: If it has.
@@ -170,16 +170,16 @@ def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
 
 def ros_for(parameters: Collection[str], ros: Sequence[str]) -> list[str]:
     """Return ROS arguments without those of -p that are for no node or another one."""
-    words: list[str] = []
+    kept: list[str] = []
     for flag, value in pairs(ros):
         name = value.partition(":=")[0]
         if flag != "--param" or ":" in name or name in parameters:
-            words += [flag, value] if value else [flag]
-    return words
+            kept += [flag, value] if value else [flag]
+    return kept
 
 
 def compiling(log: Path) -> bool:
-    """Return whether a node's last word is that it compiles."""
+    """Return whether the last line of a node's log is that it compiles."""
     _, announced, after = log.read_text(errors="replace").rpartition(COMPILING)
     return bool(announced) and not after.strip()
 
@@ -212,24 +212,24 @@ def fly(
         mininterval=0.1 if sys.stdout.isatty() else 2.0,
         bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
     )  # fmt: skip
-    heard, said = time.monotonic(), False
+    last_step_s, announced = time.monotonic(), False
 
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
-        nonlocal heard, said
+        nonlocal last_step_s, announced
         executor.spin_once(timeout_sec=0.1)
         if stop.wanted:
             raise MissionStopped
         check_running(child, name, log)
         if watcher.step > bar.n:
-            heard = time.monotonic()
+            last_step_s = time.monotonic()
             bar.set_description_str(watcher.line(), refresh=False)
             # The step that finds the time out is one more than the limit.
             bar.update(min(watcher.step, bar.total) - bar.n)
         if watcher.step < 0 and compiling(sim_log):
-            if not said:
+            if not announced:
                 bar.write(COMPILING)
-            said, heard = True, time.monotonic()
-        if time.monotonic() - heard > SILENCE_S:
+            announced, last_step_s = True, time.monotonic()
+        if time.monotonic() - last_step_s > SILENCE_S:
             raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
         if watcher.count_publishers("step_report") > 1:
             raise MissionFailed("another mission is on this ROS_DOMAIN_ID; choose one of your own")
@@ -239,7 +239,7 @@ def fly(
         while watcher.step < 0:
             watch("sim_node", sim_process, sim_log)
         with process("planner_node", planner, planner_log, planner_ros) as planner_process:
-            while not watcher.over:
+            while not watcher.done:
                 watch("sim_node", sim_process, sim_log)
                 check_running(planner_process, "planner_node", planner_log)
         bar.refresh()
@@ -247,7 +247,7 @@ def fly(
 
 
 def summary(record: MissionRecord, scenario: Scenario) -> str:
-    """Return how the mission went, for people."""
+    """Return the result of the mission as text."""
     assert scenario.cell_size and scenario.timestep_limit
     steps = min(record.tracks.shape[1] - 1, scenario.timestep_limit)
     legs = np.abs(np.diff(record.tracks, axis=1))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where every program of the package begins: quiet on Ctrl-C, clear where something is missing.
 
-Nothing is imported before the program is chosen, so that what cannot be imported is said in a line.
+Nothing is imported before the program is chosen, so that a failing import is reported on one line.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
     BatteryStatus,
     EkfStatus,
     ExtendedSysState,

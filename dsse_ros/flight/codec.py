@@ -1,22 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages as bytes and back, by pymavlink's generated code; nothing that comes in makes it raise.
+"""Messages as bytes and back, by pymavlink's generated code; no incoming bytes make it raise.
 
-Frames: https://mavlink.io/en/guide/serialization.html. The dialect is imported as MAVLink 2, so
-that it does not matter what the environment says.
+Frames: https://mavlink.io/en/guide/serialization.html. MAVLink 2 is imported explicitly, whatever
+pymavlink's environment variables select.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mavlink_messages import (
+    INCOMING_NAMES,
+    Incoming,
+    Outgoing,
+    StatusText,
+    is_valid,
+    read,
+    write,
+)
+from dsse_ros.flight.mission_messages import Address
 from dsse_ros.flight.signing import SigningClock
-from dsse_ros.flight.status_texts import StatusTexts
-from dsse_ros.flight.telegrams import HEARD_NAMES, Heard, Said, StatusText, read, write
-from dsse_ros.flight.validation import is_valid
 
 _MARKER = re.compile(rb"[\xfd\xfe]")
 _V2 = mavlink.PROTOCOL_MARKER_V2
@@ -25,9 +32,15 @@ _CHECKSUM = 2
 _SIGNATURE = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN
 _SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 _STALE_S = 0.5
-_HEARD_NUMBERS = frozenset(
-    number for number, kind in mavlink.mavlink_map.items() if kind.msgname in HEARD_NAMES
+_INCOMING_NUMBERS = frozenset(
+    number for number, kind in mavlink.mavlink_map.items() if kind.msgname in INCOMING_NAMES
 )
+
+_CHUNK_LENGTH = 50
+_CHUNK_WAIT_S = 2.0
+"""How long to wait for the chunks of a text before it is returned without them."""
+_MISSING_CHUNK = "..."
+_MAX_UNFINISHED = 8
 
 
 class Codec:
@@ -35,13 +48,13 @@ class Codec:
 
     Args:
         source: Ourselves.
-        target: The vehicle's autopilot; nobody else is heard.
-        key: 32 bytes; with it everything sent is signed, and nothing else is heard.
+        target: The vehicle's autopilot; messages of other senders are dropped.
+        key: 32 bytes; with it outgoing messages are signed, and unsigned ones are dropped.
         clock: Of the signatures.
 
     Attributes:
-        counts: `accepted`, and why others were not: `bad_data`, `wrong_sender`, `not_needed`,
-            `unsigned`, `forged` (or replayed), `invalid` (a place that is none).
+        counts: `accepted`, and why others were dropped: `bad_data`, `wrong_sender`, `not_needed`,
+            `unsigned`, `forged` (or replayed), `invalid` (coordinates out of range).
         trouble: What is wrong with the vehicle's signatures; empty if nothing is.
     """
 
@@ -67,36 +80,41 @@ class Codec:
         self._rest_since_s = 0.0
         self._texts = StatusTexts()
 
-    def encode(self, said: Said) -> bytes:
-        """Return the bytes of a message, numbered and signed."""
-        name, fields = write(said)
-        message = getattr(mavlink, f"MAVLink_{name.lower()}_message")(**fields)
+    def encode(self, message: Outgoing) -> bytes:
+        """Return the bytes of a message, numbered and signed.
+
+        Raises:
+            ValueError: If a coordinate is not allowed.
+        """
+        name, fields = write(message)
+        generated = getattr(mavlink, f"MAVLink_{name.lower()}_message")(**fields)
         mav = self._mav
         if self._signing:
             mav.signing.timestamp = self._clock.now()
-        data: bytes = message.pack(mav)
+        data: bytes = generated.pack(mav)
         mav.seq = (mav.seq + 1) % 256
         return bytes(data)
 
-    def decode(self, data: bytes, now: float, *, datagram: bool) -> list[Heard]:
-        """Return the messages of the vehicle in what came over the link.
+    def decode(self, data: bytes, now: float, *, datagram: bool) -> list[Incoming]:
+        """Return the messages of the vehicle in the bytes from the link.
 
-        After bytes that are none, the next frame is found, even one within what looked like
-        another.
+        After bytes that are not a frame, it finds the next one, even inside what looked like a
+        frame.
 
         Args:
             data: The bytes.
             now: Our time in seconds.
-            datagram: Whether a frame cannot go on in what comes next.
+            datagram: Whether the bytes are whole frames; if not, a frame may continue in the
+                next call.
         """
         if datagram:
             self._rest = b""
         skip = 1 if self._rest and now - self._rest_since_s > _STALE_S else 0
         if skip:
-            # What has not gone on for so long was no frame.
+            # A frame would have continued by now.
             self.counts["bad_data"] += 1
         buffer = self._rest[skip:] + data
-        heard: list[Heard] = [*self._texts.overdue(now)]
+        messages: list[Incoming] = [*self._texts.overdue(now)]
         at, end = 0, len(buffer)
         while at < end:
             length = _frame_length(buffer, at)
@@ -106,9 +124,9 @@ class Codec:
             if good:
                 message = self._take(buffer[at : at + length])
                 if isinstance(message, StatusText):
-                    heard += self._texts.take(message, now)
+                    messages += self._texts.take(message, now)
                 elif message is not None:
-                    heard.append(message)
+                    messages.append(message)
                 at += length
                 continue
             self.counts["bad_data"] += 1
@@ -118,64 +136,64 @@ class Codec:
         if not rest or at or skip:
             self._rest_since_s = now
         self._rest = rest
-        return heard
+        return messages
 
     def forget_rest(self) -> None:
-        """Begin anew, as on a new connection."""
+        """Drop a frame that has only begun, as on a new connection."""
         self._rest = b""
 
     def close(self) -> None:
-        """Keep the time of the last signature."""
+        """Store the time of the last signature."""
         if self._signing:
             self._clock.used(self._mav.signing.timestamp)
             self._clock.close()
 
-    def _take(self, frame: bytes) -> Heard | None:
-        """Return the message in a frame whose checksum is right."""
+    def _take(self, frame: bytes) -> Incoming | None:
+        """Return the message in a frame with a valid checksum, None if it is dropped."""
         old = frame[0] != _V2
         system, component = (frame[3], frame[4]) if old else (frame[5], frame[6])
         if (system, component) != self._target:
-            return self._refuse("wrong_sender")
+            return self._drop("wrong_sender")
         number = frame[5] if old else int.from_bytes(frame[7:10], "little")
-        if number not in _HEARD_NUMBERS:
-            return self._refuse("not_needed")
+        if number not in _INCOMING_NUMBERS:
+            return self._drop("not_needed")
         signed = not old and bool(frame[2] & _SIGNED)
         if self._signing and not signed:
             self.trouble = "its messages are not signed"
-            return self._refuse("unsigned")
+            return self._drop("unsigned")
         try:
-            message = self._mav.decode(bytearray(frame))
-            heard = read(message.get_type(), vars(message))
+            generated = self._mav.decode(bytearray(frame))
+            message = read(generated.get_type(), vars(generated))
         except mavlink.MAVError:
             if not self._signing:
-                return self._refuse("bad_data")
-            self.trouble = "its messages are not signed with our key, or are of the past"
-            return self._refuse("forged")
+                return self._drop("bad_data")
+            self.trouble = "its messages are not signed with our key, or are replayed"
+            return self._drop("forged")
         except Exception:
-            # Whatever it is that generated code cannot cope with.
-            return self._refuse("bad_data")
-        if heard is None:
-            return self._refuse("bad_data")
+            # Generated code raises many types on malformed fields.
+            return self._drop("bad_data")
+        if message is None:
+            return self._drop("bad_data")
         if self._signing:
             self._clock.used(self._mav.signing.timestamp)
-        # Whoever signs obeys nobody who does not.
+        # A vehicle that signs ignores unsigned messages.
         unanswered = signed and not self._signing
         self.trouble = "its messages are signed, and no key is given" if unanswered else ""
-        if not is_valid(heard):
-            return self._refuse("invalid")
+        if not is_valid(message):
+            return self._drop("invalid")
         self.counts["accepted"] += 1
-        return heard
+        return message
 
-    def _refuse(self, why: str) -> Heard | None:
+    def _drop(self, why: str) -> Incoming | None:
         self.counts[why] += 1
         return None
 
 
 class _Mav(mavlink.MAVLink):
-    """pymavlink's codec, but for a mistake in its check of signatures."""
+    """pymavlink's codec with a defect in its check of signatures corrected."""
 
     def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:
-        """Check a signature; a bad one leaves no trace.
+        """Check a signature; a bad one does not change the stream's timestamp.
 
         pymavlink stores the stream's timestamp before it has verified the signature, so that one
         forged frame would silence every later genuine one.
@@ -187,11 +205,67 @@ class _Mav(mavlink.MAVLink):
         return good
 
 
+@dataclass
+class _Text:
+    severity: int
+    since_s: float
+    chunks: dict[int, str] = field(default_factory=dict)
+
+    def joined(self) -> StatusText:
+        parts = []
+        for seq in range(max(self.chunks) + 1):
+            if seq in self.chunks:
+                parts.append(self.chunks[seq])
+            elif seq - 1 in self.chunks or seq == 0:
+                parts.append(_MISSING_CHUNK)
+        return StatusText(self.severity, "".join(parts).rstrip())
+
+    @property
+    def complete(self) -> bool:
+        last = max(self.chunks)
+        return len(self.chunks) == last + 1 and len(self.chunks[last]) < _CHUNK_LENGTH
+
+
+class StatusTexts:
+    """Joins the chunks of a vehicle's long status texts, in whatever order they come.
+
+    https://mavlink.io/en/messages/common.html#STATUSTEXT: chunks of one text have the same id,
+    which is not 0, and are numbered from 0; the last one is shorter than 50 characters. PX4 ends
+    texts that it also sends as events with a tab.
+    """
+
+    def __init__(self) -> None:
+        self._unfinished: dict[int, _Text] = {}
+
+    def take(self, chunk: StatusText, now: float) -> list[StatusText]:
+        """Return the texts that this chunk completes, or that make room for its own."""
+        if chunk.id == 0:
+            return [StatusText(chunk.severity, chunk.text.rstrip())]
+        done = self._oldest() if len(self._unfinished) >= _MAX_UNFINISHED else []
+        text = self._unfinished.setdefault(chunk.id, _Text(chunk.severity, now))
+        text.chunks[chunk.chunk_seq] = chunk.text
+        if text.complete:
+            done.append(self._unfinished.pop(chunk.id).joined())
+        return done
+
+    def overdue(self, now: float) -> list[StatusText]:
+        """Return, incomplete, the texts whose missing chunks are overdue."""
+        late = [
+            number
+            for number, text in self._unfinished.items()
+            if now - text.since_s > _CHUNK_WAIT_S
+        ]
+        return [self._unfinished.pop(number).joined() for number in late]
+
+    def _oldest(self) -> list[StatusText]:
+        return [self._unfinished.pop(next(iter(self._unfinished))).joined()]
+
+
 def _frame_length(buffer: bytes, at: int) -> int:
-    """Return how long the frame would be that begins here; 0 for none."""
+    """Return the length of the frame that begins here, 0 if none does."""
     marker, left = buffer[at], len(buffer) - at
     if marker == _V2:
-        # Of a frame that has only begun, at least the header is to come.
+        # The length is not known before the whole header has come.
         if left < 3:
             return _HEADER_V2
         if buffer[at + 2] & ~_SIGNED:
@@ -204,13 +278,13 @@ def _frame_length(buffer: bytes, at: int) -> int:
 
 
 def _is_frame(buffer: bytes, at: int, length: int) -> bool:
-    """Whether the bytes are a frame: its checksum is right, or it is of a kind we do not know."""
+    """Whether the bytes are a frame: its checksum is valid, or it is of an unknown message."""
     v2 = buffer[at] == _V2
     number = int.from_bytes(buffer[at + 7 : at + 10], "little") if v2 else buffer[at + 5]
     kind = mavlink.mavlink_map.get(number)
     end = at + length
     if kind is None:
-        # Its checksum cannot be known: it is believed if another frame follows.
+        # Its checksum cannot be verified: it counts as a frame if another one follows.
         return end == len(buffer) or buffer[end] in (_V2, _V2 + 1)
     if v2 and buffer[at + 2] & _SIGNED:
         end -= _SIGNATURE

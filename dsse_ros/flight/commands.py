@@ -14,13 +14,13 @@ from dataclasses import dataclass, field, replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
-from dsse_ros.flight.messages import Address
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
     CommandAck,
     CommandLong,
     MissionSetCurrent,
-    Said,
+    Outgoing,
 )
+from dsse_ros.flight.mission_messages import Address
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_state import VehicleState
 
@@ -137,7 +137,7 @@ class Situation:
     settings: ControllerSettings
     state: VehicleState = field(default_factory=VehicleState)
     now: float = -math.inf
-    out: list[Said] = field(default_factory=list)
+    out: list[Outgoing] = field(default_factory=list)
     _texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=3))
     _best: tuple[object, float] = (None, math.inf)
     _best_since_s: float = 0.0

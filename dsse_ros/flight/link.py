@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes to and from one vehicle over UDP, TCP or a serial line; nothing here ever waits.
+"""Bytes to and from one vehicle over UDP, TCP or a serial line, without blocking.
 
-Connections are named as pymavlink does. Its own connections print, sleep while they reconnect, and
-over UDP send to whoever has sent something.
+Connection strings are pymavlink's. Its own connections are not used: they print, sleep while they
+reconnect, and over UDP reply to any sender.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _RATES = sorted((found[1] for found in map(_B.fullmatch, dir(termios)) if found)
 
 
 class Link(ABC):
-    """A connection that may be down: it raises OSError then, and can be opened again.
+    """A connection; when it is down it raises OSError, and can be opened again.
 
     Attributes:
-        name: The connection as it was given.
+        name: The connection string.
         datagram: Whether bytes come in whole frames.
-        counts: `wrong_address`: what came from elsewhere while the vehicle was heard;
-            `unsent`: what found nobody to send it to.
+        counts: `wrong_address`: datagrams dropped because another address is the vehicle's;
+            `unsent`: frames dropped because there was no peer, or no room to send them.
     """
 
     datagram = False
@@ -60,49 +60,49 @@ class Link(ABC):
 
     @abstractmethod
     def fileno(self) -> int:
-        """Return what to wait for."""
+        """Return the file descriptor to poll."""
 
     @property
     def waits_to_send(self) -> bool:
-        """Whether to wait until it can send more."""
+        """Whether to poll for writing too."""
         return False
 
     @property
-    def opening(self) -> bool:
-        """Whether it is still to be seen if there is another end."""
+    def connecting(self) -> bool:
+        """Whether a connection is being made; it may still be refused."""
         return False
 
     @abstractmethod
     def receive(self, now: float) -> list[tuple[bytes, Peer]]:
-        """Return what has come, and from where; not all of it if that is much.
+        """Return some of the bytes that have arrived, and where from.
 
         Raises:
-            OSError: If the other end has gone.
+            OSError: If the connection was closed by the peer.
         """
 
-    def believe(self, peer: Peer, now: float) -> None:  # noqa: B027
-        """Take note that the vehicle was heard from there."""
+    def confirm_peer(self, peer: Peer, now: float) -> None:  # noqa: B027
+        """Take an address for the vehicle's: a valid message came from there."""
 
     @abstractmethod
     def send(self, data: bytes) -> None:
-        """Send a frame, or what is left of others.
+        """Send a frame, after the unsent rest of earlier ones.
 
         Raises:
-            OSError: If the other end has gone.
+            OSError: If the connection was closed by the peer.
         """
 
 
 def parse_connection(name: str) -> Link:
-    """Return the link, closed, that a connection names.
+    """Return the link, not yet open, of a connection string.
 
     Args:
-        name: `udpin:HOST:PORT` (or `udp:`) waits to be spoken to, `udpout:HOST:PORT` speaks first;
-            `tcp:HOST:PORT` is a client, `tcpin:HOST:PORT` a server of one; `/dev/...` or
-            `serial:/dev/...` is a serial line, with `,BAUD` behind it if not 57600. A host that
-            is left out is this machine.
+        name: `udpin:HOST:PORT` (or `udp:`) listens, `udpout:HOST:PORT` sends first;
+            `tcp:HOST:PORT` is a client, `tcpin:HOST:PORT` a server of one client; `/dev/...` or
+            `serial:/dev/...` is a serial line, followed by `,BAUD` if not 57600. The default
+            host is this machine.
 
     Raises:
-        ValueError: If it names none.
+        ValueError: If it is not a connection string.
     """
     match = _FORM.fullmatch(name)
     if match:
@@ -166,13 +166,13 @@ class _UdpLink(_SocketLink):
 
     @abstractmethod
     def _attach(self, made: socket.socket) -> None:
-        """Give a socket its address, or the other end's."""
+        """Bind or connect a socket."""
 
 
 class _UdpInLink(_UdpLink):
-    """UDP that is spoken to first.
+    """UDP that listens.
 
-    It answers whoever the vehicle was heard from, and as long as that goes on nobody else.
+    It sends to the confirmed peer, and drops other senders for as long as that one is heard.
     """
 
     def __init__(self, name: str, address: tuple[str, int]) -> None:
@@ -191,7 +191,7 @@ class _UdpInLink(_UdpLink):
             except BlockingIOError:
                 break
             except ConnectionError:
-                # Someone we sent to is not there any more.
+                # The peer has closed its port.
                 continue
             if peer == self._peer or self._peer is None or now - self._peer_s > _PEER_SILENT_S:
                 came.append((data, peer))
@@ -199,7 +199,7 @@ class _UdpInLink(_UdpLink):
                 self.counts["wrong_address"] += 1
         return came
 
-    def believe(self, peer: Peer, now: float) -> None:
+    def confirm_peer(self, peer: Peer, now: float) -> None:
         if peer == self._peer or now - self._peer_s > _PEER_SILENT_S or self._peer is None:
             self._peer, self._peer_s = peer, now
 
@@ -213,7 +213,7 @@ class _UdpInLink(_UdpLink):
 
 
 class _UdpOutLink(_UdpLink):
-    """UDP to one address, from which alone anything is heard."""
+    """UDP to one address; the socket drops other senders."""
 
     def _attach(self, made: socket.socket) -> None:
         made.connect(self._address)
@@ -226,7 +226,7 @@ class _UdpOutLink(_UdpLink):
             except BlockingIOError:
                 break
             except ConnectionError:
-                # It is not there, or not yet.
+                # The peer has not opened its port, or has closed it.
                 continue
         return came
 
@@ -237,7 +237,7 @@ class _UdpOutLink(_UdpLink):
 
 
 class _StreamLink(Link):
-    """A link on which bytes come in order, and on which sending may have to wait."""
+    """A link of a byte stream, which may have to wait before it can send."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -249,11 +249,11 @@ class _StreamLink(Link):
 
     @abstractmethod
     def _read(self) -> bytes:
-        """Return some bytes, none at the end."""
+        """Return some bytes, none if the peer has closed the connection."""
 
     @abstractmethod
     def _write(self, data: bytearray) -> int:
-        """Send some bytes and return how many."""
+        """Send some of the bytes and return how many."""
 
     def receive(self, now: float) -> list[tuple[bytes, Peer]]:
         try:
@@ -261,12 +261,12 @@ class _StreamLink(Link):
         except BlockingIOError:
             return []
         if not data:
-            raise ConnectionResetError(errno.ECONNRESET, "the other end has gone")
+            raise ConnectionResetError(errno.ECONNRESET, "closed by the peer")
         return [(data, None)]
 
     def send(self, data: bytes) -> None:
         if len(self._unsent) + len(data) > _MAX_UNSENT:
-            # What is this old is of no use any more, but a frame that has begun has to end.
+            # A frame that could not be sent in time is of no use, but one that has begun must end.
             self.counts["unsent"] += 1
             data = b""
         self._unsent += data
@@ -303,7 +303,7 @@ class _TcpLink(_StreamLink, _SocketLink):
         return self._connecting or bool(self._unsent)
 
     @property
-    def opening(self) -> bool:
+    def connecting(self) -> bool:
         return self._connecting
 
     def _connected(self) -> bool:
@@ -330,7 +330,7 @@ class _TcpLink(_StreamLink, _SocketLink):
 
 
 class _TcpInLink(_StreamLink, _SocketLink):
-    """A TCP server of one client; the next one waits until it has gone."""
+    """A TCP server of one client; the next one waits until that one disconnects."""
 
     def __init__(self, name: str, address: tuple[str, int]) -> None:
         _SocketLink.__init__(self, name, address)
@@ -419,5 +419,5 @@ def _send_datagram(through: socket.socket, data: bytes, peer: Peer, counts: Coun
         else:
             through.sendto(data, peer)
     except (BlockingIOError, ConnectionError):
-        # Nobody is there yet, or the network is full; what matters is said again.
+        # There is no peer yet, or no buffer space; whatever matters is sent again.
         counts["unsent"] += 1

@@ -16,11 +16,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import offset_m
 from dsse_ros.flight.commands import ARM_DISARM, MISSION_START, OrderFailedError
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.telegrams import MissionSetCurrent
+from dsse_ros.flight.mavlink_messages import MissionSetCurrent
+from dsse_ros.flight.mission_messages import WireItem
 from dsse_ros.flight.transfer import Failed
+from dsse_ros.flight.upload import VerifiedUpload
 from dsse_ros.flight.vehicle_controller import Order, VehicleController
-from dsse_ros.flight.verified_upload import VerifiedUpload
 
 NAV_WAYPOINT = mavlink.MAV_CMD_NAV_WAYPOINT
 NAV_LOITER_TIME = mavlink.MAV_CMD_NAV_LOITER_TIME
@@ -350,7 +350,7 @@ def _upload(controller: VehicleController, items: tuple[WireItem, ...]) -> Itera
         items,
         situation.target,
         controller.source,
-        dialect=situation.autopilot.name,  # type: ignore[arg-type]
+        autopilot=situation.autopilot,
         timeouts=situation.settings.transfer,
     )
     controller.exchange = exchange

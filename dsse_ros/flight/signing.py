@@ -37,20 +37,20 @@ def read_key(path: str | Path) -> bytes:
         with contextlib.suppress(ValueError):
             return bytes.fromhex(text.decode("ascii"))
     if len(data) != KEY_BYTES:
-        raise ValueError(f"{path}: {len(data)} bytes are no key; {KEY_BYTES}, or 64 digits")
+        raise ValueError(f"{path}: {len(data)} bytes are not allowed; {KEY_BYTES}, or 64 digits")
     return data
 
 
 class SigningClock:
-    """A clock that never goes back, not even over a restart on a machine whose own clock did.
+    """A clock that never goes back, even after a restart on a machine whose own clock did.
 
-    What it writes is ahead of what it shows, so that nothing shown is ever shown again.
+    The stored time is ahead of every returned one, so that none is ever used twice.
 
     Args:
-        path: Where it is kept; None to start from the machine's clock each time.
+        path: File of the stored time; None to start from the machine's clock each time.
 
     Attributes:
-        trouble: Why it could not be kept, empty if it could.
+        trouble: Why the time could not be read or stored; empty if it could.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -60,7 +60,7 @@ class SigningClock:
         self._reserved = 0
 
     def now(self) -> int:
-        """Return the time in ticks: the machine's, or just above the last if that is behind."""
+        """Return the time in ticks: the machine's, or one tick after the last if that is later."""
         ticks = int((time.time() - _EPOCH_S) * TICKS_PER_S)
         self._last = max(self._last + 1, ticks)
         if self._last >= self._reserved:
@@ -69,11 +69,11 @@ class SigningClock:
         return self._last
 
     def used(self, ticks: int) -> None:
-        """Take note of a time that has been used, or heard of."""
+        """Take a timestamp that was sent or received for used."""
         self._last = max(self._last, ticks)
 
     def close(self) -> None:
-        """Keep the exact time."""
+        """Store the exact time."""
         self._write(self._last)
 
     def _read(self) -> int:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every exchange of the mission protocol has in common, without a link and without a clock.
 
-An exchange is told the time and what was received; it answers with what to send. It waits for a
-reply, asks again, begins anew where that helps, and always comes to an end, with no more delay
-than its `Timeouts` allow. Protocol: https://mavlink.io/en/services/mission.html.
+An exchange is given the time and the messages received, and returns the messages to send. It waits
+for a reply, sends again, starts again where that helps, and always ends, within the limits of its
+`Timeouts`. Protocol: https://mavlink.io/en/services/mission.html.
 """
 
 from __future__ import annotations
@@ -14,15 +14,21 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import ClassVar, Protocol, get_args
 
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import MISSION_FAULTS, Address, Message, MissionAck, MissionResult
+from dsse_ros.flight.mission_messages import (
+    MISSION_FAULTS,
+    Address,
+    MissionAck,
+    MissionMessage,
+    MissionResult,
+    WireItem,
+)
 
-_MESSAGES = get_args(Message)
+_MESSAGES = get_args(MissionMessage)
 
 
 @dataclass(frozen=True)
 class Timeouts:
-    """How patient an exchange is.
+    """Timeouts and retries of an exchange.
 
     The protocol's guide has 5 retries, which is too few for a link that loses 30 % each way.
 
@@ -30,13 +36,13 @@ class Timeouts:
         item_s: Time after which a message about an item is sent again.
         reply_s: The same for any other message.
         retries: How often a message is sent again before the attempt counts as failed.
-        upload_retries: How often the whole exchange is begun anew; vehicles have limits of their
+        upload_retries: How often the whole exchange starts again; vehicles have limits of their
             own.
-        settle_s: Longest time that the link may delay a message and the answer to it. What has
-            changed a vehicle, or tried to, waits for as long before it ends: a late message
-            would spoil what follows.
-        stall_s: Longer than a vehicle keeps up a transfer that has stalled (ArduPilot 8 s, PX4
-            5 s); until then it refuses another.
+        settle_s: Longest time that the link may delay a message and the reply to it. An exchange
+            that has changed the vehicle, or tried to, waits for as long before it ends: a late
+            message would disturb the next exchange.
+        stall_s: Longer than a vehicle keeps a stalled transfer open (ArduPilot 8 s, PX4 5 s);
+            until then it refuses another.
 
     Raises:
         ValueError: If a value is not allowed.
@@ -65,7 +71,7 @@ class Done:
     """An exchange that succeeded.
 
     Attributes:
-        items: The mission on the vehicle as it was sent, or read from it.
+        items: The mission as it was sent to the vehicle, or read from it.
     """
 
     items: tuple[WireItem, ...] = ()
@@ -73,13 +79,13 @@ class Done:
 
 @dataclass(frozen=True)
 class Failed:
-    """An exchange that did not succeed.
+    """An exchange that failed.
 
     Attributes:
         code: Short snake_case key: `cancelled`, `no_reply`, `refused` and `stalled` for any;
-            `early_ack`, `given_up`, `unconfirmed` and `mismatch` for uploads.
+            `early_ack`, `cancelled_by_vehicle` and `mismatch` for uploads.
         reason: One line for people.
-        ack: MAV_MISSION_RESULT that the vehicle gave.
+        ack: The vehicle's MAV_MISSION_RESULT.
         changed: Whether the vehicle may hold another mission than before, or none, or with
             ArduPilot a mixture: upload again before it flies one.
     """
@@ -91,10 +97,10 @@ class Failed:
 
 
 class Exchange(Protocol):
-    """What the owner of a link drives: one exchange at a time for each vehicle.
+    """An exchange as the owner of a link drives it: one at a time for each vehicle.
 
     Attributes:
-        result: None while the exchange goes on.
+        result: None while the exchange is in progress.
         counts: Messages that had no effect, and other events, by a short key.
     """
 
@@ -105,40 +111,40 @@ class Exchange(Protocol):
     def deadline(self) -> float | None:
         """Time at which `tick` is due; None if it is not."""
 
-    def start(self, now: float) -> list[Message]:
-        """Begin; returns what to send."""
+    def start(self, now: float) -> list[MissionMessage]:
+        """Start; returns the messages to send."""
 
-    def receive(self, message: object, sender: Address, now: float) -> list[Message]:
-        """Take what was received from anybody, and never raise; returns what to send."""
+    def receive(self, message: object, sender: Address, now: float) -> list[MissionMessage]:
+        """Process a message from any sender, and never raise; returns the messages to send."""
 
-    def tick(self, now: float) -> list[Message]:
-        """Let time pass; returns what to send."""
+    def tick(self, now: float) -> list[MissionMessage]:
+        """Process the time; returns the messages to send."""
 
-    def cancel(self, now: float) -> list[Message]:
-        """Give up in any state; returns what to send. The result follows when all is quiet."""
+    def cancel(self, now: float) -> list[MissionMessage]:
+        """Cancel in any state; returns the messages to send. The result may follow later."""
 
 
 class _State(Enum):
     NEW = auto()
-    ASKING = auto()
+    ACTIVE = auto()
     SETTLING = auto()
-    OVER = auto()
+    ENDED = auto()
 
 
 class Transfer(ABC):
     """Base of the exchanges: addresses, retries, attempts and the end; see `Exchange`.
 
     Attributes:
-        attempts_left: How often it may still begin anew.
+        attempts_left: How often it may still start again.
 
     Args:
-        target: The vehicle's autopilot; component 0 hears all components of its system.
+        target: The vehicle's autopilot; component 0 stands for all components of its system.
         source: Ourselves.
         mission_type: MAV_MISSION_TYPE; messages about others are ignored.
-        timeouts: How patient to be.
+        timeouts: Timeouts and retries.
 
     Raises:
-        ValueError: If the target is everybody, who would all obey.
+        ValueError: If the target is not a single system: a broadcast would reach all vehicles.
     """
 
     name: ClassVar[str]
@@ -163,9 +169,9 @@ class Transfer(ABC):
         self.counts: Counter[str] = Counter()
         self._deadline: float | None = None
         self._state = _State.NEW
-        self._question: Message | None = None
+        self._pending: MissionMessage | None = None
         self._wait_s = 0.0
-        self._tries_left = 0
+        self._retries_left = 0
         self._refused_since: float | None = None
         self._settled_by = 0.0
         self._conclusion: Done | Failed | None = None
@@ -175,113 +181,109 @@ class Transfer(ABC):
         """Time at which `tick` is due; None if it is not."""
         return self._deadline
 
-    def start(self, now: float) -> list[Message]:
-        """Begin; returns what to send.
+    def start(self, now: float) -> list[MissionMessage]:
+        """Start; returns the messages to send.
 
         Raises:
-            RuntimeError: If it has begun before.
+            RuntimeError: If it was started before.
         """
         if self._state is not _State.NEW:
             raise RuntimeError("an exchange starts once")
         return self._begin(now)
 
-    def receive(self, message: object, sender: Address, now: float) -> list[Message]:
-        """Take what was received from anybody, and never raise; returns what to send."""
-        if self._state in (_State.NEW, _State.OVER):
+    def receive(self, message: object, sender: Address, now: float) -> list[MissionMessage]:
+        """Process a message from any sender, and never raise; returns the messages to send."""
+        if self._state in (_State.NEW, _State.ENDED):
             return []
         if not isinstance(message, _MESSAGES):
-            return self._ignore("junk")
-        heard = Address(*self.target) if self.target.component else (self.target.system,)
-        if not isinstance(sender, tuple) or sender[: len(heard)] != heard:
-            return self._ignore("foreign_sender")
+            return self._ignore("unknown_message")
+        expected = Address(*self.target) if self.target.component else (self.target.system,)
+        if not isinstance(sender, tuple) or sender[: len(expected)] != expected:
+            return self._ignore("wrong_sender")
         system, component = message.target
         if system not in (0, self.source.system) or component not in (0, self.source.component):
-            return self._ignore("foreign_target")
+            return self._ignore("wrong_target")
         if message.mission_type != self.mission_type:
-            return self._ignore("foreign_mission_type")
+            return self._ignore("wrong_mission_type")
         if self._state is _State.SETTLING:
             return self._take_late(message, now)
         return self._take(message, now)
 
-    def tick(self, now: float) -> list[Message]:
-        """Let time pass; returns what to send."""
+    def tick(self, now: float) -> list[MissionMessage]:
+        """Process the time; returns the messages to send."""
         if self._deadline is None or now < self._deadline:
             return []
         if self._state is _State.SETTLING:
             return self._settled(now)
-        if self._tries_left == 0:
+        if self._retries_left == 0:
             return self._exhausted(now)
-        self._tries_left -= 1
+        self._retries_left -= 1
         self._deadline = now + self._wait_s
-        assert self._question is not None
-        return [self._question]
+        assert self._pending is not None
+        return [self._pending]
 
-    def cancel(self, now: float) -> list[Message]:
-        """Give up in any state; returns what to send. The result follows when all is quiet."""
+    def cancel(self, now: float) -> list[MissionMessage]:
+        """Cancel in any state; returns the messages to send. The result may follow later."""
         failed = Failed("cancelled", f"the {self.name} was cancelled", changed=self._may_change())
         if self._state is _State.NEW:
             self._end(failed)
             return []
         settling = self._state is _State.SETTLING
-        if self._state is _State.OVER or settling and isinstance(self._conclusion, Failed):
+        if self._state is _State.ENDED or settling and isinstance(self._conclusion, Failed):
             return []
-        return self._settle(failed, now, self._goodbye())
+        return self._fail(failed, now)
 
-    # What the kinds of exchange do.
-
-    @abstractmethod
-    def _begin(self, now: float) -> list[Message]:
-        """Begin, or begin anew."""
+    # What the kinds of exchange define.
 
     @abstractmethod
-    def _take(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle to us about the right kind of mission."""
+    def _begin(self, now: float) -> list[MissionMessage]:
+        """Start an attempt."""
 
     @abstractmethod
-    def _exhausted(self, now: float) -> list[Message]:
-        """Give the attempt up: the question was asked as often as allowed."""
+    def _take(self, message: MissionMessage, now: float) -> list[MissionMessage]:
+        """Process a message from the vehicle to us about the right type of mission."""
 
-    def _take_late(self, message: Message, now: float) -> list[Message]:
-        """Take a message when all was said."""
+    @abstractmethod
+    def _exhausted(self, now: float) -> list[MissionMessage]:
+        """End the attempt: the pending message was sent as often as allowed."""
+
+    def _take_late(self, message: MissionMessage, now: float) -> list[MissionMessage]:
+        """Process a message that arrives while the exchange settles."""
         return self._ignore("late")
 
-    def _goodbye(self) -> list[Message]:
-        """Return what tells the vehicle that we give up."""
-        return []
+    # What they share.
 
-    # What they do it with.
-
-    def _ask(
+    def _send(
         self,
-        question: Message,
+        message: MissionMessage,
         wait_s: float,
         now: float,
         *,
-        tries: int | None = None,
+        retries: int | None = None,
         pause_s: float = 0.0,
-    ) -> list[Message]:
-        """Send a message, after a pause, and send it again until the next question."""
-        self._state = _State.ASKING
-        self._question = question
+    ) -> list[MissionMessage]:
+        """Send a message, after a pause, and again until another one takes its place."""
+        self._state = _State.ACTIVE
+        self._pending = message
         self._wait_s = wait_s
-        self._tries_left = self.timeouts.retries if tries is None else tries
+        self._retries_left = self.timeouts.retries if retries is None else retries
         self._refused_since = None
         if pause_s > 0:
-            self._tries_left += 1
+            self._retries_left += 1
             self._deadline = now + pause_s
             return []
         self._deadline = now + wait_s
-        return [question]
+        return [message]
 
-    def _ignore(self, key: str) -> list[Message]:
+    def _ignore(self, key: str) -> list[MissionMessage]:
         self.counts[key] += 1
         return []
 
     def _cancellation(self) -> MissionAck:
         return MissionAck(self.target, MissionResult.OPERATION_CANCELLED, self.mission_type)
 
-    def _refused(self, ack: MissionAck, now: float) -> list[Message]:
-        """Take a refusal of the opening question: it may be that the vehicle is still busy."""
+    def _refused(self, ack: MissionAck, now: float) -> list[MissionMessage]:
+        """Process a refusal of the first message: the vehicle may only be busy."""
         self.counts["refused"] += 1
         if self._refused_since is None:
             self._refused_since = now
@@ -301,51 +303,54 @@ class Transfer(ABC):
             changed=self._may_change(),
         )
 
-    def _no_reply(self, now: float) -> list[Message]:
-        asked = self.timeouts.retries + 1
-        reason = f"no reply to the {self.name}, asked for {asked} times"
+    def _no_reply(self, now: float) -> list[MissionMessage]:
+        tries = self.timeouts.retries + 1
+        reason = f"{self.name}: no reply after {tries} tries"
         return self._fail(Failed("no_reply", reason, changed=self._may_change()), now)
 
-    def _fail_attempt(self, code: str, reason: str, now: float) -> list[Message]:
-        """Begin anew if that is still allowed, else fail."""
+    def _fail_attempt(self, code: str, reason: str, now: float) -> list[MissionMessage]:
+        """Start again if attempts are left, else fail."""
         failed = Failed(code, f"{self.name}: {reason}", changed=self._may_change())
         if self.attempts_left == 0:
             return self._fail(failed, now)
         self.attempts_left -= 1
         self.counts[code] += 1
-        return self._settle(None, now, self._goodbye() if self.changes_vehicle else [])
+        return self._settle(None, now, [self._cancellation()] if self.changes_vehicle else [])
 
-    def _fail(self, failed: Failed, now: float) -> list[Message]:
-        return self._settle(failed, now, self._goodbye())
+    def _fail(self, failed: Failed, now: float) -> list[MissionMessage]:
+        return self._settle(failed, now, [self._cancellation()])
 
     def _settle(
-        self, conclusion: Done | Failed | None, now: float, last_words: list[Message]
-    ) -> list[Message]:
-        """Come to a conclusion, None to begin anew, once nothing said before is under way."""
+        self,
+        conclusion: Done | Failed | None,
+        now: float,
+        final_messages: list[MissionMessage],
+    ) -> list[MissionMessage]:
+        """End with a conclusion, None to start again, once no earlier message is in transit."""
         self._state = _State.SETTLING
         self._conclusion = conclusion
         if not self.changes_vehicle:
-            return last_words + self._settled(now)
+            return final_messages + self._settled(now)
         self._settled_by = now + self.timeouts.stall_s
-        self._stay(now)
-        return last_words
+        self._extend_settling(now)
+        return final_messages
 
-    def _stay(self, now: float) -> None:
-        """Wait for quiet from now on, but not for ever."""
+    def _extend_settling(self, now: float) -> None:
+        """Wait for silence from now on, within the limit."""
         self._deadline = min(now + self._quiet_s(), self._settled_by)
 
     def _quiet_s(self) -> float:
-        """Return for how long nothing must be heard before all is over."""
+        """Return how long the vehicle must send nothing before the exchange ends."""
         return self.timeouts.settle_s
 
-    def _settled(self, now: float) -> list[Message]:
+    def _settled(self, now: float) -> list[MissionMessage]:
         if self._conclusion is None:
             return self._begin(now)
         self._end(self._conclusion)
         return []
 
     def _end(self, result: Done | Failed) -> None:
-        self._state = _State.OVER
+        self._state = _State.ENDED
         self.result = result
         self._deadline = None
 

@@ -1,47 +1,67 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Upload of a mission to a vehicle."""
+"""Missions to a vehicle and back: upload, download, and an upload that is verified by a download."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
+from collections import Counter
 from collections.abc import Sequence
 
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import (
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.mission_messages import (
     MISSION_FAULTS,
     Address,
-    Message,
     MissionAck,
     MissionCount,
     MissionItemInt,
+    MissionMessage,
     MissionRequest,
     MissionRequestInt,
+    MissionRequestList,
     MissionResult,
+    WireItem,
 )
-from dsse_ros.flight.readback import Dialect
 from dsse_ros.flight.transfer import Done, Failed, Timeouts, Transfer
 
-_OVER = MISSION_FAULTS | {MissionResult.OPERATION_CANCELLED}
+_FINAL_RESULTS = MISSION_FAULTS | {MissionResult.OPERATION_CANCELLED}
 """Results after which a vehicle waits for no more items."""
+_RETRIED = ("mismatch", "stalled")
+"""Codes of a failed verification after which the mission is uploaded again."""
+_FRAME_MISSION = mavlink.MAV_FRAME_MISSION
+_NAV_RETURN_TO_LAUNCH = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+_FRAMES = {
+    mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+}
+"""Integer frames by the equivalent ones that autopilots return instead."""
+_MAX_DEGREES = 1
+"""1e-7 degrees, which are lost when they are stored as floating point."""
+_MAX_ALTITUDE_M = 0.02
+"""ArduPilot stores centimetres."""
 
 
 class Upload(Transfer):
-    """Says how many items there are and answers what the vehicle asks until it acknowledges.
+    """Sends the number of items, then those that the vehicle requests.
 
-    An acknowledgement proves little: what arrived is only known from `VerifiedUpload`.
+    It ends with the acknowledgement, or without one if the vehicle has requested all items: only
+    `VerifiedUpload`, which reads them back, knows which mission the vehicle holds.
 
     Args:
         items: The mission, numbered as the vehicle does; an empty one clears it.
         target: The vehicle's autopilot.
         source: Ourselves.
-        dialect: Whose autopilot it is. ArduPilot cannot be told to give up: after a failure it
-            is waited for.
-        must_confirm: Whether an acknowledgement must come; not for one who reads the mission back.
+        autopilot: Which autopilot it is. ArduPilot does not process a cancellation: after a failure
+            the exchange waits until its own time-out.
         mission_type: MAV_MISSION_TYPE, which the items must have.
-        timeouts: How patient to be.
+        timeouts: Timeouts and retries.
 
     Raises:
-        ValueError: If items are not numbered from 0, are of another type, or would be obeyed at
-            once instead of stored.
+        ValueError: If items are not numbered from 0, are of another type, or would be executed
+            at once instead of stored.
     """
 
     name = "upload"
@@ -53,17 +73,15 @@ class Upload(Transfer):
         target: Address,
         source: Address,
         *,
-        dialect: Dialect,
-        must_confirm: bool = True,
+        autopilot: Autopilot,
         mission_type: int = 0,
         timeouts: Timeouts | None = None,
     ) -> None:
         super().__init__(target, source, mission_type=mission_type, timeouts=timeouts)
         self._items = tuple(items)
-        self._dialect = dialect
-        self._must_confirm = must_confirm
-        self._asked: set[int] = set()
-        self._told_over = False
+        self._autopilot = autopilot
+        self._requested: set[int] = set()
+        self._vehicle_ended = False
         for index, item in enumerate(self._items):
             if item.seq != index:
                 raise ValueError(f"items[{index}].seq: {item.seq} is not allowed; {index} is")
@@ -72,99 +90,309 @@ class Upload(Transfer):
                     f"items[{index}].mission_type: {item.mission_type} is not allowed; "
                     f"{mission_type} is"
                 )
-            # ArduPilot takes 2 and 3 for an order to fly there.
+            # ArduPilot takes 2 and 3 for a command to fly there.
             if item.current not in (0, 1):
                 raise ValueError(f"items[{index}].current: {item.current} is not allowed; 0 or 1")
 
-    def _begin(self, now: float) -> list[Message]:
-        self._asked.clear()
-        self._told_over = False
+    def _begin(self, now: float) -> list[MissionMessage]:
+        self._requested.clear()
+        self._vehicle_ended = False
         count = MissionCount(self.target, len(self._items), self.mission_type)
-        return self._ask(count, self.timeouts.reply_s, now)
+        return self._send(count, self.timeouts.reply_s, now)
 
-    def _take(self, message: Message, now: float) -> list[Message]:
+    def _take(self, message: MissionMessage, now: float) -> list[MissionMessage]:
         if isinstance(message, MissionRequestInt | MissionRequest):
             return self._serve(message.seq, now)
         if isinstance(message, MissionAck):
             return self._take_ack(message, now)
         return self._ignore("unexpected")
 
-    def _take_ack(self, ack: MissionAck, now: float) -> list[Message]:
+    def _take_ack(self, ack: MissionAck, now: float) -> list[MissionMessage]:
         if ack.type == MissionResult.ACCEPTED:
-            if self._all_asked:
+            if self._all_requested:
                 return self._settle(Done(self._items), now, [])
-            reason = f"acknowledged when {len(self._asked)} of {len(self._items)} were asked for"
+            done, total = len(self._requested), len(self._items)
+            reason = f"acknowledged after {done} of {total} items were requested"
             return self._fail_attempt("early_ack", reason, now)
-        self._told_over = ack.type in _OVER
+        self._vehicle_ended = ack.type in _FINAL_RESULTS
         if ack.type in MISSION_FAULTS:
             return self._fail(self._refusal(ack), now)
-        if not self._asked:
+        if not self._requested:
             return self._refused(ack, now)
         if ack.type == MissionResult.OPERATION_CANCELLED:
-            return self._fail_attempt("given_up", "the vehicle gave up", now)
-        # Vehicles grumble at an item that comes twice and go on asking. But once they have all,
-        # it may be their way to say that they are no longer waiting for any.
-        if self._all_asked and ack.type != MissionResult.INVALID_SEQUENCE:
-            self._tries_left = min(self._tries_left, 1)
-        return self._ignore("grumbled")
+            return self._fail_attempt("cancelled_by_vehicle", "cancelled by the vehicle", now)
+        # Vehicles send a NACK for an item that arrives twice and continue. But once they have all,
+        # a NACK may mean that they no longer wait for any.
+        if self._all_requested and ack.type != MissionResult.INVALID_SEQUENCE:
+            self._retries_left = min(self._retries_left, 1)
+        return self._ignore("ignored_nack")
 
-    def _take_late(self, message: Message, now: float) -> list[Message]:
+    def _take_late(self, message: MissionMessage, now: float) -> list[MissionMessage]:
         self.counts["late"] += 1
         if isinstance(message, MissionAck):
-            if message.type in _OVER and not self._told_over:
-                self._told_over = True
-                self._stay(now)
+            if message.type in _FINAL_RESULTS and not self._vehicle_ended:
+                self._vehicle_ended = True
+                self._extend_settling(now)
             return []
         if not isinstance(message, MissionRequestInt | MissionRequest):
             return []
-        self._stay(now)
+        self._extend_settling(now)
         if not isinstance(self._conclusion, Done):
             return [self._cancellation()]
-        # A late MISSION_COUNT has made it ask anew: let it have the same once more.
+        # A late MISSION_COUNT has made it request the items again: send the same ones once more.
         return self._item(message.seq)
 
-    def _exhausted(self, now: float) -> list[Message]:
-        if not self._asked and self._items:
+    def _exhausted(self, now: float) -> list[MissionMessage]:
+        if not self._requested and self._items:
             return self._no_reply(now)
-        if not self._all_asked:
-            reason = f"stalled after {len(self._asked)} of {len(self._items)} items"
+        if not self._all_requested:
+            reason = f"stalled after {len(self._requested)} of {len(self._items)} items"
             return self._fail_attempt("stalled", reason, now)
-        if not self._must_confirm:
-            return self._settle(Done(self._items), now, [])
-        return self._fail_attempt("unconfirmed", "no acknowledgement", now)
-
-    def _goodbye(self) -> list[Message]:
-        return [self._cancellation()]
+        return self._settle(Done(self._items), now, [])
 
     def _quiet_s(self) -> float:
-        if self._told_over or not isinstance(self._conclusion, Failed):
+        if self._vehicle_ended or not isinstance(self._conclusion, Failed):
             return self.timeouts.settle_s
-        # It may wait for the items of this mission, and take those of the next one instead.
-        if self._dialect == "ardupilot":
+        # It may still wait for the items of this mission, and take those of the next one instead.
+        if not self._autopilot.upload_can_be_cancelled:
             return self.timeouts.stall_s
         return 2 * self.timeouts.settle_s
 
     @property
-    def _all_asked(self) -> bool:
-        return len(self._asked) == len(self._items)
+    def _all_requested(self) -> bool:
+        return len(self._requested) == len(self._items)
 
-    def _serve(self, seq: int, now: float) -> list[Message]:
-        if not self._asked and seq != 0:
-            # It has not heard of this upload: it still waits for the items of another one.
+    def _serve(self, seq: int, now: float) -> list[MissionMessage]:
+        if not self._requested and seq != 0:
+            # It has not received this count: it still waits for the items of another upload.
             self.counts["unexpected"] += 1
             return [self._cancellation()]
-        answer = self._item(seq)
-        if not answer or seq in self._asked:
-            return answer
-        self._asked.add(seq)
+        reply = self._item(seq)
+        if not reply or seq in self._requested:
+            return reply
+        self._requested.add(seq)
         timeouts = self.timeouts
-        if self._all_asked:
-            return self._ask(answer[0], timeouts.reply_s, now)
-        # The vehicle asks again in its own time, so it is not enough to count our tries.
-        tries = max(timeouts.retries, round(timeouts.stall_s / timeouts.item_s))
-        return self._ask(answer[0], timeouts.item_s, now, tries=tries)
+        if self._all_requested:
+            return self._send(reply[0], timeouts.reply_s, now)
+        # The vehicle repeats its requests at its own pace, so our retries alone are no measure.
+        retries = max(timeouts.retries, round(timeouts.stall_s / timeouts.item_s))
+        return self._send(reply[0], timeouts.item_s, now, retries=retries)
 
-    def _item(self, seq: int) -> list[Message]:
+    def _item(self, seq: int) -> list[MissionMessage]:
         if not 0 <= seq < len(self._items):
             return self._ignore("unexpected")
         return [MissionItemInt(self.target, self._items[seq])]
+
+
+class Download(Transfer):
+    """Requests the number of items, then one after the other: see `Transfer`.
+
+    PX4 aborts a download when a request arrives late, after two others. Each attempt after the
+    first therefore sends its requests more slowly, until no request can be overtaken like that.
+    """
+
+    name = "download"
+    changes_vehicle = False
+
+    _count: int | None = None
+    _items: tuple[WireItem, ...] = ()
+
+    def _begin(self, now: float) -> list[MissionMessage]:
+        self._count, self._items = None, ()
+        request = MissionRequestList(self.target, self.mission_type)
+        return self._send(request, self.timeouts.reply_s, now)
+
+    def _take(self, message: MissionMessage, now: float) -> list[MissionMessage]:
+        if isinstance(message, MissionCount) and self._count is None:
+            self._count = message.count
+            return self._go_on(now)
+        if isinstance(message, MissionItemInt) and self._count is not None:
+            if message.item.seq != len(self._items):
+                return self._ignore("out_of_sequence")
+            self._items += (message.item,)
+            return self._go_on(now)
+        if isinstance(message, MissionAck) and message.type != MissionResult.ACCEPTED:
+            if self._count is None:
+                return self._refused(message, now)
+            if message.type in MISSION_FAULTS:
+                return self._fail(self._refusal(message), now)
+            return self._fail_attempt("stalled", "aborted by the vehicle", now)
+        return self._ignore("unexpected")
+
+    def _exhausted(self, now: float) -> list[MissionMessage]:
+        if self._count is None:
+            return self._no_reply(now)
+        reason = f"stalled after {len(self._items)} of {self._count} items"
+        return self._fail_attempt("stalled", reason, now)
+
+    def _go_on(self, now: float) -> list[MissionMessage]:
+        seq = len(self._items)
+        if seq == self._count:
+            acknowledgement = MissionAck(self.target, MissionResult.ACCEPTED, self.mission_type)
+            return self._settle(Done(self._items), now, [acknowledgement])
+        request = MissionRequestInt(self.target, seq, self.mission_type)
+        return self._send(request, self.timeouts.item_s, now, pause_s=self._pause_s())
+
+    def _pause_s(self) -> float:
+        timeouts = self.timeouts
+        if self.attempts_left == timeouts.upload_retries:
+            return 0.0
+        return timeouts.settle_s / 2**self.attempts_left
+
+
+class VerifiedUpload:
+    """Uploads a mission, downloads it and compares, until they agree: an `Exchange`.
+
+    Its result has the items as the vehicle holds them.
+
+    Args:
+        items: The mission, numbered as the vehicle does.
+        target: The vehicle's autopilot.
+        source: Ourselves.
+        autopilot: Which autopilot it is.
+        mission_type: MAV_MISSION_TYPE, which the items must have.
+        timeouts: Timeouts and retries; the number of uploads is 1 + `upload_retries`.
+
+    Raises:
+        ValueError: As `Upload` does.
+    """
+
+    def __init__(
+        self,
+        items: Sequence[WireItem],
+        target: Address,
+        source: Address,
+        *,
+        autopilot: Autopilot,
+        mission_type: int = 0,
+        timeouts: Timeouts | None = None,
+    ) -> None:
+        self.result: Done | Failed | None = None
+        self.counts: Counter[str] = Counter()
+        self._items = tuple(items)
+        self._address = target, source
+        self._autopilot = autopilot
+        self._mission_type = mission_type
+        self._timeouts = timeouts or Timeouts()
+        self._attempts_left = self._timeouts.upload_retries
+        self._stage: Upload | Download = self._upload()
+
+    @property
+    def deadline(self) -> float | None:
+        """Time at which `tick` is due; None if it is not."""
+        return self._stage.deadline
+
+    def start(self, now: float) -> list[MissionMessage]:
+        """Start; returns the messages to send.
+
+        Raises:
+            RuntimeError: If it was started before.
+        """
+        return self._stage.start(now)
+
+    def receive(self, message: object, sender: Address, now: float) -> list[MissionMessage]:
+        """Process a message from any sender, and never raise; returns the messages to send."""
+        return self._go_on(self._stage.receive(message, sender, now), now)
+
+    def tick(self, now: float) -> list[MissionMessage]:
+        """Process the time; returns the messages to send."""
+        return self._go_on(self._stage.tick(now), now)
+
+    def cancel(self, now: float) -> list[MissionMessage]:
+        """Cancel in any state; returns the messages to send. The result may follow later."""
+        return self._go_on(self._stage.cancel(now), now)
+
+    def _upload(self) -> Upload:
+        stage = Upload(
+            self._items,
+            *self._address,
+            autopilot=self._autopilot,
+            mission_type=self._mission_type,
+            timeouts=dataclasses.replace(self._timeouts, upload_retries=self._attempts_left),
+        )
+        stage.counts = self.counts
+        return stage
+
+    def _download(self) -> Download:
+        stage = Download(*self._address, mission_type=self._mission_type, timeouts=self._timeouts)
+        stage.counts = self.counts
+        return stage
+
+    def _go_on(self, outgoing: list[MissionMessage], now: float) -> list[MissionMessage]:
+        """Start the next stage if the current one has ended."""
+        ended = self._stage.result
+        if ended is None or self.result is not None:
+            return outgoing
+        if isinstance(self._stage, Upload):
+            if isinstance(ended, Failed):
+                self.result = ended
+                return outgoing
+            self._attempts_left = self._stage.attempts_left
+            self._stage = self._download()
+            return outgoing + self._stage.start(now)
+        return outgoing + self._verify(ended, now)
+
+    def _verify(self, read: Done | Failed, now: float) -> list[MissionMessage]:
+        """End with the mission that was read back, or upload again."""
+        if isinstance(read, Done):
+            differs = difference(self._items, read.items, self._autopilot)
+            if differs is None:
+                self.result = read
+                return []
+            failed = Failed("mismatch", differs, changed=True)
+        else:
+            failed = dataclasses.replace(read, changed=True)
+        if failed.code not in _RETRIED or self._attempts_left == 0:
+            self.result = failed
+            return []
+        self._attempts_left -= 1
+        self.counts[failed.code] += 1
+        self._stage = self._upload()
+        return self._stage.start(now)
+
+
+def difference(
+    sent: Sequence[WireItem], read: Sequence[WireItem], autopilot: Autopilot
+) -> str | None:
+    """Return what differs between two missions in one line, or None if they agree.
+
+    Autopilots store less than the messages hold, so a mission that was stored correctly comes back
+    changed. Item 0 of ArduPilot is home, which it overwrites. A return has no position. Where NaN
+    was sent the autopilot has chosen the value.
+
+    Args:
+        sent: The mission that was uploaded.
+        read: The mission that was downloaded.
+        autopilot: Which autopilot it is.
+    """
+    if len(sent) != len(read):
+        return f"{len(sent)} items were sent, {len(read)} read back"
+    for wanted, item in list(zip(sent, read, strict=True))[autopilot.first_item :]:
+        for name, value, other, most in _pairs(wanted, item, autopilot):
+            # A NaN that comes back instead of a number is a difference.
+            if not abs(value - other) <= most:
+                return f"item {wanted.seq}: {name} {value} was sent, {other} read back"
+    return None
+
+
+def _pairs(
+    sent: WireItem, read: WireItem, autopilot: Autopilot
+) -> list[tuple[str, float, float, float]]:
+    """Return name, value sent, value read and greatest difference of the fields to compare."""
+    pairs: list[tuple[str, float, float, float]] = [
+        ("seq", sent.seq, read.seq, 0),
+        ("command", sent.command, read.command, 0),
+    ]
+    for name in ("param1", "param2", "param3", "param4"):
+        value = getattr(sent, name)
+        if not math.isnan(value):
+            pairs.append((name, value, getattr(read, name), autopilot.parameter_tolerance))
+    if sent.frame != _FRAME_MISSION and sent.command != _NAV_RETURN_TO_LAUNCH:
+        frames = _FRAMES.get(sent.frame, sent.frame), _FRAMES.get(read.frame, read.frame)
+        pairs += [
+            ("frame", *frames, 0),
+            ("x", sent.x, read.x, _MAX_DEGREES),
+            ("y", sent.y, read.y, _MAX_DEGREES),
+            ("z", sent.z, read.z, _MAX_ALTITUDE_M),
+        ]
+    return pairs

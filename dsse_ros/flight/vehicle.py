@@ -20,10 +20,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from dsse_ros.flight.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.link import parse_connection
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mavlink_messages import Heartbeat, Outgoing, StatusText
+from dsse_ros.flight.mission_messages import Address
 from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.signing import SigningClock, read_key
-from dsse_ros.flight.telegrams import Heartbeat, Said, StatusText
 from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, VehicleController
 from dsse_ros.flight.vehicle_state import VehicleState
 
@@ -125,7 +125,7 @@ class Vehicle:
         self._controller = VehicleController(target, source, settings)
         self._defects = Defects(f"vehicle {settings.system_id}")
         self._counts: Counter[str] = Counter()
-        self._outbox: list[Said] = []
+        self._outbox: list[Outgoing] = []
         self._thread: threading.Thread | None = None
         self._up = False
         self._trouble = ""
@@ -304,7 +304,7 @@ class Vehicle:
                 self._link.send(self._codec.encode(message))
             if ready and not outbox:
                 self._link.send(b"")
-            if not self._link.opening:
+            if not self._link.connecting:
                 self._trouble = ""
 
     def _wait(self, seconds: float) -> bool:
@@ -324,7 +324,7 @@ class Vehicle:
         for data, peer in self._link.receive(now):
             heard = self._codec.decode(data, now, datagram=self._link.datagram)
             if heard:
-                self._link.believe(peer, now)
+                self._link.confirm_peer(peer, now)
             for message in heard:
                 if isinstance(message, StatusText):
                     self._texts.append(message)

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
-from dsse_ros.flight import messages
 from dsse_ros.flight.autopilots import PacedSetpoint
 from dsse_ros.flight.commands import (
     CommandSender,
@@ -22,21 +21,21 @@ from dsse_ros.flight.commands import (
     Situation,
     TakenOverError,
 )
-from dsse_ros.flight.messages import Address
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
     CommandAck,
-    Heard,
     Heartbeat,
-    Said,
+    Incoming,
+    Outgoing,
     SetPositionTarget,
     StatusText,
 )
+from dsse_ros.flight.mission_messages import Address, MissionMessage
 from dsse_ros.flight.transfer import Exchange
 from dsse_ros.flight.vehicle_state import MessageRequests, VehicleState, observe, without_link
 
 Status = Literal["idle", "under_way", "done", "failed", "taken_over", "silent"]
 
-_MISSION_MESSAGES = get_args(messages.Message)
+_MISSION_MESSAGES = get_args(MissionMessage)
 _TICK_S = 0.2
 _TARGET_DEG = 1e-5
 _TARGET_ALT_M = 1.0
@@ -271,7 +270,7 @@ class VehicleController:
             self._due_s, self.setpoints.deadline, math.inf if transfer_s is None else transfer_s
         )
 
-    def give(self, order: Order, now: float) -> list[Said]:
+    def give(self, order: Order, now: float) -> list[Outgoing]:
         """Take an order in place of any other; returns what to send."""
         self._outcome = Outcome(order, self._outcome.number + 1, "under_way", "given")
         self._steps = None
@@ -288,11 +287,11 @@ class VehicleController:
             self.situation.out += self.exchange.cancel(self.situation.now)
         self._steps = order.carry_out(self)
 
-    def receive(self, message: Heard, now: float) -> list[Said]:
+    def receive(self, message: Incoming, now: float) -> list[Outgoing]:
         """Take a message of the vehicle; returns what to send."""
         return self._guarded(now, lambda: self._receive(message, now))
 
-    def _receive(self, message: Heard, now: float) -> None:
+    def _receive(self, message: Incoming, now: float) -> None:
         situation, before, was_silent = self.situation, self.state, self._silent
         state = observe(before, message, now, situation.autopilot)
         situation.state = self._with_setpoint_loss(state)
@@ -311,7 +310,7 @@ class VehicleController:
             case message if isinstance(message, _MISSION_MESSAGES) and self.exchange is not None:
                 situation.out += self.exchange.receive(message, situation.target, now)
 
-    def tick(self, now: float) -> list[Said]:
+    def tick(self, now: float) -> list[Outgoing]:
         """Let time pass; returns what to send."""
         self._due_s = now + _TICK_S
         return self._guarded(now, lambda: self._tick(now))
@@ -329,7 +328,7 @@ class VehicleController:
             has_setpoint = self.setpoints.target is not None
             situation.out += self._requests.due(now, has_setpoint=has_setpoint)
 
-    def hand_over(self, hold: Order, now: float) -> list[Said]:
+    def hand_over(self, hold: Order, now: float) -> list[Outgoing]:
         """Have a vehicle that flies to our setpoints hold by itself; returns what to send.
 
         One that takes off, comes down or flies a mission does that without us, and one that
@@ -367,7 +366,7 @@ class VehicleController:
     def _silent(self) -> bool:
         return bool(self.state.mode) and not self.state.connected
 
-    def _guarded(self, now: float, happen: Callable[[], None]) -> list[Said]:
+    def _guarded(self, now: float, happen: Callable[[], None]) -> list[Outgoing]:
         """Let something happen, go on with the order, and return what is to be sent."""
         self.situation.now = now
         try:

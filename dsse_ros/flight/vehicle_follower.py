@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.fence import Fence, check_mission, check_place
-from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState

@@ -9,23 +9,23 @@ from dataclasses import dataclass, replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.messages import Address
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
+    NO_POSITION,
     BatteryStatus,
     CommandLong,
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
-    Heard,
     Heartbeat,
     HomePosition,
+    Incoming,
     MissionCurrent,
     MissionItemReached,
     PositionTarget,
     StatusText,
     SysStatus,
 )
-from dsse_ros.flight.validation import NO_POSITION
+from dsse_ros.flight.mission_messages import Address
 
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE
@@ -160,7 +160,9 @@ class VehicleState:
         return math.isfinite(self.lat_deg) and math.isfinite(self.alt_m)
 
 
-def observe(state: VehicleState, message: Heard, now: float, autopilot: Autopilot) -> VehicleState:
+def observe(
+    state: VehicleState, message: Incoming, now: float, autopilot: Autopilot
+) -> VehicleState:
     """Return the state after a message of the vehicle.
 
     Args:
@@ -324,7 +326,7 @@ class MessageRequests:
         self._requested_s = dict.fromkeys([*self._numbers, HomePosition], -math.inf)
         self._has_home = False
 
-    def receive(self, message: Heard, now: float) -> None:
+    def receive(self, message: Incoming, now: float) -> None:
         """Take note of a message."""
         kind = type(message)
         if kind in self._received_s:

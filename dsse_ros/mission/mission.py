@@ -66,7 +66,7 @@ class Mission:
         number: Missions started so far, 1 for the first.
         result: The last step's result.
         unsearched: Product over the steps of 1 - POD times the probability of the cells searched.
-        aborted: Whether the mission was given up because commands were missing.
+        aborted: Whether the mission was aborted because commands were missing.
         tracks: Of each drone, the cells it was in, without repeats.
         searches: Of each drone, how often it has searched in each cell of its track.
         lost: The drones that were lost, in the order in which they were.
@@ -113,7 +113,7 @@ class Mission:
         return self.result
 
     @property
-    def over(self) -> bool:
+    def done(self) -> bool:
         """Whether no step can be done before a reset."""
         return self.aborted or not self.live or self._stamp_ns + self._step_ns >= END_NS
 
@@ -139,7 +139,7 @@ class Mission:
     @property
     def outcome(self) -> str:
         """How the mission has ended, "" while it goes on."""
-        if not self.over:
+        if not self.done:
             return ""
         if self.aborted:
             return "aborted"
@@ -159,7 +159,7 @@ class Mission:
     def live(self) -> list[int]:
         """The drones in flight, none once the search has ended."""
         world = self.env.world
-        if world.worlds["over"][0]:
+        if world.worlds["done"][0]:
             return []
         live: list[int] = np.flatnonzero(world.drones["alive"][0]).tolist()
         return live
@@ -180,7 +180,7 @@ class Mission:
 
     def refuse(self, drone: int | None = None) -> Rejected | None:
         """Return why a command for this drone, or for all, cannot be taken now."""
-        if self.over:
+        if self.done:
             return Rejected("mission_over", "the mission is over; call ~/reset for a new one")
         if drone is not None and not self.env.world.drones["alive"][0, drone]:
             return Rejected("drone_terminated", f"drone{drone} is terminated; it takes no command")
@@ -192,7 +192,7 @@ class Mission:
             self.commands.set_action(drone, actions[drone])
 
     def abort(self) -> None:
-        """Give the mission up."""
+        """End the mission without another step."""
         self.aborted = True
 
     def lose(self, drone: int) -> bool:
@@ -200,7 +200,7 @@ class Mission:
 
         It counts as terminated from now on, in the last result too.
         """
-        if self.over or not self.env.withdraw(drone):
+        if self.done or not self.env.withdraw(drone):
             return False
         self.lost.append(drone)
         self.result = replace(self.result, terminated=self._terminated())

@@ -64,7 +64,7 @@ class MissionLog:
         """Append a step, or write it over if it is the last; complete on disk on return."""
         self._seek((mission.number, result.step))
         env, step_s = mission.env, mission.env.scenario.step_duration_s
-        legend = env.rules.actions
+        action_names = env.rules.actions
         persons = env.world.persons[0]
         cells = np.vstack([result.cells, np.stack([persons["x"], persons["y"]], axis=1)])
         east, north = cell_to_map(self._frame, cells[:, 0], cells[:, 1])
@@ -83,7 +83,7 @@ class MissionLog:
                         *head,
                         f"drone{i}",
                         *place,
-                        legend[action] if action >= 0 else "",
+                        action_names[action] if action >= 0 else "",
                         repr(float(result.rewards[i])),
                         *(int(flag[i]) for flag in flags),
                         repr(float(result.probabilities[i])),

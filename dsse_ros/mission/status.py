@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a mission is and what it waits for, in words and numbers; without ROS."""
+"""The state of a mission and what it waits for, as texts and numbers; without ROS."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def names(mission: Mission, drones: Sequence[int]) -> str:
 
 def actions(mission: Mission, joint: NDArray[np.int8]) -> str:
     """Return the names of the drones' actions (N,)."""
-    legend = mission.env.rules.actions
-    return ", ".join(legend[action] if action >= 0 else "none" for action in joint.tolist())
+    action_names = mission.env.rules.actions
+    return ", ".join(action_names[action] if action >= 0 else "none" for action in joint.tolist())
 
 
 def begun(mission: Mission, grid_size: int) -> str:
@@ -57,7 +57,7 @@ def awaited(mission: Mission, scheduler: StepScheduler, late: Sequence[int]) -> 
         late: The drones whose vehicles have to arrive first.
     """
     mode = scheduler.timing.mode
-    if scheduler.paused or mission.over or mode == "realtime":
+    if scheduler.paused or mission.done or mode == "realtime":
         return ""
     if mode == "manual":
         return "waiting for a call of ~/step"
@@ -70,7 +70,7 @@ def awaited(mission: Mission, scheduler: StepScheduler, late: Sequence[int]) -> 
 
 
 class Level(Enum):
-    """How much a person should look at the mission."""
+    """Severity of the state of a mission."""
 
     OK = auto()
     WARN = auto()
@@ -79,7 +79,7 @@ class Level(Enum):
 
 @dataclass(frozen=True)
 class Health:
-    """How a mission is, on one line."""
+    """The state of a mission on one line."""
 
     level: Level
     message: str
@@ -95,7 +95,7 @@ def health(
     lost: Collection[int],
     rejected: Mapping[str, int],
 ) -> Health:
-    """Return how a mission is.
+    """Return the state of a mission.
 
     Args:
         mission: The mission.
@@ -109,7 +109,7 @@ def health(
     level, message = Level.OK, "running"
     if mission.aborted:
         level, message = Level.ERROR, "mission aborted"
-    elif mission.over:
+    elif mission.done:
         message = "mission over"
     elif scheduler.paused:
         message = "stopped" if stopped else "paused"
@@ -155,7 +155,7 @@ def values(
         "seed": mission.seed,
         "step_mode": step_mode,
         "drones_in_flight": len(mission.live),
-        "missing_drones": names(mission, [] if mission.over else mission.missing),
+        "missing_drones": names(mission, [] if mission.done else mission.missing),
         "lost_drones": names(mission, mission.lost),
         "timeouts": timeouts,
         "search_effort": f"{mission.search_effort:.6f}",

@@ -64,13 +64,13 @@ class StepScheduler:
     Attributes:
         timing: When a step is due.
         paused: Whether the mission is held.
-        over: Whether the mission is over.
+        done: Whether the mission is over.
     """
 
     def __init__(self, timing: Timing, now_s: float) -> None:
         self.timing = timing
         self.paused = False
-        self.over = False
+        self.done = False
         self._pace = Pace()
         self._deadline_s = math.inf
         self.set_timing(timing, now_s)
@@ -87,30 +87,30 @@ class StepScheduler:
         self._pace.hold(now_s, paused)
         self._start_timeout(now_s)
 
-    def begin(self, now_s: float, *, over: bool) -> None:
+    def begin(self, now_s: float, *, done: bool) -> None:
         """Begin to wait for the next step, as one was done or a mission has started.
 
         Args:
             now_s: The time.
-            over: Whether the mission is over, so that there is no next step.
+            done: Whether the mission is over, so that there is no next step.
         """
-        self.over = over
+        self.done = done
         self._pace.begin(now_s, on_schedule=self.moving)
         self._start_timeout(now_s)
 
     def end(self) -> None:
         """End the mission between two steps."""
-        self.over = True
+        self.done = True
 
     @property
     def running(self) -> bool:
         """Whether steps are done without being asked for."""
-        return self.timing.mode != "manual" and not self.paused and not self.over
+        return self.timing.mode != "manual" and not self.paused and not self.done
 
     @property
     def moving(self) -> bool:
         """Whether drones are on their way between two cells, be it that they are held there."""
-        return self.timing.mode == "realtime" and not self.over
+        return self.timing.mode == "realtime" and not self.done
 
     def share(self, now_s: float) -> float:
         """Return the share of the step that is done, 0 to 1; it never shrinks before the next."""

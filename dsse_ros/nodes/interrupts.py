@@ -73,7 +73,7 @@ def _watch(read: int) -> None:
 def _leave(number: int, frame: FrameType | None) -> None:
     if threading.current_thread() is threading.main_thread():
         on_signals(signal.SIG_IGN)
-    # Never released: whoever comes second waits for the end.
+    # Never released: a second caller waits for the end.
     _leaving.acquire()
     for clean_up in _clean_up:
         with contextlib.suppress(Exception):

@@ -53,7 +53,7 @@ class Argument:
     choices: tuple[str, ...] = ()
 
     def allowed(self) -> str:
-        """Return the allowed values in words."""
+        """Return the allowed values as text."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         noun = {
@@ -265,7 +265,7 @@ def starts(
     of_files = {
         executable: parameters_for(
             f"{values['namespace']}/{name}",
-            [word for file in files[executable] for word in ("--params-file", file)],
+            [one for file in files[executable] for one in ("--params-file", file)],
         )
         for executable, name in NODES.items()
     }

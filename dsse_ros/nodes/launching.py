@@ -59,7 +59,7 @@ def _node(executable: str, start: Start, namespace: str) -> Node:
         output="screen",
         # A bridge that is interrupted has its vehicles hold first, and DDS takes its time.
         sigterm_timeout="20",
-        # None of ours can do without the others; whoever closes RViz has only seen enough.
+        # No node works without the others; RViz may be closed.
         on_exit=None if executable == "rviz2" else Shutdown(reason=f"{executable} has ended"),
     )
 

@@ -57,7 +57,7 @@ T = TypeVar("T")
 
 
 class BridgeNode(AlarmNode):
-    """Leads each vehicle along the way of its drone; see the README for its topics.
+    """Leads each vehicle along the way of its drone; see docs/flight.md for its topics.
 
     Raises:
         FieldError: If a parameter is not allowed.

@@ -31,9 +31,8 @@ from msg_adapters.step_report import step_report_from_message
 Step = tuple[int, int, int]
 """run_id, mission and step of a report: no two steps have all alike."""
 
-_LOOK_S = 1.0
-"""Wall time between looks at what is waited for, and after which a planner that failed is asked
-again."""
+_RETRY_S = 1.0
+"""Wall time after which a planner that failed is asked again, and what is waited for is logged."""
 _PENDING_S = 10.0
 """Wall time after which a step that does not come is worth a line: vehicles take that long."""
 _RUNS = 10
@@ -68,7 +67,7 @@ class PlannerNode(AlarmNode):
         self._waits_for = ""
         endpoints = Endpoints(self, qos)
         self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", RELIABLE)
-        self._heard_on = [
+        self._inputs = [
             endpoints.subscription(kind, topic, partial(self._on, topic, read), LATCHED)
             for kind, topic, read in (
                 (String, "agents", self._on_agents),
@@ -80,7 +79,7 @@ class PlannerNode(AlarmNode):
         # A command that was lost would stop a lockstep mission for good.
         self._resend_alarm = self.alarms.make(self._send)
         self._retry_alarm = self.alarms.make(self._plan)
-        self.alarms.make(self._look).repeat(_LOOK_S)
+        self.alarms.make(self._log_waiting).repeat(_RETRY_S)
 
     def _on(self, topic: str, read: Callable[[Any], None], message: Any) -> None:
         try:
@@ -99,7 +98,7 @@ class PlannerNode(AlarmNode):
         self._leave_search(info.run_id, info.mission)
 
     def _leave_search(self, run_id: int, mission: int) -> None:
-        """Send no answer again that was for another search than this, which is heard of."""
+        """Stop sending an answer that was for another search than this one."""
         if self._answered is not None and self._answered[:2] != (run_id, mission):
             self._forget_answer()
 
@@ -114,7 +113,7 @@ class PlannerNode(AlarmNode):
             step = _step_of(report)
             self._leave_search(*step[:2])
             if before and before[:2] == step[:2] and step[2] > before[2] + 1:
-                self.get_logger().debug(f"steps {before[2] + 1} to {step[2] - 1} were not heard")
+                self.get_logger().debug(f"steps {before[2] + 1} to {step[2] - 1} were not received")
 
     def _plan(self) -> None:
         """Answer the step if it is not answered yet and all about it is here."""
@@ -145,9 +144,9 @@ class PlannerNode(AlarmNode):
                 actions = _ask(self._planner, info, report, probability, live)
                 answer = joint_action_message(step[2], actions, mission=step[1])
             except Exception as error:
-                # Of whoever wrote the planner: anything may come.
+                # Planners of others may raise anything.
                 self._report_failure(step, error)
-                self._retry_alarm.set(_LOOK_S)
+                self._retry_alarm.set(_RETRY_S)
                 return
         self._answer = answer
         self._send()
@@ -166,18 +165,18 @@ class PlannerNode(AlarmNode):
         )
         self.get_logger().debug("".join(traceback.format_exception(error)))
 
-    def _look(self) -> None:
-        """Log what is waited for, when that is news."""
+    def _log_waiting(self) -> None:
+        """Log what is waited for, when that has changed."""
         before, self._waits_for = self._waits_for, self._missing()
         if self._waits_for and self._waits_for != before:
             self.get_logger().info(f"waiting for {self._waits_for}")
 
     def _missing(self) -> str:
-        """Return what is waited for, in words; "" for nothing worth a line."""
-        heard = (self._infos, self._map, self._report)
+        """Return what is waited for; "" for nothing worth a line."""
+        received = (self._infos, self._map, self._report)
         silent = [
             subscription.topic_name
-            for subscription, one in zip(self._heard_on, heard, strict=True)
+            for subscription, one in zip(self._inputs, received, strict=True)
             if not one
         ]
         if silent:
@@ -214,7 +213,7 @@ def _ask(
     probability: NDArray[np.float32],
     live: NDArray[np.bool_],
 ) -> list[int]:
-    """Return what a planner has the drones do, in their order; `HOLD` for those out of the search.
+    """Return a planner's actions in the order of the drones; `HOLD` for those out of the search.
 
     Raises:
         Exception: Whatever the planner raises, or its answer is not made of.

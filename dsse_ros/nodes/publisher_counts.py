@@ -19,7 +19,7 @@ class PublisherCounts:
         consequences: By topic, what more than one publisher leads to.
 
     Attributes:
-        last: What the last look has found.
+        last: The numbers of the last update.
     """
 
     def __init__(self, node: Node, consequences: Mapping[str, str]) -> None:
@@ -27,8 +27,8 @@ class PublisherCounts:
         self._consequences = consequences
         self.last: Counter[str] = Counter()
 
-    def look(self) -> Counter[str]:
-        """Return the number of publishers of each topic."""
+    def update(self) -> Counter[str]:
+        """Count the publishers of each topic, and warn of new ones."""
         node = self._node
         counts = Counter(
             {topic: node.count_publishers(node.resolve_topic_name(topic))
@@ -45,7 +45,7 @@ class PublisherCounts:
 def consequences(settings: SimSettings) -> dict[str, str]:
     """Return by topic what more than one publisher leads to."""
     found = {
-        "step_report": "listeners hear all missions mixed; give each its own namespace",
+        "step_report": "listeners receive all missions mixed; give each its own namespace",
         "joint_action": "the last command of a drone before a step wins",
     }
     if settings.publish_clock:

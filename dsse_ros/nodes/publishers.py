@@ -100,7 +100,7 @@ class MissionPublishers:
         self._paths = self._per_drone(Path, "path", LATCHED)
         transform = tf_type()
         self._tf = transform and self._publisher(transform, "/tf", RELIABLE)
-        # The last messages of the topics that nobody keeps for who comes late.
+        # The last messages of the topics that are not latched, for late joiners.
         self._of_time: dict[Publisher, Any] = {}
         self._before = self._cells = mission.result.cells
         # What a listener of path and markers has last seen.
@@ -147,7 +147,7 @@ class MissionPublishers:
         publisher.publish(message)
 
     def repeat_time(self) -> None:
-        """Publish the last `/clock` and `/tf` again, with the same stamp, for who has come late."""
+        """Publish the last `/clock` and `/tf` again, with the same stamp, for late joiners."""
         for publisher, message in self._of_time.items():
             publisher.publish(message)
 
@@ -211,15 +211,15 @@ class MissionPublishers:
             stamp: Time of the messages.
             share: Share of the way done; at 1 they stand in their cells.
         """
-        heard = [i for i, odom in enumerate(self._odoms) if odom.get_subscription_count()]
-        if not heard and self._tf is None:
+        subscribed = [i for i, odom in enumerate(self._odoms) if odom.get_subscription_count()]
+        if not subscribed and self._tf is None:
             return
         way = self._cells - self._before
         cells = self._before + share * way
         duration = self._mission.env.scenario.step_duration_s
         speed = self._frame.cell_size_m / duration if share < 1 else 0.0
         velocities = [(dx * speed, -dy * speed) for dx, dy in way.tolist()]
-        for i in heard:
+        for i in subscribed:
             col, row = cells[i].tolist()
             odom = odometry(
                 self._frame, self._names[i], col, row, velocities[i], stamp, self._odom_of[i]

@@ -23,7 +23,7 @@ from dsse_ros.search.fields import FieldError, Spec, check_known
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-"""The last message waits for whoever joins late."""
+"""Late joiners get the last message."""
 
 REPORTS = QoSProfile(
     depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What follows --ros-args on a command line, read without ROS.
 
-rcl merges the parameters of all files and of -p; from what it hands to a node nobody can tell any
-more which were meant for that node and which for all (design.ros2.org, "ROS Command Line Arguments"
+rcl merges the parameters of all files and of -p; from what it hands to a node it can no longer be
+seen which were meant for that node and which for all (design.ros2.org, "ROS Command Line Arguments"
 and "Parameter files").
 """
 
@@ -57,10 +57,10 @@ def split_ros_arguments(arguments: Iterable[str]) -> tuple[list[str], list[str]]
 
 def pairs(ros: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Return the flags of what follows --ros-args, each with its value, "" for none."""
-    words = iter(ros)
-    for word in words:
-        takes_one = word in _LONG or word in _LONG.values() or word in _WITH_VALUE
-        yield _LONG.get(word, word), next(words, "") if takes_one else ""
+    arguments = iter(ros)
+    for argument in arguments:
+        takes_one = argument in _LONG or argument in _LONG.values() or argument in _WITH_VALUE
+        yield _LONG.get(argument, argument), next(arguments, "") if takes_one else ""
 
 
 _LONG = {"-p": "--param", "-r": "--remap", "-e": "--enclave"}

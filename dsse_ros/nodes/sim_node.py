@@ -57,7 +57,7 @@ IDLE_S = 1.0
 
 
 class SimNode(AlarmNode):
-    """The search as a ROS 2 node; see the README for its topics, services and parameters.
+    """The search as a ROS 2 node; see docs/topics.md for its topics and services.
 
     Raises:
         FieldError: If a parameter or the scenario is not allowed.
@@ -111,7 +111,7 @@ class SimNode(AlarmNode):
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._on_changed)
         self._publish_start()
-        if self.mission.over:
+        if self.mission.done:
             # It was resumed from a snapshot of its end.
             self._end()
 
@@ -204,7 +204,7 @@ class SimNode(AlarmNode):
         self.debug(lambda: f"step {result.step}: {status.actions(self.mission, result.actions)}")
         self._publish()
         self._save_snapshot()
-        if self.mission.over:
+        if self.mission.done:
             self._end()
 
     def _end(self) -> None:
@@ -216,9 +216,9 @@ class SimNode(AlarmNode):
         """With `auto_reset`, start the next mission if this one came to an end by itself."""
         mission = self.mission
         failed = mission.aborted or mission.all_lost
-        if self.settings.auto_reset and mission.over and not failed:
+        if self.settings.auto_reset and mission.done and not failed:
             self.reset(mission.seed + 1)
-        elif self.settings.exit_at_end and mission.over:
+        elif self.settings.exit_at_end and mission.done:
             self._exit_alarm.set(EXIT_S)
 
     def _exit(self) -> None:
@@ -231,7 +231,7 @@ class SimNode(AlarmNode):
         self.finished = True
 
     def try_step(self) -> str:
-        """Do one step if nothing speaks against it; returns what does, or nothing."""
+        """Do one step if that is allowed; returns why not, or nothing."""
         refused = self.mission.refuse()
         if refused is not None:
             return refused.reason
@@ -248,7 +248,7 @@ class SimNode(AlarmNode):
         self._record()
         self._idle = False
         self.publishers_.publish_clock(result.stamp_ns)
-        self._scheduler.begin(time.monotonic(), over=self.mission.over)
+        self._scheduler.begin(time.monotonic(), done=self.mission.done)
         self.publishers_.publish_step(result, stamp, settings.grid_scaling)
         self.publishers_.publish_odometry(stamp, 0.0 if self._scheduler.moving else 1.0)
         self._arm()
@@ -283,7 +283,7 @@ class SimNode(AlarmNode):
     def _late(self) -> list[int]:
         """Return the drones whose vehicles have to arrive before the next step."""
         mission = self.mission
-        if not self.settings.wait_for_vehicles or mission.over:
+        if not self.settings.wait_for_vehicles or mission.done:
             return []
         radius_m = acceptance_radius_m(self.frame, self.settings)
         return self._vehicles.late(mission.live, mission.result.cells, radius_m)
@@ -339,7 +339,7 @@ class SimNode(AlarmNode):
         self._arm()
 
     def _on_idle(self) -> None:
-        """Do what helps who has come while nothing happens."""
+        """Repeat the time for late joiners, and log once what the step waits for."""
         self.publishers_.repeat_time()
         if not self._idle and self.settings.step_mode == "lockstep" and self._awaited():
             self.get_logger().info(f"step {self.mission.result.step}: {self._awaited()}")
@@ -378,10 +378,10 @@ class SimNode(AlarmNode):
             return
         self._vehicles.lost[drone] = reason
         self.get_logger().warning(f"drone{drone} is lost: {' '.join(reason.split())[:200]}")
-        if self.mission.over:
+        if self.mission.done:
             self._record()
         self.publishers_.publish_report(self.mission.result, self._report_stamp)
-        if self.mission.over:
+        if self.mission.done:
             self._end_between_steps()
 
     # Now and then
@@ -409,7 +409,7 @@ class SimNode(AlarmNode):
             self._scheduler,
             stopped=self.stopped,
             awaited=status.awaited(self.mission, self._scheduler, late) if self._idle else "",
-            publishers=self._publisher_counts.look(),
+            publishers=self._publisher_counts.update(),
             lost=self._vehicles.lost,
             rejected=commands.rejected,
         )
@@ -421,7 +421,7 @@ class SimNode(AlarmNode):
             lost=self._vehicles.lost, rejected=commands.rejected,
         )  # fmt: skip
         name = self.get_fully_qualified_name().lstrip("/")
-        # What watches over nodes compares it with the wall clock.
+        # Monitors of nodes compare it with the wall clock.
         stamp = self._wall_clock.now().to_msg()
         self.publishers_.publish_diagnostics(stamp, name, health, values)
 

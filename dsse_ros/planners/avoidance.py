@@ -12,67 +12,67 @@ from collections.abc import Iterable, Mapping, Sequence
 from dsse_ros.planners.planner import Cell
 
 
-def settle(present: Sequence[Cell], wishes: Sequence[Cell]) -> list[Cell]:
-    """Return the cell that each drone gets: the one it wishes, or its present one.
+def resolve_conflicts(present: Sequence[Cell], requested: Sequence[Cell]) -> list[Cell]:
+    """Return the next cell of each drone: the one it requests, or its present one.
 
-    Among drones that wish for one cell the one that stays there wins, else the first; the
-    losers stay where they are, which can make losers of those behind them.
+    Of the drones that request one cell the one that stays there gets it, else the first; the
+    others stay where they are, which can block those behind them in turn.
 
     Args:
         present: Cell of each drone, all different.
-        wishes: Present or neighbouring cell that each drone would like to be in next.
+        requested: Present or neighbouring cell that each drone is to be in next.
     """
-    granted = list(wishes)
+    granted = list(requested)
     owner: dict[Cell, int] = {}
-    claims = list(range(len(granted)))
-    for drone in claims:
+    unchecked = list(range(len(granted)))
+    for drone in unchecked:
         cell = granted[drone]
         holder = owner.setdefault(cell, drone)
         if holder == drone:
             continue
-        loser = drone
+        refused = drone
         if cell == present[drone]:
             owner[cell] = drone
-            loser = holder
-        if granted[loser] != present[loser]:
-            granted[loser] = present[loser]
-            claims.append(loser)
+            refused = holder
+        if granted[refused] != present[refused]:
+            granted[refused] = present[refused]
+            unchecked.append(refused)
     return granted
 
 
-def settle_around(
+def resolve_conflicts_with_yielding(
     present: Sequence[Cell],
-    wishes: Sequence[Cell | None],
+    requested: Sequence[Cell | None],
     exits: Mapping[int, Sequence[Cell]],
 ) -> list[Cell]:
-    """Return the cell that each drone gets when some drones only have to make room.
+    """Return the next cell of each drone when some drones only have to make room.
 
-    The drones with a wish settle among themselves. The others then go to one of their exits
-    (the first that is free, as far as possible), and stay only if there is no way out; a drone
-    that wished for the cell of one that must stay, stays too.
+    First the conflicts among the drones that request a cell are resolved. The others then go to
+    one of their exits (the first that is free, as far as possible), and stay only if there is no
+    way out; a drone that requested the cell of one that must stay, stays too.
 
     Args:
         present: Cell of each drone, all different.
-        wishes: As for `settle`; None for a drone that makes room.
+        requested: As for `resolve_conflicts`; None for a drone that makes room.
         exits: By the index of each drone that makes room, the cells that it can move to.
     """
-    wished = {drone: wish for drone, wish in enumerate(wishes) if wish is not None}
-    yielding = [drone for drone, wish in enumerate(wishes) if wish is None]
+    requests = {drone: cell for drone, cell in enumerate(requested) if cell is not None}
+    yielding = [drone for drone, cell in enumerate(requested) if cell is None]
     if not yielding:
-        return settle(present, list(wished.values()))
+        return resolve_conflicts(present, list(requests.values()))
     granted = list(present)
     occupied = {present[drone] for drone in yielding}
     while True:
-        movers = list(wished)
-        settled = settle([present[drone] for drone in movers], list(wished.values()))
-        placed = _make_room(yielding, present, exits, set(settled))
-        intruders = [d for d, cell in zip(movers, settled, strict=True) if cell in occupied]
-        if len(placed) == len(yielding) or not intruders:
+        movers = list(requests)
+        resolved = resolve_conflicts([present[drone] for drone in movers], list(requests.values()))
+        placed = _make_room(yielding, present, exits, set(resolved))
+        entering = [d for d, cell in zip(movers, resolved, strict=True) if cell in occupied]
+        if len(placed) == len(yielding) or not entering:
             break
-        wished.update((drone, present[drone]) for drone in intruders)
-        # Cells of drones without a collision rule can coincide: nobody is asked twice.
-        occupied -= {present[drone] for drone in intruders}
-    for drone, cell in (*zip(movers, settled, strict=True), *placed.items()):
+        requests.update((drone, present[drone]) for drone in entering)
+        # Cells of drones without a collision rule can coincide: each is handled once.
+        occupied -= {present[drone] for drone in entering}
+    for drone, cell in (*zip(movers, resolved, strict=True), *placed.items()):
         granted[drone] = cell
     return granted
 
@@ -97,23 +97,23 @@ def _make_room(
 
 
 def _place(
-    newcomer: int,
+    drone: int,
     options: Mapping[int, Iterable[Cell]],
     held: dict[int, Cell],
     holder: dict[Cell, int],
     taken: set[Cell],
 ) -> bool:
-    """Find the newcomer a cell, moving others to another of their options where needed.
+    """Find a cell for a drone, moving others to another of their options where needed.
 
     One augmenting path of a bipartite matching (Kuhn), by breadth first search.
     """
     reached_by: dict[Cell, int] = {}
-    queue = [newcomer]
-    for drone in queue:
-        for cell in options[drone]:
+    queue = [drone]
+    for candidate in queue:
+        for cell in options[candidate]:
             if cell in taken or cell in reached_by:
                 continue
-            reached_by[cell] = drone
+            reached_by[cell] = candidate
             if cell in holder:
                 queue.append(holder[cell])
                 continue

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random actions: the floor that any planner has to beat."""
+"""Random actions: the baseline that any planner has to beat."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.planners.avoidance import settle
+from dsse_ros.planners.avoidance import resolve_conflicts
 from dsse_ros.planners.planner import AgentObservation, cells_of
 from dsse_ros.search.actions import ActionSet
 
@@ -16,8 +16,8 @@ from dsse_ros.search.actions import ActionSet
 class RandomMoves:
     """Draws uniformly among the actions that the mask allows.
 
-    Drones whose draws would end in one cell do not all move: those that `settle` holds back
-    search where they are.
+    Of drones whose draws would end in one cell only one moves: those that `resolve_conflicts`
+    refuses search where they are.
 
     Args:
         actions: Names of the actions by number.
@@ -44,9 +44,13 @@ class RandomMoves:
             actions.append(int(allowed[int(draw * allowed.size)]))
         present = cells_of(observations)
         moves = (self._actions.moves[action] for action in actions)
-        wishes = [(col + dx, row + dy) for (col, row), (dx, dy) in zip(present, moves, strict=True)]
-        granted = settle(present, wishes)
+        requested = [
+            (col + dx, row + dy) for (col, row), (dx, dy) in zip(present, moves, strict=True)
+        ]
+        granted = resolve_conflicts(present, requested)
         return {
-            agent: action if wish == end else self._actions.search
-            for agent, action, wish, end in zip(observations, actions, wishes, granted, strict=True)
+            agent: action if cell == end else self._actions.search
+            for agent, action, cell, end in zip(
+                observations, actions, requested, granted, strict=True
+            )
         }

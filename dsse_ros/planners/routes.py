@@ -10,11 +10,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.avoidance import settle_around
+from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.search.actions import ActionSet
 
-PATIENCE = 2
+MAX_WAIT = 2
 """Turns that a drone waits for a blocked cell before it steps aside."""
 
 RoutePlan: TypeAlias = Callable[
@@ -53,11 +53,11 @@ class RouteFollower:
     """Flies each drone along its route: to the next cell, search there, and on.
 
     The routes are planned from the first observation. A drone that has searched its whole
-    route waits for the others on the wing, next to the route's end and without searching;
-    when all live drones are through, each flies its route backwards, and so on to and fro.
+    route waits for the others in flight, next to the route's end and without searching;
+    when all live drones have done so, each flies its route backwards, and so on to and fro.
 
     No two drones ever go to one cell: a drone whose way is blocked searches where it is, and
-    steps aside after `PATIENCE` turns. An agent that was not there before makes it plan afresh.
+    steps aside after `MAX_WAIT` turns. An agent that was not there before makes it plan afresh.
 
     Args:
         plan: Makes the routes.
@@ -90,24 +90,24 @@ class RouteFollower:
         tracks = [self._tracks[agent] for agent in observations]
         self._swept = self._swept or all(track.finished for track in tracks)
 
-        wishes: list[Cell | None] = []
+        requested: list[Cell | None] = []
         exits: dict[int, list[Cell]] = {}
         for drone, (track, cell) in enumerate(zip(tracks, present, strict=True)):
             if track.finished and not self._swept:
                 exits[drone] = self._exits(cell, self._holding_cell(track, cell))
-                wishes.append(None)
+                requested.append(None)
             elif cell == track.goal:
                 track.advance()
-                wishes.append(cell)
-            elif track.waited >= PATIENCE:
+                requested.append(cell)
+            elif track.waited >= MAX_WAIT:
                 exits[drone] = self._exits(cell, track.goal)
-                wishes.append(None)
+                requested.append(None)
             else:
-                wishes.append(self._actions.towards(cell, track.goal))
+                requested.append(self._actions.towards(cell, track.goal))
 
-        granted = settle_around(present, wishes, exits)
-        for track, wish, end in zip(tracks, wishes, granted, strict=True):
-            blocked = wish is not None and wish != end
+        granted = resolve_conflicts_with_yielding(present, requested, exits)
+        for track, request, end in zip(tracks, requested, granted, strict=True):
+            blocked = request is not None and request != end
             track.waited = track.waited + 1 if blocked else 0
         return {
             agent: self._actions.action(cell, end)

@@ -2,9 +2,10 @@
 """The search as arrays: rules, scenario, world, and its PettingZoo environments."""
 
 from dsse_ros.search.actions import ACTION_VECTORS, ActionSet
+from dsse_ros.search.aec import aec_env, env, raw_env
 from dsse_ros.search.fields import FieldError
 from dsse_ros.search.observation import Observation
-from dsse_ros.search.parallel_env import SearchEnv, aec_env, env, parallel_env, raw_env
+from dsse_ros.search.parallel_env import SearchEnv, parallel_env
 from dsse_ros.search.rules import PROFILES, Rules, profile
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError

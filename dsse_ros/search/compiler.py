@@ -13,7 +13,7 @@ from dsse_ros.search.rules import profile
 from dsse_ros.search.scenario import Scenario
 
 COMPILING = "compiling the search, once after an installation; it takes 10 s, or a few times that"
-"""What is said before the compiler starts; nothing where its cache has all that is needed."""
+"""Logged before the compiler starts; not logged where its cache has all that is needed."""
 
 
 class _FirstCompilation(event.Listener):

@@ -49,7 +49,7 @@ class Spec:
     optional: bool = False
 
     def allowed(self) -> str:
-        """Return the allowed values in words."""
+        """Return the allowed values as text."""
         noun = {
             "bool": "true or false",
             "int": "an integer",

@@ -7,6 +7,9 @@ a normaliser from their tail sums. A cell costs two look-ups, a whole map one st
 Everything that a world remembers stands in three structured arrays, `worlds` (B,), `drones`
 (B, N) and `persons` (B, P); `constants` (1,) is shared and never written. x is the column and
 grows to the east, y is the row and grows to the south.
+
+The module is longer than others: Numba's cache is renewed when the file of a function changes, not
+when that of a function it calls does, so that all that is compiled into the step is in one file.
 """
 
 from __future__ import annotations
@@ -78,11 +81,11 @@ CONSTANTS = np.dtype(
         ("person_first", "?"),
         ("person_walks_blind", "?"),
         ("person_scatter", "i8"),
-        ("auto_reset", "?"),  # a step resets a world that is over, whatever its actions
+        ("auto_reset", "?"),  # a step resets a world that is done, whatever its actions
     ],
     align=True,
 )
-"""The scenario, the rules and the manner of the batch, as the kernels read them."""
+"""The scenario, the rules and the options of the batch, as the kernels read them."""
 
 WORLDS = np.dtype(
     [
@@ -102,9 +105,9 @@ WORLDS = np.dtype(
         ("scale", "f8"),  # 1 / sum of the Gaussian over the possible cells; 0: one cell has it all
         ("start_x", "i8"),  # cell of the person at reset
         ("start_y", "i8"),
-        ("flying", "i8"),  # drones still in the search
-        ("adrift", "i8"),  # persons not found
-        ("over", "?"),  # the search has ended: all found, time out, or no drone left
+        ("num_active", "i8"),  # drones still in the search
+        ("num_missing", "i8"),  # persons not found
+        ("done", "?"),  # the search has ended: all found, time out, or no drone left
     ],
     align=True,
 )
@@ -113,7 +116,7 @@ DRONES = np.dtype(
     [
         ("x", "i8"),
         ("y", "i8"),
-        ("earned", "f8"),  # sum of rewards, before collisions replaced any
+        ("episode_return", "f8"),  # sum of rewards, before collisions replaced any
         ("reward", "f8"),  # of the last step
         ("alive", "?"),  # in the search; without a flag and not alive: withdrawn
         ("terminated", "?"),  # since the last reset
@@ -235,7 +238,7 @@ def rows_covered(w, g, d2):
 
 
 @part
-def look_at_circle(w, circle):
+def update_circle(w, circle):
     """Write the half width of the world's circle in the rows at distance 0, 1, ... of its centre.
 
     Args:
@@ -286,7 +289,7 @@ def normalise(c, w, gauss, tails, circle):
     """Set the scale that makes the probabilities sum to 1."""
     g = c.grid_size
     if c.circle:
-        look_at_circle(w, circle)
+        update_circle(w, circle)
         total = circle_sum(w, gauss, tails, circle, g)
     else:
         total = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x) * span_sum(
@@ -314,7 +317,7 @@ def write_map(c, w, gauss, circle, span, stream, out):
     for i in range(g):
         span[i] = 0.0 if c.circle else weights[i]
     if c.circle:
-        look_at_circle(w, circle)
+        update_circle(w, circle)
     half_width = -1
     for j in range(g):
         # From row to row the circle's part of the weights changes only at its ends.
@@ -457,7 +460,7 @@ def person_with_drift(c, w, gauss, person):
 
 @kernel
 def persons_step(c, w, gauss, persons):
-    """Move every person that is still adrift."""
+    """Move every person that is not found yet."""
     for p in range(len(persons)):
         if persons[p].found and not c.found_persons_stay:
             continue
@@ -534,13 +537,13 @@ def reset_world(c, w, starts, drones, persons, gauss, tails, circle, cells):
     w.remainder_x = w.remainder_y = 0.0
     w.drift_x, w.drift_y = drift_per_step(c, w.vector_x, w.vector_y)
     w.scale = 0.0
-    w.over = False
-    w.flying = len(drones)
-    w.adrift = len(persons)
+    w.done = False
+    w.num_active = len(drones)
+    w.num_missing = len(persons)
     for n in range(len(drones)):
         d = drones[n]
         d.x, d.y = starts[n, 0], starts[n, 1]
-        d.earned = d.reward = 0.0
+        d.episode_return = d.reward = 0.0
         d.alive = True
         d.terminated = d.truncated = d.found = False
     for p in range(len(persons)):
@@ -586,10 +589,10 @@ def search_cell(c, w, gauss, d, persons):
 
 @part
 def collide(c, drones, occupied):
-    """Reward and terminate the drones still flying that share a cell, as `occupy` noted them."""
+    """Reward and terminate the active drones that share a cell, as `occupy` noted them."""
     for n in range(len(drones)):
         d = drones[n]
-        if is_flying(c, d) and is_crashed(c.grid_size, drones, n, occupied):
+        if can_collide(c, d) and has_collided(c.grid_size, drones, n, occupied):
             d.reward = c.collision
             d.terminated = True
 
@@ -615,7 +618,7 @@ def occupy(g, d, occupied, stamp):
     """
     if not is_inside(g, d.x, d.y):
         return True
-    # An unsigned index is not looked at for being below 0.
+    # An unsigned index is not checked for being below 0.
     cell = np.uint64(d.y * g + d.x)
     shared = occupied[cell] >= stamp
     occupied[cell] = stamp + shared
@@ -623,7 +626,7 @@ def occupy(g, d, occupied, stamp):
 
 
 @part
-def is_crashed(g, drones, n, occupied):
+def has_collided(g, drones, n, occupied):
     """Return whether drone n shares its cell; only those on the grid are in `occupied`."""
     d = drones[n]
     if is_inside(g, d.x, d.y):
@@ -642,8 +645,8 @@ def is_inside(g, x, y):
 
 
 @part
-def is_flying(c, d):
-    """Return whether a drone can collide; where drones end together, flags ground nobody."""
+def can_collide(c, d):
+    """Return whether a drone can collide; where drones end together, flags do not matter."""
     return d.alive and (c.ends_together or not d.terminated)
 
 
@@ -652,7 +655,7 @@ def step_drones(c, w, drones, persons, gauss, occupied, actions):
     """Do the actions in index order against the map of the last observation.
 
     Returns:
-        Whether drones still flying may share a cell, and whether any has found somebody or got a
+        Whether active drones may share a cell, and whether any has found somebody or got a
         flag.
     """
     # Read once: the compiler must expect that what is written to the drones changes them.
@@ -691,10 +694,10 @@ def step_drones(c, w, drones, persons, gauss, occupied, actions):
                 reward = leave_reward
             terminated = leave_flags and not inside
         if out_of_time:
-            reward = c.time_out - (d.earned if c.time_out_total else 0.0)
+            reward = c.time_out - (d.episode_return if c.time_out_total else 0.0)
             d.truncated = True
         d.reward = reward
-        d.earned += reward
+        d.episode_return += reward
         d.found = found
         d.terminated = terminated
         eventful |= found or terminated or d.truncated
@@ -704,14 +707,14 @@ def step_drones(c, w, drones, persons, gauss, occupied, actions):
 
 
 @part
-def settle_flags(c, w, drones, persons):
-    """Flag the drones whose search is over, and the world when all are."""
-    w.adrift = 0
+def update_flags(c, w, drones, persons):
+    """Flag the drones whose search has ended, and the world when all have."""
+    w.num_missing = 0
     for p in range(len(persons)):
-        w.adrift += not persons[p].found
-    all_found = w.adrift == 0 and not c.ends_together
+        w.num_missing += not persons[p].found
+    all_found = w.num_missing == 0 and not c.ends_together
     any_flag = False
-    flying = 0
+    num_active = 0
     for n in range(len(drones)):
         d = drones[n]
         if not d.alive:
@@ -724,11 +727,11 @@ def settle_flags(c, w, drones, persons):
             d.terminated = d.terminated or c.both_flags
             d.truncated = d.truncated or c.both_flags
             d.alive = c.ends_together
-        flying += d.alive
-    w.flying = flying
-    w.over = flying == 0 or (c.ends_together and any_flag)
-    if c.ends_together and w.over:
-        # Whom the end of all ends, it truncates.
+        num_active += d.alive
+    w.num_active = num_active
+    w.done = num_active == 0 or (c.ends_together and any_flag)
+    if c.ends_together and w.done:
+        # A drone that ends only because the search has ended is truncated.
         for n in range(len(drones)):
             drones[n].truncated = drones[n].truncated or not drones[n].terminated
 
@@ -743,14 +746,14 @@ def step_world(c, w, drones, persons, gauss, tails, occupied, circle, actions):
     if c.found_persons_stay:
         for p in range(len(persons)):
             persons[p].found = False
-    settled = not w.over and w.adrift == len(persons)
+    unchanged = not w.done and w.num_missing == len(persons)
     shared, eventful = step_drones(c, w, drones, persons, gauss, occupied, actions)
     w.t += 1
     sea_step(c, w, persons, gauss, tails, circle)
     if shared:
         collide(c, drones, occupied)
-    if shared or eventful or not settled:
-        settle_flags(c, w, drones, persons)
+    if shared or eventful or not unchanged:
+        update_flags(c, w, drones, persons)
 
 
 STREAMED_BYTES = 1 << 25
@@ -780,7 +783,7 @@ def step_worlds(
         gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
         tails: (1 or B, 2, G + 2) float64, their tail sums.
         occupied: (G * G + 1,) uint16 scratch, see `occupy`.
-        circle: (G + 1,) int64 scratch, see `look_at_circle`.
+        circle: (G + 1,) int64 scratch, see `update_circle`.
         cells: (K,) int64 scratch, the cells that persons are scattered over.
         span: (G,) float64 scratch.
         actions: (B, N) int8; a number without an action does nothing.
@@ -793,7 +796,7 @@ def step_worlds(
     for b in range(first, last):
         w = worlds[b]
         table = min(b, len(gauss) - 1)
-        if c.auto_reset and w.over:
+        if c.auto_reset and w.done:
             reset_world(
                 c, w, starts[b], drones[b], persons[b], gauss[table], tails[table], circle, cells
             )
@@ -840,7 +843,7 @@ def refresh_worlds(constants, worlds, gauss, tails, circle, span, maps):
 def report_worlds(
     constants, drones, positions, rewards, terminated, truncated, action_masks, first, last
 ):
-    """Write what is told of the drones of the worlds first..last - 1.
+    """Write positions, rewards, flags and action masks of the drones of the worlds first..last - 1.
 
     Args:
         constants: (1,) of `CONSTANTS`.
@@ -857,14 +860,14 @@ def report_worlds(
     edge, num_actions = c.grid_size - 1, action_masks.shape[2]
     inner = np.uint64(max(edge - 1, 0))
     for b in range(first, last):
-        swarm, cells, masks = drones[b], positions[b], action_masks[b]
-        earned, ended, stopped = rewards[b], terminated[b], truncated[b]
+        of_world, cells, masks = drones[b], positions[b], action_masks[b]
+        reward, ended, stopped = rewards[b], terminated[b], truncated[b]
         masks[:] = 1
-        for n in range(len(swarm)):
-            d = swarm[n]
+        for n in range(len(of_world)):
+            d = of_world[n]
             x, y = d.x, d.y
             cells[n, 0], cells[n, 1] = x, y
-            earned[n] = d.reward
+            reward[n] = d.reward
             ended[n], stopped[n] = d.terminated, d.truncated
             if (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):
                 for a in range(num_actions):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a reset can be told, for the single environment and the batch alike."""
+"""The options of a reset, for the single environment and the batch alike."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The search as PettingZoo environments: one world, a shell over the arrays of `World`."""
+"""The search as a PettingZoo parallel environment: a shell over the arrays of one `World`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from pettingzoo import AECEnv, ParallelEnv
-from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
+from pettingzoo import ParallelEnv
 
 from dsse_ros.search import rendering
 from dsse_ros.search.fields import FieldError, Spec, shown
@@ -96,8 +95,8 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         self._alive, self._rewards = world.drones["alive"][0], world.rewards[0]
         self._terminated, self._truncated = world.terminated[0], world.truncated[0]
         # Memory views give plain numbers, in a third of an array's time.
-        self._flying, self._adrift, self._over = (
-            world.worlds[name].data for name in ("flying", "adrift", "over")
+        self._num_active, self._num_missing, self._done = (
+            world.worlds[name].data for name in ("num_active", "num_missing", "done")
         )
         self._viewer: rendering.Viewer | None = None
         self._camera: rendering.Camera | None = None
@@ -105,7 +104,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     def __getstate__(self) -> dict[str, Any]:
         # A window stays with the environment that opened it.
         bound = {"_masks", "_actions", "_action_bytes", "_xy", "_alive", "_rewards", "_terminated"}
-        bound |= {"_truncated", "_flying", "_adrift", "_over", "_viewer", "_camera"}
+        bound |= {"_truncated", "_num_active", "_num_missing", "_done", "_viewer", "_camera"}
         return {name: value for name, value in vars(self).items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -208,10 +207,10 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             FieldError: If there is no such drone.
         """
         drone = Spec("int", "", low=0, high=len(self._alive) - 1).check("drone", drone)
-        if self._over[0] or not self._alive[drone]:
+        if self._done[0] or not self._alive[drone]:
             return False
         self._alive[drone] = False
-        self._flying[0] -= 1
+        self._num_active[0] -= 1
         return True
 
     def snapshot(self) -> Snapshot:
@@ -272,8 +271,8 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         return rendering.MissionView(
             probability=self.probability,
             tracks=np.stack(self._track or [self.positions], axis=1),
-            # Whom the find of all persons or the time has ended is still in the air.
-            alive=self._alive | self._truncated | (self._adrift[0] == 0),
+            # A drone that the find of all persons or the time has ended is still in the air.
+            alive=self._alive | self._truncated | (self._num_missing[0] == 0),
             persons=np.stack([world.persons["x"][0], world.persons["y"][0]], axis=1),
             found=world.persons["found"][0].copy(),
             datum=(int(world.worlds["datum_x"][0]), int(world.worlds["datum_y"][0])),
@@ -324,12 +323,12 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             self._track.append(self.positions)
         elif self._track:
             self._track = []
-        if self._over[0] or self._flying[0] < len(self.agents):
+        if self._done[0] or self._num_active[0] < len(self.agents):
             self._note_live()
 
     def _note_live(self) -> None:
         """Take from the world which drones have no flag yet; a world not begun has none."""
-        out = self._terminated | self._truncated | self._over[0]
+        out = self._terminated | self._truncated | self._done[0]
         self._live = np.flatnonzero(~out).tolist()
         self.agents = [self.possible_agents[i] for i in self._live]
         self._no_flags = dict.fromkeys(self.agents, False)
@@ -341,7 +340,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         cells = self._xy.copy() if len(agents) == len(self._xy) else self._xy[live]
         # Plain tuples: with names they would take a sixth of a step with 50 drones.
         observations = dict(zip(agents, zip(cells, repeat(self.probability))))
-        masks, found = self._masks, self._adrift[0] == 0
+        masks, found = self._masks, self._num_missing[0] == 0
         infos = {
             agent: {"Found": found, "action_mask": masks[y][x]}
             for agent, (x, y) in zip(agents, cells.tolist())
@@ -388,61 +387,6 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         raise FieldError(
             f"{agent}: action {shown(value)} is not allowed; {self.rules.action_set}"
         ) from None
-
-
-class Conventional(BaseParallelWrapper[str, Any, int]):
-    """The search as PettingZoo's AEC conformance test wants it: plain arrays, agents `drone_0`.
-
-    Observations are flattened by `gymnasium.spaces.flatten`; `unflatten` gives the tuple back.
-    """
-
-    def __init__(self, env: SearchEnv) -> None:
-        super().__init__(env)
-        self._inner = {f"drone_{i}": agent for i, agent in enumerate(env.possible_agents)}
-        self._outer = {agent: name for name, agent in self._inner.items()}
-        self._spaces = {
-            name: spaces.flatten_space(env.observation_space(agent))
-            for name, agent in self._inner.items()
-        }
-
-    @property
-    def possible_agents(self) -> list[str]:
-        """All agents: drone_0, drone_1, ..."""
-        return list(self._inner)
-
-    @property
-    def agents(self) -> list[str]:  # type: ignore[override]
-        """The live agents."""
-        return [self._outer[agent] for agent in self.env.agents]
-
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the agent's flat observation space, always the same object."""
-        return self._spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the agent's action space, always the same object."""
-        return self.env.action_space(self._inner[agent])
-
-    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Start a new mission, as `SearchEnv.reset`."""
-        observations, infos = self.env.reset(seed=seed, options=options)
-        return self._flatten(observations), self._rename(infos)
-
-    def step(self, actions: Mapping[str, int]) -> Any:
-        """Advance the mission by one step, as `SearchEnv.step`."""
-        observations, *rest = self.env.step(
-            {self._inner[name]: a for name, a in actions.items() if name in self._inner}
-        )
-        return self._flatten(observations), *map(self._rename, rest)
-
-    def _rename(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        return {self._outer[agent]: value for agent, value in values.items()}
-
-    def _flatten(self, observations: Mapping[str, Any]) -> dict[str, Any]:
-        return {
-            self._outer[agent]: spaces.flatten(self.env.observation_space(agent), observation)
-            for agent, observation in observations.items()
-        }
 
 
 def parallel_env(
@@ -497,22 +441,3 @@ def parallel_env(
         **fields,
     )
     return SearchEnv(*chosen, render_mode)
-
-
-def raw_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
-    """Return the search as an AEC environment without wrappers; arguments of `parallel_env`.
-
-    Observations are flat arrays and agents are named drone_0, see `Conventional`.
-    """
-    return parallel_to_aec(Conventional(parallel_env(*args, **kwargs)))
-
-
-def aec_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
-    """Return the search as an AEC environment that checks its use; arguments of `parallel_env`."""
-    return wrappers.OrderEnforcingWrapper(
-        wrappers.AssertOutOfBoundsWrapper(raw_env(*args, **kwargs))
-    )
-
-
-env = aec_env
-"""The name under which PettingZoo's users look for it."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays that belong to whoever got them, without new memory for each."""
+"""Arrays that belong to their receiver, without new memory for each."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Recycler:
     Args:
         shape: Of the arrays.
         dtype: Of the arrays.
-        overwrite: Whether to hand out the same memory each time, whoever still refers to it.
+        overwrite: Whether to hand out the same memory each time, even if it is still referred to.
     """
 
     def __init__(

@@ -31,7 +31,9 @@ class Rules:
     """
 
     profile: str = field("str", "Name of the profile these rules started from.")
-    actions: tuple[str, ...] = field("names", "Legend: the action with number i is actions[i].")
+    actions: tuple[str, ...] = field(
+        "names", "Names of the actions: the action with number i is actions[i]."
+    )
     noop_actions: bool = field(
         "bool", "Whether an unknown action number does nothing, or is refused.", False
     )

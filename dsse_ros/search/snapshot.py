@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAGIC = b"dsse_ros snapshot"
-VERSION = 1
+VERSION = 2
 
 
 class SnapshotError(ValueError):
@@ -33,7 +33,7 @@ class Snapshot:
         identity: JSON values by part and name (scenario, rules) that must be equal where the
             snapshot is restored.
         arrays: Arrays without objects; structured ones are allowed.
-        extra: Further JSON values of whoever took the snapshot.
+        extra: Further JSON values of the caller.
     """
 
     identity: dict[str, dict[str, Any]]

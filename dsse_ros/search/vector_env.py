@@ -28,9 +28,9 @@ MAX_REACH = 10_000
 
 
 class LazyMaps:
-    """The maps of B worlds as their parameters: asked for cell by cell, never written out.
+    """The maps of B worlds as their parameters: read cell by cell, never written out.
 
-    It tells of the worlds as they are now, not as they were when it was handed out.
+    It reads the worlds as they are now, not as they were when it was returned.
     """
 
     def __init__(self, world: World) -> None:
@@ -79,14 +79,15 @@ class LazyMaps:
 class VectorEnv:
     """B searches, stepped together.
 
-    A world that is over is reset by the next step, whatever its actions, with reward 0 and no flag
+    A world that is done is reset by the next step, whatever its actions, with reward 0 and no flag
     (Gymnasium's `AutoresetMode.NEXT_STEP`); its generator goes on.
 
     Observations are `{"positions": (B, N, 2) int64 as (x, y), "probability": (B, G, G) float32 as
     [y, x]}`; in the lazy mode `probability` is a `LazyMaps`. Infos are `{"Found": (B,) bool every
-    person found, "step": (B,) int64 steps done, "over": (B,) bool, "action_mask": (B, N, A) int8,
-    0 where a move would leave the grid}`, each with a mask of the worlds it tells of, (B,) bool
-    under its name after an underscore, as Gymnasium has it: all of them.
+    person found, "step": (B,) int64 steps done, "over": (B,) bool the search has ended,
+    "action_mask": (B, N, A) int8, 0 where a move would leave the grid}`, each with a mask of the
+    worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has it: all of
+    them.
 
     The arrays belong to the caller, who may keep and change them. The memory of those that nothing
     refers to any more is used again: a loop that holds the last observation or two makes no new
@@ -203,7 +204,7 @@ class VectorEnv:
         self.world.close()
 
     def _write(self, outputs: list[NDArray[Any]], first: int, last: int) -> None:
-        """Write what is told of the drones of some worlds, see `kernels.report_worlds`."""
+        """Write the report of some worlds, see `kernels.report_worlds`."""
         kernels.report_worlds(self.world.constants, self.world.drones, *outputs, first, last)
 
     def _observations(self, positions: NDArray[np.int64]) -> Observations:
@@ -212,9 +213,9 @@ class VectorEnv:
     def _infos(self, masks: NDArray[np.int8]) -> dict[str, NDArray[Any]]:
         worlds = self.world.worlds
         infos = {
-            "Found": worlds["adrift"] == 0,
+            "Found": worlds["num_missing"] == 0,
             "step": worlds["t"].copy(),
-            "over": worlds["over"].copy(),
+            "over": worlds["done"].copy(),
             "action_mask": masks,
         }
         return infos | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in infos}
@@ -312,11 +313,11 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Advance every world by one step."""
         observations, rewards, _, _, infos = self.env.step(actions)
-        over = infos["over"]
+        done = infos["over"]
         # Not by the flags: where the rules set both at once, a crash has both too.
         last = self.env.scenario.timestep_limit + self.env.rules.time_out_grace
-        out_of_time = over & ~infos["Found"] & (infos["step"] > last)
-        return observations, rewards.sum(axis=1), over & ~out_of_time, out_of_time, infos
+        out_of_time = done & ~infos["Found"] & (infos["step"] > last)
+        return observations, rewards.sum(axis=1), done & ~out_of_time, out_of_time, infos
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads."""

@@ -26,7 +26,7 @@ HOLD = -1
 """The action of a drone that does nothing; it is rewarded like a move."""
 
 SHARES = 4
-"""Shares of the worlds for each thread: whoever is done first takes one more."""
+"""Shares of the worlds for each thread: a thread that is done first takes one more."""
 SHARE_BYTES = 1 << 18
 """Drones of a share that is reported: what a core's own cache holds until then."""
 
@@ -87,7 +87,7 @@ class World:
         num_worlds: B.
         write_maps: Whether `maps` is written; `cells` answers without it.
         reuse_maps: Whether `maps` is one array that every step overwrites, or a new one.
-        auto_reset: Whether a step resets a world that is over, instead of going on.
+        auto_reset: Whether a step resets a world that is done, instead of going on.
         threads: How many threads share the worlds.
 
     Attributes:
@@ -138,7 +138,7 @@ class World:
         self.seed()
         self.place()
         # Not begun: the first step of a batch that resets by itself is a reset.
-        self.worlds["over"] = True
+        self.worlds["done"] = True
         # A constant spread is written once, here.
         self._refresh(self.maps[:, :0, :0])
 
@@ -247,7 +247,7 @@ class World:
         """Advance every world by one step.
 
         Args:
-            actions: (B, N) int8, numbers of the rules' legend or `HOLD`; what stands for a drone
+            actions: (B, N) int8, action numbers of the rules or `HOLD`; what stands for a drone
                 that is terminated or truncated does not count.
             maps: Memory for `maps`, by default new memory unless `reuse_maps`.
             report: Called with the numbers (first, last) of worlds first..last - 1 when they have
@@ -362,7 +362,12 @@ class World:
         edge, persons = self.grid_size - 1, self.persons.shape[1]
         cells = ("datum_x", "datum_y", "circle_x", "circle_y", "start_x", "start_y")
         highest = dict.fromkeys(cells, edge)
-        highest |= {"flying": self.num_drones, "adrift": persons, "t": 2**40, "map_steps": 2**30}
+        highest |= {
+            "num_active": self.num_drones,
+            "num_missing": persons,
+            "t": 2**40,
+            "map_steps": 2**30,
+        }
         for name, high in highest.items():
             if not ((worlds[name] >= 0) & (worlds[name] <= high)).all():
                 raise SnapshotError(f"the snapshot is damaged: {name} is not from 0 to {high}")

@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from benchmarks.anchors import Source
 from benchmarks.greedy_batch import GreedyBatch, quicksort_tail, stable_tail
+from benchmarks.reference_values import Source
 from benchmarks.reproduce import Episodes, compare, greedy_episodes, summary, sweep_actions
 from dsse_ros.planners import make_planner
 from dsse_ros.planners.greedy import most_probable
@@ -29,7 +29,7 @@ from dsse_ros.search.rules import ACTION_VECTORS, profile
 VALUES = hnp.arrays(
     np.float32, st.integers(4, 400), elements=st.integers(0, 9).map(lambda n: np.float32(n) / 9)
 )
-LEGEND = profile("v2").actions
+ACTIONS = profile("v2").actions
 
 # Prints the tail of every argsort of the rows of the file given.
 SCALAR_ARGSORT = """
@@ -101,21 +101,21 @@ def test_a_drone_waits_where_another_stands_or_goes() -> None:
     maps[0, 2, 4], maps[0, 2, 3] = 1.0, 0.5
     drones = np.zeros((1, 2), DRONES)
     drones["x"], drones["y"] = [2, 1], [2, 2]
-    greedy = GreedyBatch(LEGEND, "stable")
-    names = [LEGEND[a] for a in greedy(maps, drones, np.ones(1, bool))[0]]
+    greedy = GreedyBatch(ACTIONS, "stable")
+    names = [ACTIONS[a] for a in greedy(maps, drones, np.ones(1, bool))[0]]
     # The second one may have the cell that the first one leaves, but not the other way round.
     assert names == ["right", "right"]
-    names = [LEGEND[a] for a in greedy(maps, drones[:, ::-1], np.ones(1, bool))[0]]
+    names = [ACTIONS[a] for a in greedy(maps, drones[:, ::-1], np.ones(1, bool))[0]]
     assert names == ["search", "right"]
 
 
 def test_the_sweep_goes_along_the_rows_and_down_at_their_ends_without_a_search() -> None:
-    legend = profile("v1").actions
-    actions = [legend[a] for a in sweep_actions(legend, 3)]
+    names_by_number = profile("v1").actions
+    actions = [names_by_number[a] for a in sweep_actions(names_by_number, 3)]
     row = ["search", "right", "search", "right", "down"]
     back = ["search", "left", "search", "left", "down"]
     assert actions == row + back + row
-    names = [legend[a] for a in islice(sweep_actions(legend, 20), 202)]
+    names = [names_by_number[a] for a in islice(sweep_actions(names_by_number, 20), 202)]
     cells = np.cumsum([ACTION_VECTORS[name] for name in names], axis=0)
     assert ((cells >= 0) & (cells < 20)).all()
     assert cells[-1].tolist() == [16, 5]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every contender gets valid work that lasts, whatever the rules."""
+"""All get valid work that lasts, whatever the rules."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from dsse_ros.search.rules import ACTION_VECTORS, profile
 
 def walks(rules: str, grid_size: int, num_drones: int, worlds: int = 3) -> tuple:
     """Start cells and actions of an episode."""
-    legend = profile(rules).actions
-    return random_walks(grid_size, num_drones, legend, CALLS[rules], worlds, seed=1)
+    names = profile(rules).actions
+    return random_walks(grid_size, num_drones, names, CALLS[rules], worlds, seed=1)
 
 
 @given(
@@ -37,10 +37,10 @@ def test_drones_stay_on_the_grid_and_never_meet(rules: str, grid_size: int, shar
 
 @pytest.mark.parametrize("rules", ["v1", "v2"])
 def test_searches_are_as_frequent_as_any_other_action(rules: str) -> None:
-    legend = profile(rules).actions
+    names = profile(rules).actions
     _, actions = walks(rules, 40, 5, worlds=64)
-    searches = (actions == legend.index("search")).mean()
-    assert searches == pytest.approx(1 / len(legend), abs=0.01)
+    searches = (actions == names.index("search")).mean()
+    assert searches == pytest.approx(1 / len(names), abs=0.01)
 
 
 @pytest.mark.parametrize("rules", ["v1", "v2"])

@@ -16,13 +16,13 @@ from typing import Any
 if not __package__ and __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from autopilot.wire import Codec as Speaker
+from autopilot.wire import Codec as VehicleCodec
 from autopilot.wire import mavlink
 
 from dsse_ros.flight.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mavlink_messages import INCOMING_NAMES
+from dsse_ros.flight.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import (
     FlyMission,
     GoTo,
@@ -33,12 +33,11 @@ from dsse_ros.flight.orders import (
     Search,
     TakeOff,
 )
-from dsse_ros.flight.telegrams import HEARD_NAMES
 from dsse_ros.flight.vehicle_controller import VehicleController
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 _ALL = list(mavlink.mavlink_map.values())
-_HEARD = [kind for kind in _ALL if kind.msgname in HEARD_NAMES]
+_INCOMING = [kind for kind in _ALL if kind.msgname in INCOMING_NAMES]
 _ITEMS = tuple(
     WireItem(seq, 6, command, x=-240000000 + 100 * seq, y=-463000000, z=20.0)
     for seq, command in enumerate((16, 22, 16, 20))
@@ -70,11 +69,11 @@ def fuzz(number: int, seed: int, autopilot: Any) -> tuple[Counter[str], Counter[
     """Send messages to a controller that gets orders, and return what codec and controller count.
 
     Raises:
-        AssertionError: If it would send what cannot be sent, be due at once again, or believe in
-            a place that cannot be.
+        AssertionError: If it would send what cannot be sent, be due at once again, or accept
+            an invalid position.
     """
     draw = random.Random(seed)
-    speaker = Speaker(VEHICLE.system)
+    sender = VehicleCodec(VEHICLE.system)
     codec = Codec(OURSELVES, VEHICLE)
     settings = ControllerSettings(autopilot=autopilot, arm=True, speed_mps=5.0)
     controller = VehicleController(VEHICLE, OURSELVES, settings)
@@ -82,22 +81,22 @@ def fuzz(number: int, seed: int, autopilot: Any) -> tuple[Counter[str], Counter[
     now = 0.0
     for _ in range(number):
         now += draw.choice((0.0, 0.01, 0.1))
-        said = []
-        kind = draw.choice(_HEARD if draw.random() < 0.8 else _ALL)
-        data = bytes(speaker.encode(any_message(kind, draw)))
+        outgoing = []
+        kind = draw.choice(_INCOMING if draw.random() < 0.8 else _ALL)
+        data = bytes(sender.encode(any_message(kind, draw)))
         for message in codec.decode(data, now, datagram=True):
-            said += controller.receive(message, now)
+            outgoing += controller.receive(message, now)
         if now >= controller.deadline:
-            said += controller.tick(now)
+            outgoing += controller.tick(now)
             assert controller.deadline > now
         if draw.random() < 0.01:
-            said += controller.give(draw.choice(_ORDERS), now)
+            outgoing += controller.give(draw.choice(_ORDERS), now)
         if draw.random() < 0.001:
-            said += controller.hand_over(Hold(), now)
+            outgoing += controller.hand_over(Hold(), now)
             # As when the program is started again.
             counts += controller.counts
             controller = VehicleController(VEHICLE, OURSELVES, settings)
-        for one in said:
+        for one in outgoing:
             assert codec.encode(one)
         state = controller.state
         assert not abs(state.lat_deg) > 90 and not abs(state.lon_deg) > 180

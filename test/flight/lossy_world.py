@@ -10,7 +10,7 @@ from itertools import count
 
 from mission_vehicle import VEHICLE, MissionVehicle
 
-from dsse_ros.flight.messages import Address, Message
+from dsse_ros.flight.mission_messages import Address, MissionMessage
 from dsse_ros.flight.transfer import Done, Exchange, Failed
 
 OURSELVES = Address(245, 191)
@@ -18,11 +18,11 @@ OURSELVES = Address(245, 191)
 
 @dataclass(frozen=True)
 class Channel:
-    """What a link does to each message.
+    """Faults of a link, by message.
 
     Attributes:
         loss: Share of messages that are lost.
-        duplicate: Share of the others that come twice.
+        duplicate: Share of the others that arrive twice.
         reorder: Share of copies that are overtaken by others.
         delay_s: Least delay.
         late_s: Greatest further delay of a copy that is overtaken.
@@ -48,10 +48,10 @@ class World:
         self.now = 0.0
         self._random = random.Random(seed)
         self._order = count()
-        self._under_way: list[tuple[float, int, Message]] = []
+        self._in_transit: list[tuple[float, int, MissionMessage]] = []
 
     def run(self, exchange: Exchange, horizon_s: float = 1e4) -> Done | Failed:
-        """Drive an exchange that has not begun to its end."""
+        """Drive an exchange from its start to its end."""
         self.send(exchange.start(self.now))
         end = self.now + horizon_s
         while exchange.result is None:
@@ -59,24 +59,24 @@ class World:
         return exchange.result
 
     def step(self, exchange: Exchange, end: float = 1e9) -> bool:
-        """Let the next thing happen, if there is one before the end."""
+        """Process the next event, if there is one before the end."""
         times = [self.vehicle.deadline, exchange.deadline]
-        if self._under_way:
-            times.append(self._under_way[0][0])
+        if self._in_transit:
+            times.append(self._in_transit[0][0])
         now = min(time for time in [*times, end] if time is not None)
         self.now = max(self.now, now)
         if now >= end:
             return False
-        if self._under_way and self._under_way[0][0] <= now:
-            self._deliver(heapq.heappop(self._under_way)[2], exchange)
+        if self._in_transit and self._in_transit[0][0] <= now:
+            self._deliver(heapq.heappop(self._in_transit)[2], exchange)
         elif exchange.deadline is not None and exchange.deadline <= now:
             self.send(exchange.tick(now))
         else:
             self.send(self.vehicle.tick(now))
         return True
 
-    def send(self, messages: list[Message]) -> None:
-        """Put messages on the link; they know whom they are for."""
+    def send(self, messages: list[MissionMessage]) -> None:
+        """Put messages on the link; each has its target."""
         channel, draw = self.channel, self._random.random
         for message in messages:
             if draw() < channel.loss:
@@ -84,9 +84,9 @@ class World:
             for _ in range(1 + (draw() < channel.duplicate)):
                 late_s = draw() * channel.late_s if draw() < channel.reorder else 0.0
                 arrival = self.now + channel.delay_s + late_s
-                heapq.heappush(self._under_way, (arrival, next(self._order), message))
+                heapq.heappush(self._in_transit, (arrival, next(self._order), message))
 
-    def _deliver(self, message: Message, exchange: Exchange) -> None:
+    def _deliver(self, message: MissionMessage, exchange: Exchange) -> None:
         if message.target == VEHICLE:
             self.send(self.vehicle.receive(message, OURSELVES, self.now))
         else:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ArduCopter's manners, in vehicle time."""
+"""ArduCopter's behaviour, in vehicle time."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def armed_on_the_ground(bench: Bench) -> None:
     assert bench.command(ARM, 1) == ACCEPTED
 
 
-def test_nothing_but_a_few_kinds_of_messages_comes_unasked(bench: Bench) -> None:
+def test_only_a_few_messages_are_streamed_by_default(bench: Bench) -> None:
     bench.wait(100)
-    assert {message.get_type() for message in bench.heard} == BY_DEFAULT
+    assert {message.get_type() for message in bench.received} == BY_DEFAULT
     assert len(bench.all("HEARTBEAT")) == 101
 
 
-def test_a_message_that_is_asked_for_comes_at_its_rate_in_vehicle_time(bench: Bench) -> None:
+def test_a_requested_message_comes_at_its_rate_in_vehicle_time(bench: Bench) -> None:
     bench.wait(2)
     bench.stream(POSITION, 10)
     bench.wait(10)
@@ -81,7 +81,7 @@ def test_it_is_ready_42_s_after_the_start_and_knows_its_position_before(bench: B
 
 
 @pytest.mark.parametrize("at_s", [5.0, 30.0])
-def test_arming_too_early_fails_and_a_text_says_why(bench: Bench, at_s: float) -> None:
+def test_arming_too_early_fails_with_a_status_text(bench: Bench, at_s: float) -> None:
     bench.wait(at_s)
     assert bench.command(SET_MODE, 1, GUIDED) == ACCEPTED
     assert bench.command(ARM, 1) == FAILED
@@ -101,7 +101,7 @@ def test_a_flight_takes_as_long_as_a_real_one(bench: Bench) -> None:
     assert bench.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, 120) == ACCEPTED
     assert bench.until(lambda: bench.vehicle.craft.up_m > 119.7) == pytest.approx(52, abs=2)
     bench.wait(5)
-    bench.set_point(0, 130, 120)
+    bench.setpoint(0, 130, 120)
     leg_s = bench.until(lambda: abs(bench.vehicle.craft.east_m - 130) < 0.2)
     assert leg_s == pytest.approx(18, abs=1)
     bench.command(20)
@@ -132,7 +132,7 @@ def test_a_position_target_in_mid_take_off_overrides_the_climb(bench: Bench) -> 
     armed_on_the_ground(bench)
     bench.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, 120)
     bench.until(lambda: bench.vehicle.craft.up_m > 30)
-    bench.set_point(0, 50, 40)
+    bench.setpoint(0, 50, 40)
     bench.wait(40)
     assert bench.vehicle.craft.point == pytest.approx((0, 50, 40), abs=0.1)
 
@@ -140,7 +140,7 @@ def test_a_position_target_in_mid_take_off_overrides_the_climb(bench: Bench) -> 
 @pytest.mark.parametrize("frame", [0, 5])
 def test_altitudes_of_the_frames_0_and_5_are_above_the_sea(bench: Bench, frame: int) -> None:
     bench.fly_to_altitude()
-    bench.set_point(30, 0, 540, frame)
+    bench.setpoint(30, 0, 540, frame)
     bench.wait(40)
     assert bench.vehicle.craft.point == pytest.approx((30, 0, 40), abs=0.1)
 
@@ -148,7 +148,7 @@ def test_altitudes_of_the_frames_0_and_5_are_above_the_sea(bench: Bench, frame: 
 @pytest.mark.parametrize("frame", [3, 6])
 def test_altitudes_of_the_frames_3_and_6_are_above_home(bench: Bench, frame: int) -> None:
     bench.fly_to_altitude()
-    bench.set_point(30, 0, 40, frame)
+    bench.setpoint(30, 0, 40, frame)
     bench.wait(40)
     assert bench.vehicle.craft.point == pytest.approx((30, 0, 40), abs=0.1)
 
@@ -156,9 +156,9 @@ def test_altitudes_of_the_frames_3_and_6_are_above_home(bench: Bench, frame: int
 @pytest.mark.parametrize("frame", [1, 7])
 def test_local_frames_stop_it(bench: Bench, frame: int) -> None:
     bench.fly_to_altitude()
-    bench.set_point(500, 0, 20)
+    bench.setpoint(500, 0, 20)
     bench.wait(10)
-    bench.set_point(30, 0, 40, frame)
+    bench.setpoint(30, 0, 40, frame)
     bench.wait(10)
     here = bench.vehicle.craft.point
     assert here.north_m < 150 and bench.vehicle.craft.ground_speed_mps == pytest.approx(0)
@@ -169,27 +169,27 @@ def test_local_frames_stop_it(bench: Bench, frame: int) -> None:
 @pytest.mark.parametrize("frame", [10, 11])
 def test_terrain_frames_change_nothing(bench: Bench, frame: int) -> None:
     bench.fly_to_altitude()
-    bench.set_point(100, 0, 20)
+    bench.setpoint(100, 0, 20)
     bench.wait(2)
-    bench.set_point(0, 100, 40, frame)
+    bench.setpoint(0, 100, 40, frame)
     bench.wait(40)
     assert bench.vehicle.craft.point == pytest.approx((100, 0, 20), abs=0.1)
 
 
-def test_a_set_point_outside_guided_is_ignored_without_a_word(bench: Bench) -> None:
+def test_a_setpoint_outside_guided_is_ignored_without_a_message(bench: Bench) -> None:
     bench.fly_to_altitude()
     bench.command(SET_MODE, 1, LOITER)
     bench.wait(1.01)
-    before, said = bench.vehicle.craft.point, bench.texts()
-    bench.set_point(100, 0, 20)
+    before, texts = bench.vehicle.craft.point, bench.texts()
+    bench.setpoint(100, 0, 20)
     bench.wait(20)
     assert bench.vehicle.craft.point == pytest.approx(before, abs=0.01)
-    assert bench.texts() == said
+    assert bench.texts() == texts
 
 
-def test_a_set_point_on_the_ground_lifts_nothing(bench: Bench) -> None:
+def test_a_setpoint_on_the_ground_lifts_nothing(bench: Bench) -> None:
     armed_on_the_ground(bench)
-    bench.set_point(100, 0, 20)
+    bench.setpoint(100, 0, 20)
     bench.wait(9)
     assert bench.vehicle.craft.point == (0, 0, 0)
 
@@ -197,7 +197,7 @@ def test_a_set_point_on_the_ground_lifts_nothing(bench: Bench) -> None:
 def test_the_target_is_reported_above_the_sea_whatever_frame_it_came_in(bench: Bench) -> None:
     bench.fly_to_altitude()
     bench.stream(TARGET, 5)
-    bench.set_point(100, 0, 40, 6)
+    bench.setpoint(100, 0, 40, 6)
     bench.wait(1)
     target = bench.last("POSITION_TARGET_GLOBAL_INT")
     lat_deg, _ = bench.vehicle.frame.geodetic(100, 0)
@@ -205,19 +205,19 @@ def test_the_target_is_reported_above_the_sea_whatever_frame_it_came_in(bench: B
     assert abs(target.lat_int - lat_deg * 1e7) <= 1
 
 
-def test_what_is_addressed_to_system_0_is_obeyed_and_to_another_is_not(bench: Bench) -> None:
+def test_messages_to_system_0_are_accepted_and_to_another_are_not(bench: Bench) -> None:
     bench.fly_to_altitude()
-    bench.set_point(60, 0, 20, target=0)
+    bench.setpoint(60, 0, 20, target=0)
     bench.wait(30)
     assert bench.vehicle.craft.north_m == pytest.approx(60, abs=0.1)
-    bench.set_point(0, 0, 20, target=2)
+    bench.setpoint(0, 0, 20, target=2)
     bench.wait(30)
     assert bench.vehicle.craft.north_m == pytest.approx(60, abs=0.1)
     assert bench.command(SET_MODE, 1, LOITER, target=2) is None
     assert bench.command(SET_MODE, 1, LOITER, target=0) == ACCEPTED
 
 
-def test_a_reposition_needs_leave_to_change_the_mode(bench: Bench) -> None:
+def test_a_reposition_needs_the_flag_that_changes_the_mode(bench: Bench) -> None:
     bench.fly_to_altitude()
     lat_deg, lon_deg = bench.vehicle.frame.geodetic(80, 0)
 
@@ -265,7 +265,7 @@ class TestGcsFailsafe:
         bench.wait(60)
         assert bench.vehicle.custom_mode == GUIDED
 
-    def test_it_returns_after_5_s_and_goes_on_returning(self, bench: Bench) -> None:
+    def test_it_returns_after_5_s_and_keeps_returning(self, bench: Bench) -> None:
         self.switch_on(bench)
         bench.fly_to_altitude()
         self.hear_from(bench, 255, 20)
@@ -293,7 +293,7 @@ def test_a_mission_must_begin_with_a_take_off_when_on_the_ground(bench: Bench) -
     assert "Auto: Missing Takeoff Cmd" in bench.texts()
 
 
-def test_all_parameters_come_when_the_list_is_asked_for(bench: Bench) -> None:
+def test_all_parameters_are_sent_when_the_list_is_requested(bench: Bench) -> None:
     bench.send(mavlink.MAVLink_param_request_list_message(1, 1))
     bench.wait(2)
     values = bench.all("PARAM_VALUE")
@@ -304,6 +304,6 @@ def test_all_parameters_come_when_the_list_is_asked_for(bench: Bench) -> None:
 def test_a_changed_speed_is_flown(bench: Bench) -> None:
     bench.fly_to_altitude()
     bench.send(mavlink.MAVLink_param_set_message(1, 1, b"WPNAV_SPEED", 300.0, 9))
-    bench.set_point(300, 0, 20)
+    bench.setpoint(300, 0, 20)
     bench.wait(10)
     assert bench.vehicle.craft.ground_speed_mps == pytest.approx(3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ground stations that were written elsewhere take the autopilot for a real one."""
+"""Ground stations that were written elsewhere accept the autopilot as a real one."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from typing import Any
 
 import pytest
 from autopilot.running import FOLDER, Running, running_autopilot
+
+pytestmark = pytest.mark.slow
 
 TIMEOUT_S = 60.0
 HOME = (-24.0, -46.3, 100.0)
@@ -65,9 +67,9 @@ class TestMavsdk:
         assert is_home(seen) and seen["height_m"] == 0
 
     def test_it_flies_px4_by_hand(self) -> None:
-        # Not faster: MAVSDK repeats a set-point at 20 Hz of wall time.
+        # Not faster: MAVSDK repeats a setpoint at 20 Hz of wall time.
         with running_autopilot("px4", link="udpin", speedup=3, home=HOME) as autopilot:
-            seen = fly_with_mavsdk(autopilot, "px4_set_points")
+            seen = fly_with_mavsdk(autopilot, "px4_setpoints")
         assert seen["went_to"]["height_m"] == pytest.approx(8, abs=0.6)
         assert seen["modes"][:4] == ["HOLD", "TAKEOFF", "HOLD", "OFFBOARD"]
         # Disarmed, it is in the mode of before the landing.
@@ -97,7 +99,7 @@ class Console:
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self.process = process
-        self.said: list[str] = []
+        self.output: list[str] = []
         self._lines: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()
 
@@ -116,10 +118,10 @@ class Console:
         deadline_s = time.monotonic() + TIMEOUT_S
         while time.monotonic() < deadline_s:
             with contextlib.suppress(queue.Empty):
-                self.said.append(self._lines.get(timeout=0.2))
-                if text in self.said[-1]:
-                    return self.said[-1]
-        raise AssertionError(f"no {text!r} in\n" + "\n".join(self.said))
+                self.output.append(self._lines.get(timeout=0.2))
+                if text in self.output[-1]:
+                    return self.output[-1]
+        raise AssertionError(f"no {text!r} in\n" + "\n".join(self.output))
 
 
 @contextlib.contextmanager

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ArduCopter's end of the mission protocol, and how it flies a mission, in vehicle time."""
+"""ArduCopter's side of the mission protocol, and how it flies a mission, in vehicle time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 from autopilot.bench import AUTO, GUIDED, Bench
-from autopilot.commands import ACCEPTED
+from autopilot.commands import ACCEPTED, FAILED
 from autopilot.local_frame import Place
 from autopilot.mission_items import Item
 from autopilot.wire import mavlink
@@ -37,7 +37,7 @@ def current(bench: Bench) -> tuple[int, int]:
     return message.seq, message.total
 
 
-def test_it_asks_with_the_old_message_and_takes_the_new_one(bench: Bench) -> None:
+def test_it_requests_with_the_deprecated_message_and_accepts_the_new_one(bench: Bench) -> None:
     items = bench.mission((50, 0, 20))
     assert bench.upload(items) == OK
     requests = bench.all("MISSION_REQUEST")
@@ -80,16 +80,16 @@ def test_after_clearing_the_count_is_0(bench: Bench) -> None:
     assert bench.download() == []
 
 
-def test_a_stalled_upload_is_asked_for_each_second_and_given_up_after_8(bench: Bench) -> None:
+def test_a_stalled_upload_is_requested_each_second_and_ends_after_8(bench: Bench) -> None:
     items = bench.mission((50, 0, 20))
-    bench.offer(items)
-    bench.give(items, 0)
+    bench.send_count(items)
+    bench.send_item(items, 0)
     bench.wait(7.9)
     assert [request.seq for request in bench.all("MISSION_REQUEST")] == [0, *[1] * 8]
     assert not bench.all("MISSION_ACK")
     bench.wait(0.4)
     assert bench.last("MISSION_ACK").type == CANCELLED
-    bench.give(items, 1)
+    bench.send_item(items, 1)
     assert bench.last("MISSION_ACK").type == ERROR
 
 
@@ -111,51 +111,51 @@ def test_an_impossible_item_ends_the_upload_with_its_reason(
 ) -> None:
     items = bench.mission((50, 0, 20), (50, 50, 20))
     items[2] = replace(items[2], **fields)
-    bench.offer(items)
+    bench.send_count(items)
     for seq in range(3):
-        bench.give(items, seq)
+        bench.send_item(items, seq)
     assert bench.last("MISSION_ACK").type == result
-    bench.give(items, 3)
+    bench.send_item(items, 3)
     assert bench.last("MISSION_ACK").type == ERROR
 
 
-def test_an_open_yaw_is_taken_for_a_waypoint(bench: Bench) -> None:
+def test_an_open_yaw_is_accepted_for_a_waypoint(bench: Bench) -> None:
     items = bench.mission((50, 0, 20))
     items[2] = replace(items[2], param4=math.nan)
     assert bench.upload(items) == OK
 
 
-def test_a_wrong_number_is_refused_and_the_upload_goes_on(bench: Bench) -> None:
+def test_a_wrong_number_is_refused_and_the_upload_continues(bench: Bench) -> None:
     items = bench.mission((50, 0, 20))
-    bench.offer(items)
-    bench.give(items, 0)
-    bench.give(items, 0)
+    bench.send_count(items)
+    bench.send_item(items, 0)
+    bench.send_item(items, 0)
     assert bench.last("MISSION_ACK").type == INVALID_SEQUENCE
     for seq in range(1, len(items)):
-        bench.give(items, seq)
+        bench.send_item(items, seq)
     assert bench.last("MISSION_ACK").type == OK
 
 
 def test_another_sender_is_kept_out_of_an_upload(bench: Bench) -> None:
     items = bench.mission((50, 0, 20))
-    bench.offer(items)
-    bench.give(items, 0, system=99)
+    bench.send_count(items)
+    bench.send_item(items, 0, system=99)
     assert bench.last("MISSION_ACK").type == DENIED
-    bench.offer(items, system=99)
+    bench.send_count(items, system=99)
     assert bench.last("MISSION_ACK").type == DENIED
     bench.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0), system=99)
     assert bench.last("MISSION_ACK").type == DENIED
-    bench.give(items, 0)
+    bench.send_item(items, 0)
     assert bench.last("MISSION_REQUEST").seq == 1
 
 
-def test_a_transfer_broken_off_leaves_two_missions_mixed(bench: Bench) -> None:
+def test_an_aborted_transfer_leaves_two_missions_mixed(bench: Bench) -> None:
     first = bench.mission((50, 0, 20), (50, 50, 20))
     bench.upload(first)
     second = bench.mission((10, 0, 30), (10, 10, 30))
-    bench.offer(second)
+    bench.send_count(second)
     for seq in range(3):
-        bench.give(second, seq)
+        bench.send_item(second, seq)
     bench.wait(9)
     assert [item.z for item in bench.download()[2:4]] == [30, 20]
 
@@ -172,7 +172,7 @@ def test_a_request_beyond_the_end_is_answered_with_the_count(bench: Bench) -> No
     assert bench.last("MISSION_ACK").type == ERROR
 
 
-def test_the_old_request_gets_the_old_item(bench: Bench) -> None:
+def test_the_deprecated_request_gets_the_deprecated_item(bench: Bench) -> None:
     bench.upload(bench.mission((50, 0, 20)))
     bench.send(mavlink.MAVLink_mission_request_message(1, 1, 2, 0))
     old = Item.received(bench.last("MISSION_ITEM"))
@@ -236,6 +236,14 @@ class TestAuto:
         assert flying.last("MISSION_CURRENT").seq == 3
         flying.until(lambda: flying.vehicle.mission.reached == 3)
         assert flying.vehicle.craft.point == pytest.approx((60, 60, 30), abs=0.5)
+
+
+def test_without_a_mission_auto_is_refused_only_when_armed(bench: Bench) -> None:
+    assert bench.command(300) == ACCEPTED
+    assert bench.command(176, 1, GUIDED) == ACCEPTED
+    bench.until(lambda: bench.vehicle.ready)
+    assert bench.command(400, 1) == ACCEPTED
+    assert bench.command(300) == FAILED
 
 
 def test_a_mission_starts_on_the_ground_with_its_take_off(bench: Bench) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PX4's manners, in vehicle time."""
+"""PX4's behaviour, in vehicle time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ AUTO_MISSION, AUTO_RTL, AUTO_LAND, OFFBOARD = (4, 4), (4, 5), (4, 6), (6, 0)
 
 @pytest.fixture
 def bench() -> Bench:
-    return Bench(dialect="px4", home=Place(47.4, 8.5, 488.0), ready_s=5.0)
+    return Bench(autopilot="px4", home=Place(47.4, 8.5, 488.0), ready_s=5.0)
 
 
 def events(bench: Bench) -> list[str]:
@@ -30,9 +30,9 @@ def events(bench: Bench) -> list[str]:
     return bench.vehicle.events
 
 
-def stream_set_points(bench: Bench, seconds: float, rate_hz: float) -> None:
+def stream_setpoints(bench: Bench, seconds: float, rate_hz: float) -> None:
     for _ in range(round(seconds * rate_hz)):
-        bench.set_point(40, 0, 30)
+        bench.setpoint(40, 0, 30)
         bench.wait(1 / rate_hz)
 
 
@@ -58,7 +58,7 @@ def test_a_take_off_is_above_the_sea_and_ends_in_hold(bench: Bench) -> None:
     assert bench.vehicle.custom_mode == Mode.HOLD
 
 
-def test_at_rest_its_estimator_says_that_the_position_is_constant(bench: Bench) -> None:
+def test_at_rest_its_estimator_reports_a_constant_position(bench: Bench) -> None:
     bench.until(lambda: bench.vehicle.ready)
     bench.wait(1.01)
     assert bench.last("ESTIMATOR_STATUS").flags == 1023
@@ -66,7 +66,7 @@ def test_at_rest_its_estimator_says_that_the_position_is_constant(bench: Bench) 
     assert not bench.last("ESTIMATOR_STATUS").flags & mavlink.ESTIMATOR_CONST_POS_MODE
 
 
-def test_its_words_go_to_a_ground_station_alone(bench: Bench) -> None:
+def test_its_status_texts_go_to_a_ground_station_alone(bench: Bench) -> None:
     bench.command(400, 1)
     assert not bench.texts() and any(data[7:10] == bytes((0x9A, 1, 0)) for data in bench.sent)
     station = mavlink.MAV_TYPE_GCS
@@ -79,7 +79,7 @@ def test_its_words_go_to_a_ground_station_alone(bench: Bench) -> None:
 
 def test_a_low_battery_makes_it_hold_and_then_land(bench: Bench) -> None:
     bench.fly_to_altitude()
-    bench.vehicle._strike(Fault("battery", 0.0))
+    bench.vehicle._start_fault(Fault("battery", 0.0))
     bench.wait(2.5)
     assert bench.vehicle.custom_mode == Mode.HOLD
     assert bench.last("HEARTBEAT").system_status == mavlink.MAV_STATE_CRITICAL
@@ -98,36 +98,36 @@ def test_a_reposition_is_above_the_sea_whatever_its_frame(bench: Bench, frame: i
     assert bench.vehicle.craft.point == pytest.approx((0, 50, 30), abs=0.1)
 
 
-def test_a_reposition_without_leave_to_change_the_mode_is_unsupported(bench: Bench) -> None:
+def test_a_reposition_without_the_flag_that_changes_the_mode_is_unsupported(bench: Bench) -> None:
     bench.fly_to_altitude()
     result = bench.command_at(REPOSITION, 47.4, 8.5, 518, frame=0, param2=0)
     assert result == UNSUPPORTED
 
 
 class TestOffboard:
-    def test_it_is_refused_without_set_points(self, bench: Bench) -> None:
+    def test_it_is_refused_without_setpoints(self, bench: Bench) -> None:
         bench.fly_to_altitude()
         assert bench.command(SET_MODE, 1, *OFFBOARD) == TEMPORARILY_REJECTED
 
     def test_it_is_refused_with_too_few(self, bench: Bench) -> None:
         bench.fly_to_altitude()
-        stream_set_points(bench, 5, 0.9)
+        stream_setpoints(bench, 5, 0.9)
         assert bench.command(SET_MODE, 1, *OFFBOARD) == TEMPORARILY_REJECTED
 
     def test_it_flies_them_while_they_come_and_returns_when_they_stop(self, bench: Bench) -> None:
         bench.fly_to_altitude()
         before = bench.vehicle.craft.point
-        stream_set_points(bench, 2, 4)
+        stream_setpoints(bench, 2, 4)
         assert bench.vehicle.craft.point == pytest.approx(before, abs=0.1)
         assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
-        stream_set_points(bench, 30, 4)
+        stream_setpoints(bench, 30, 4)
         assert bench.vehicle.craft.point == pytest.approx((40, 0, 30), abs=0.1)
         bench.wait(1.2)
         assert bench.vehicle.custom_mode == Mode.RTL
         bench.wait(1)
         assert bench.last("HEARTBEAT").system_status == mavlink.MAV_STATE_CRITICAL
         assert not bench.texts()
-        bench.set_point(40, 0, 30)
+        bench.setpoint(40, 0, 30)
         bench.wait(0.2)
         assert bench.vehicle.custom_mode == Mode.OFFBOARD
         bench.wait(0.9)
@@ -135,11 +135,11 @@ class TestOffboard:
 
     def test_another_mode_that_is_chosen_meanwhile_stays(self, bench: Bench) -> None:
         bench.fly_to_altitude()
-        stream_set_points(bench, 2, 4)
+        stream_setpoints(bench, 2, 4)
         assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
         bench.wait(2)
         assert bench.command(SET_MODE, 1, *AUTO_LAND) == ACCEPTED
-        stream_set_points(bench, 2, 4)
+        stream_setpoints(bench, 2, 4)
         assert bench.vehicle.custom_mode == Mode.LAND
         assert bench.last("HEARTBEAT").system_status == mavlink.MAV_STATE_ACTIVE
 
@@ -147,7 +147,7 @@ class TestOffboard:
         self, bench: Bench
     ) -> None:
         bench.fly_to_altitude()
-        stream_set_points(bench, 2, 4)
+        stream_setpoints(bench, 2, 4)
         assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
         assert bench.command(SET_MODE, 1, *AUTO_LAND) == ACCEPTED
         bench.until(lambda: not bench.vehicle.armed)
@@ -163,11 +163,11 @@ class TestOffboard:
         bench.fly_to_altitude()
         assert bench.command(178, 1, 3.0, -1) == ACCEPTED
         for _ in range(4):
-            bench.set_point(400, 0, 20)
+            bench.setpoint(400, 0, 20)
             bench.wait(0.25)
         assert bench.command(SET_MODE, 1, *OFFBOARD) == ACCEPTED
         for _ in range(40):
-            bench.set_point(400, 0, 20)
+            bench.setpoint(400, 0, 20)
             bench.wait(0.25)
         assert bench.vehicle.craft.ground_speed_mps > 10.0
 
@@ -180,47 +180,47 @@ class TestMissions:
         assert len(bench.all("MISSION_REQUEST_INT")) == len(items)
         assert bench.download() == [replace(item, frame=6) for item in items]
 
-    def test_an_upload_that_stalls_ends_without_a_word_and_changes_nothing(
+    def test_an_upload_that_stalls_ends_without_a_message_and_changes_nothing(
         self, bench: Bench
     ) -> None:
         first = [bench.item(16, 10, 0, 30), bench.item(16, 20, 0, 30)]
         bench.upload(first)
         acks = len(bench.all("MISSION_ACK"))
         second = [bench.item(16, 10, 0, 50), bench.item(16, 20, 0, 50)]
-        bench.offer(second)
-        bench.give(second, 0)
+        bench.send_count(second)
+        bench.send_item(second, 0)
         bench.wait(6)
         assert len(bench.all("MISSION_ACK")) == acks
         assert events(bench)[-1] == "Operation timeout"
         assert bench.download() == first
 
-    def test_it_asks_four_times_a_second(self, bench: Bench) -> None:
-        bench.offer([bench.item(16)])
+    def test_it_requests_four_times_a_second(self, bench: Bench) -> None:
+        bench.send_count([bench.item(16)])
         bench.wait(1.01)
         assert len(bench.all("MISSION_REQUEST_INT")) in (4, 5)
 
     def test_repeated_items_do_no_harm(self, bench: Bench) -> None:
         items = [bench.item(16, 10, 0, 30), bench.item(16, 20, 0, 30)]
-        bench.offer(items)
+        bench.send_count(items)
         for seq in (0, 0, 1, 1):
-            bench.give(items, seq)
+            bench.send_item(items, seq)
         assert [ack.type for ack in bench.all("MISSION_ACK")] == [OK, OK]
-        bench.give(items, 0)
+        bench.send_item(items, 0)
         assert bench.last("MISSION_ACK").type == ERROR
 
     def test_an_upload_during_a_download_is_refused(self, bench: Bench) -> None:
         items = [bench.item(16, 10, 0, 30)]
         bench.upload(items)
         bench.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
-        bench.offer(items)
+        bench.send_count(items)
         assert bench.last("MISSION_ACK").type == ERROR
         bench.wait(6)
         assert bench.upload(items) == OK
 
-    def test_a_cancelled_upload_can_be_begun_anew(self, bench: Bench) -> None:
+    def test_a_cancelled_upload_can_start_again(self, bench: Bench) -> None:
         items = [bench.item(16, 10, 0, 30), bench.item(16, 20, 0, 30)]
-        bench.offer(items)
-        bench.give(items, 0)
+        bench.send_count(items)
+        bench.send_item(items, 0)
         bench.send(mavlink.MAVLink_mission_ack_message(1, 1, 15, 0))
         assert bench.upload(items) == OK
 
@@ -239,7 +239,7 @@ class TestMissions:
         assert modes == {Mode.MISSION, Mode.RTL, Mode.HOLD}
         reached = [message.seq for message in bench.all("MISSION_ITEM_REACHED")]
         assert list(dict.fromkeys(reached)) == [0, 1, 2]
-        assert reached.count(1) > 1, "it says so more than once"
+        assert reached.count(1) > 1, "it is reported more than once"
         assert math.hypot(*bench.vehicle.craft.point) < 0.5
 
     def test_the_mode_is_refused_without_a_mission(self, bench: Bench) -> None:
@@ -262,7 +262,7 @@ def test_whole_parameters_travel_as_their_bits(bench: Bench) -> None:
     assert struct.unpack("<i", struct.pack("<f", value)) == (7,)
 
 
-def test_set_points_in_the_local_frame_are_from_home(bench: Bench) -> None:
+def test_setpoints_in_the_local_frame_are_from_home(bench: Bench) -> None:
     bench.fly_to_altitude()
 
     def stream(seconds: int) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The relay is as bad as it is told to be, and equally bad each time."""
+"""The relay impairs datagrams as configured, and the same way each time."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from collections import Counter
 from typing import Any
 
 import pytest
-from autopilot.relay import Direction, Weather
+from autopilot.relay import Direction, Impairments
 from autopilot.running import running_relay
 from hypothesis import given
 from hypothesis import strategies as st
 
 COUNT = 400
 shares = st.floats(0, 1)
-weathers = st.builds(Weather, shares, shares, shares, st.floats(0, 1), st.floats(0, 1))
+any_impairments = st.builds(Impairments, shares, shares, shares, st.floats(0, 1), st.floats(0, 1))
 
 
 def udp_socket() -> socket.socket:
@@ -38,42 +38,44 @@ def numbered(number: int) -> bytes:
     return number.to_bytes(4, "big")
 
 
-@given(weather=weathers, seed=st.text(max_size=5))
-def test_what_becomes_of_a_datagram_depends_on_the_seed_alone(weather: Weather, seed: str) -> None:
-    first, second = Direction(weather, seed), Direction(weather, seed)
-    fates = [first.delays_s() for _ in range(50)]
-    assert fates == [second.delays_s() for _ in range(50)]
-    longest_s = weather.delay_s + weather.jitter_s + weather.hold_s
-    assert all(weather.delay_s <= delay_s <= longest_s for fate in fates for delay_s in fate)
+@given(impairments=any_impairments, seed=st.text(max_size=5))
+def test_what_happens_to_a_datagram_depends_on_the_seed_alone(
+    impairments: Impairments, seed: str
+) -> None:
+    first, second = Direction(impairments, seed), Direction(impairments, seed)
+    delays = [first.delays_s() for _ in range(50)]
+    assert delays == [second.delays_s() for _ in range(50)]
+    longest_s = impairments.delay_s + impairments.jitter_s + impairments.hold_s
+    assert all(impairments.delay_s <= delay_s <= longest_s for fate in delays for delay_s in fate)
 
 
-@given(weather=weathers, delay_s=st.floats(0, 1))
-def test_a_change_of_delays_changes_nothing_else(weather: Weather, delay_s: float) -> None:
-    other = Weather(weather.loss, weather.duplicate, weather.reorder, delay_s)
-    one, two = Direction(weather, "seed"), Direction(other, "seed")
+@given(impairments=any_impairments, delay_s=st.floats(0, 1))
+def test_a_change_of_delays_changes_nothing_else(impairments: Impairments, delay_s: float) -> None:
+    other = Impairments(impairments.loss, impairments.duplicate, impairments.reorder, delay_s)
+    one, two = Direction(impairments, "seed"), Direction(other, "seed")
     for _ in range(50):
         assert len(one.delays_s()) == len(two.delays_s())
 
 
-def test_shares_are_what_they_should_be() -> None:
-    direction = Direction(Weather(loss=0.3, duplicate=0.2, reorder=0.1), "seed")
-    fates = [direction.delays_s() for _ in range(20000)]
-    copies = [delay_s for fate in fates for delay_s in fate]
-    lost = sum(not fate for fate in fates)
+def test_shares_are_as_configured() -> None:
+    direction = Direction(Impairments(loss=0.3, duplicate=0.2, reorder=0.1), "seed")
+    delays = [direction.delays_s() for _ in range(20000)]
+    copies = [delay_s for fate in delays for delay_s in fate]
+    lost = sum(not fate for fate in delays)
     assert lost / 20000 == pytest.approx(0.3, abs=0.02)
-    assert sum(len(fate) == 2 for fate in fates) / (20000 - lost) == pytest.approx(0.2, abs=0.02)
+    assert sum(len(fate) == 2 for fate in delays) / (20000 - lost) == pytest.approx(0.2, abs=0.02)
     assert sum(delay_s > 0 for delay_s in copies) / len(copies) == pytest.approx(0.1, abs=0.01)
     counts = direction.counts
-    assert (counts.came, counts.lost, counts.sent) == (20000, lost, len(copies))
+    assert (counts.received, counts.lost, counts.sent) == (20000, lost, len(copies))
 
 
-def test_it_does_to_real_datagrams_what_it_is_told_to() -> None:
-    weather = {"loss": 0.3, "duplicate": 0.2, "reorder": 0.2}
-    expected = Direction(Weather(**weather), "5 outward")
+def test_real_datagrams_are_impaired_as_configured() -> None:
+    impairments = {"loss": 0.3, "duplicate": 0.2, "reorder": 0.2}
+    expected = Direction(Impairments(**impairments), "5 outward")
     counts: dict[str, Any] = {}
     with udp_socket() as far, udp_socket() as near:
         to_port = far.getsockname()[1]
-        with running_relay(to_port, **weather, seed=5, counts=counts) as relay:
+        with running_relay(to_port, **impairments, seed=5, counts=counts) as relay:
             near.connect((relay.host, relay.port))
             got = []
             for number in range(COUNT):
@@ -86,14 +88,14 @@ def test_it_does_to_real_datagrams_what_it_is_told_to() -> None:
     assert Counter(numbers) == +wanted
     assert numbers != sorted(numbers)
     assert counts["outward"] == {
-        "came": COUNT,
+        "received": COUNT,
         "lost": expected.counts.lost,
         "sent": len(numbers),
     }
-    assert counts["homeward"]["came"] == 0
+    assert counts["homeward"]["received"] == 0
 
 
-def test_answers_find_their_way_back() -> None:
+def test_replies_find_their_way_back() -> None:
     with (
         udp_socket() as far,
         udp_socket() as near,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""With a key, nothing counts that is not signed with it, and no forgery does harm."""
+"""With a key, only messages signed with it are accepted, and no forgery has effects."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def request() -> mavlink.MAVLink_message:
 def answers(bench: Bench, frame: bytes) -> int:
     """Return how many answers a frame gets."""
     before = len(bench.all("AUTOPILOT_VERSION"))
-    bench.vehicle.hear(bench.channel, frame)
+    bench.vehicle.receive(bench.channel, frame)
     return len(bench.all("AUTOPILOT_VERSION")) - before
 
 
-def test_a_signed_request_gets_a_signed_answer(bench: Bench) -> None:
+def test_a_signed_request_gets_a_signed_reply(bench: Bench) -> None:
     assert answers(bench, Codec(255, KEY).encode(request())) == 1
-    assert all(message.get_signed() for message in bench.heard)
+    assert all(message.get_signed() for message in bench.received)
 
 
 def test_an_unsigned_or_wrongly_signed_or_old_frame_gets_none(bench: Bench) -> None:

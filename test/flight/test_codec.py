@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes are taken apart without fail, whatever they are, and only the vehicle's own count."""
+"""Any bytes are decoded without an error, and only the vehicle's messages are accepted."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ import time
 from typing import Any
 
 import pytest
-from autopilot.wire import Codec as Speaker
+from autopilot.wire import Codec as VehicleCodec
 from autopilot.wire import mavlink
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.flight.codec import Codec
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import Address, MissionItemInt, MissionRequest
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
     CommandLong,
     GlobalPosition,
     Heartbeat,
@@ -24,6 +22,7 @@ from dsse_ros.flight.telegrams import (
     SetPositionTarget,
     StatusText,
 )
+from dsse_ros.flight.mission_messages import Address, MissionItemInt, MissionRequest, WireItem
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 both = pytest.mark.parametrize("datagram", [True, False], ids=["datagrams", "stream"])
@@ -34,13 +33,13 @@ def codec() -> Codec:
 
 
 def heartbeats(number: int, system: int = 7, component: int = 1, old: bool = False) -> list[bytes]:
-    speaker = Speaker(system)
-    speaker.srcComponent = component
+    sender = VehicleCodec(system)
+    sender.srcComponent = component
     message = mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 4, 3)
     frames = []
     for _ in range(number):
-        frames.append(bytes(message.pack(speaker, force_mavlink1=old)))
-        speaker.seq = (speaker.seq + 1) % 256
+        frames.append(bytes(message.pack(sender, force_mavlink1=old)))
+        sender.seq = (sender.seq + 1) % 256
     return frames
 
 
@@ -65,17 +64,17 @@ def malformed(draw: random.Random) -> bytes:
 SAMPLES = [
     *heartbeats(1),
     *heartbeats(1, old=True),
-    bytes(Speaker(7).encode(mavlink.MAVLink_statustext_message(4, b"x" * 50))),
-    bytes(Speaker(7).encode(mavlink.MAVLink_mission_count_message(245, 191, 9, 0))),
-    bytes(Speaker(7, bytes(32)).encode(mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 4, 3))),
+    bytes(VehicleCodec(7).encode(mavlink.MAVLink_statustext_message(4, b"x" * 50))),
+    bytes(VehicleCodec(7).encode(mavlink.MAVLink_mission_count_message(245, 191, 9, 0))),
+    bytes(VehicleCodec(7, bytes(32)).encode(mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 4, 3))),
 ]
 
 
 def chunks(number: int, text: bytes) -> list[bytes]:
-    speaker = Speaker(7)
+    sender = VehicleCodec(7)
     parts = [text[at : at + 50] for at in range(0, len(text) + 1, 50)]
     return [
-        bytes(speaker.encode(mavlink.MAVLink_statustext_message(4, part, number, seq)))
+        bytes(sender.encode(mavlink.MAVLink_statustext_message(4, part, number, seq)))
         for seq, part in enumerate(parts)
     ]
 
@@ -88,43 +87,45 @@ LONG = "RTL: start return at 31 m (30 m above destination), " * 3
 def test_a_long_text_is_joined_in_whatever_order_it_comes(datagram: bool, data: Any) -> None:
     one, other = LONG[: data.draw(st.integers(1, 150))].rstrip(), LONG[7:].rstrip()
     frames = data.draw(st.permutations(chunks(3, one.encode()) + chunks(4, other.encode())))
-    ear, heard = codec(), []
+    ours, messages = codec(), []
     for frame in frames:
-        heard += ear.decode(frame, 0.0, datagram=datagram)
-    assert sorted(heard, key=repr) == sorted([StatusText(4, one), StatusText(4, other)], key=repr)
+        messages += ours.decode(frame, 0.0, datagram=datagram)
+    assert sorted(messages, key=repr) == sorted(
+        [StatusText(4, one), StatusText(4, other)], key=repr
+    )
 
 
-def test_a_text_with_a_chunk_missing_is_heard_with_a_gap() -> None:
-    frames, ear = chunks(9, LONG.encode()), codec()
+def test_a_text_with_a_missing_chunk_has_a_gap() -> None:
+    frames, ours = chunks(9, LONG.encode()), codec()
     for frame in (frames[0], frames[2]):
-        assert ear.decode(frame, 0.0, datagram=True) == []
-    (text,) = ear.decode(b"", 3.0, datagram=True)
+        assert ours.decode(frame, 0.0, datagram=True) == []
+    (text,) = ours.decode(b"", 3.0, datagram=True)
     assert text == StatusText(4, f"{LONG[:50]}...{LONG[100:150]}".rstrip())
 
 
 def test_texts_that_never_end_do_not_pile_up() -> None:
-    ear = codec()
-    heard = [
-        m for n in range(1, 200) for m in ear.decode(chunks(n, b"x" * 60)[0], 0.0, datagram=True)
+    ours = codec()
+    messages = [
+        m for n in range(1, 200) for m in ours.decode(chunks(n, b"x" * 60)[0], 0.0, datagram=True)
     ]
-    assert len(heard) > 180
+    assert len(messages) > 180
 
 
 @both
-def test_what_the_vehicle_says_is_understood(datagram: bool) -> None:
+def test_the_messages_of_the_vehicle_are_decoded(datagram: bool) -> None:
     data = b"".join(heartbeats(3) + heartbeats(2, old=True))
-    data += Speaker(7).encode(mavlink.MAVLink_statustext_message(4, b"hello"))
-    heard = codec().decode(data, 0.0, datagram=datagram)
-    assert heard == [Heartbeat(2, 3, 81, 4, 4)] * 5 + [StatusText(4, "hello")]
+    data += VehicleCodec(7).encode(mavlink.MAVLink_statustext_message(4, b"hello"))
+    messages = codec().decode(data, 0.0, datagram=datagram)
+    assert messages == [Heartbeat(2, 3, 81, 4, 4)] * 5 + [StatusText(4, "hello")]
 
 
 @given(cuts=st.lists(st.integers(1, 60), max_size=30))
 def test_a_stream_may_come_in_any_pieces(cuts: list[int]) -> None:
-    data, ours, heard = b"".join(heartbeats(20)), codec(), []
+    data, ours, messages = b"".join(heartbeats(20)), codec(), []
     for cut in [*cuts, len(data)]:
-        heard += ours.decode(data[:cut], 0.0, datagram=False)
+        messages += ours.decode(data[:cut], 0.0, datagram=False)
         data = data[cut:]
-    assert len(heard) == 20
+    assert len(messages) == 20
     assert ours.counts == {"accepted": 20}
 
 
@@ -141,10 +142,10 @@ def test_a_million_malformed_frames_do_no_harm(datagram: bool) -> None:
     samples = [malformed(draw) for _ in range(2000)]
     good = heartbeats(1)[0]
     for turn in range(500_000 // 100):
-        start = time.monotonic()
+        start = time.process_time()
         for _ in range(100):
             ours.decode(draw.choice(samples), turn, datagram=datagram)
-        longest_s = max(longest_s, time.monotonic() - start)
+        longest_s = max(longest_s, time.process_time() - start)
         if turn % 10 == 0:
             before = ours.counts["accepted"]
             frames = 0
@@ -157,7 +158,7 @@ def test_a_million_malformed_frames_do_no_harm(datagram: bool) -> None:
 
 
 @given(st.binary(max_size=400), st.booleans())
-def test_after_garbage_it_is_in_step_within_thirty_frames(garbage: bytes, datagram: bool) -> None:
+def test_after_garbage_frames_are_found_within_thirty(garbage: bytes, datagram: bool) -> None:
     ours = codec()
     ours.decode(garbage, 0.0, datagram=datagram)
     before = ours.counts["accepted"]
@@ -174,18 +175,20 @@ def test_after_garbage_it_is_in_step_within_thirty_frames(garbage: bytes, datagr
 def test_a_false_start_does_not_swallow_the_frames_behind_it() -> None:
     ours, frames = codec(), heartbeats(40)
     false_start = bytes((0xFD, 255, 0))
-    heard = ours.decode(false_start + b"".join(frames), 0.0, datagram=False)
-    assert len(heard) == 40
+    messages = ours.decode(false_start + b"".join(frames), 0.0, datagram=False)
+    assert len(messages) == 40
 
 
-def test_a_false_start_that_does_not_go_on_is_given_up() -> None:
+def test_a_false_start_that_does_not_continue_is_dropped() -> None:
     ours = codec()
     ours.decode(bytes((0xFD, 255, 0)), 0.0, datagram=False)
-    heard = [ours.decode(frame, 1.0 + k, datagram=False) for k, frame in enumerate(heartbeats(3))]
-    assert [len(one) for one in heard] == [1, 1, 1]
+    messages = [
+        ours.decode(frame, 1.0 + k, datagram=False) for k, frame in enumerate(heartbeats(3))
+    ]
+    assert [len(one) for one in messages] == [1, 1, 1]
 
 
-def test_a_broken_datagram_does_not_spoil_the_next() -> None:
+def test_a_broken_datagram_does_not_affect_the_next() -> None:
     ours, frames = codec(), heartbeats(2)
     assert ours.decode(frames[0][:-1], 0.0, datagram=True) == []
     assert len(ours.decode(frames[1], 0.0, datagram=True)) == 1
@@ -203,22 +206,22 @@ def test_wrong_senders_have_no_effect_and_are_counted(datagram: bool) -> None:
     assert len(ours.decode(heartbeats(1)[0], 0.0, datagram=datagram)) == 1
 
 
-def test_what_is_not_needed_is_counted_and_not_decoded() -> None:
+def test_a_message_that_is_not_needed_is_counted_and_not_decoded() -> None:
     ours = codec()
-    frame = Speaker(7).encode(mavlink.MAVLink_attitude_message(0, *[0.0] * 6))
+    frame = VehicleCodec(7).encode(mavlink.MAVLink_attitude_message(0, *[0.0] * 6))
     assert ours.decode(frame, 0.0, datagram=True) == []
     assert ours.counts == {"not_needed": 1}
 
 
-def test_a_message_of_another_dialect_is_passed_over() -> None:
+def test_a_message_of_another_dialect_is_skipped() -> None:
     ours, frame = codec(), bytearray(heartbeats(1)[0])
     frame[7:10] = (60_000).to_bytes(3, "little")
-    heard = ours.decode(bytes(frame) + heartbeats(1)[0], 0.0, datagram=False)
-    assert len(heard) == 1
+    messages = ours.decode(bytes(frame) + heartbeats(1)[0], 0.0, datagram=False)
+    assert len(messages) == 1
 
 
 @pytest.mark.parametrize(
-    ("said", "kind", "fields"),
+    ("message", "kind", "fields"),
     [
         (Heartbeat(18, 8, 0, 0, 4), "HEARTBEAT", {"type": 18, "autopilot": 8, "system_status": 4}),
         (
@@ -252,13 +255,15 @@ def test_a_message_of_another_dialect_is_passed_over() -> None:
         ),
     ],
 )
-def test_what_is_said_comes_out_as_it_should(said: Any, kind: str, fields: dict[str, Any]) -> None:
-    frames = [codec().encode(said)]
+def test_a_message_is_encoded_with_its_fields(
+    message: Any, kind: str, fields: dict[str, Any]
+) -> None:
+    frames = [codec().encode(message)]
     assert all(frame[0] == 0xFD for frame in frames)
-    message = Speaker(1).decode_all(frames[0], datagram=True)[0]
-    assert message.get_type() == kind
-    assert {name: getattr(message, name) for name in fields} == fields
-    assert (message.get_srcSystem(), message.get_srcComponent()) == OURSELVES
+    read = VehicleCodec(1).decode_all(frames[0], datagram=True)[0]
+    assert read.get_type() == kind
+    assert {name: getattr(read, name) for name in fields} == fields
+    assert (read.get_srcSystem(), read.get_srcComponent()) == OURSELVES
 
 
 def test_frames_are_numbered() -> None:
@@ -268,13 +273,13 @@ def test_frames_are_numbered() -> None:
 
 
 @given(st.integers(0, 2**16 - 1), st.sampled_from([MissionRequest]))
-def test_requests_of_missions_are_understood(seq: int, kind: Any) -> None:
-    frame = Speaker(7).encode(mavlink.MAVLink_mission_request_message(245, 191, seq, 0))
+def test_mission_requests_are_decoded(seq: int, kind: Any) -> None:
+    frame = VehicleCodec(7).encode(mavlink.MAVLink_mission_request_message(245, 191, seq, 0))
     assert codec().decode(frame, 0.0, datagram=True) == [kind(OURSELVES, seq)]
 
 
 @given(st.integers(-(10**8), 10**8), st.integers(-(2**15), 2**15 - 1), st.integers(0, 2**16 - 1))
-def test_positions_come_as_they_are(number: int, speed: int, heading: int) -> None:
+def test_positions_are_decoded(number: int, speed: int, heading: int) -> None:
     fields = (5, number, -1, number, number, speed, speed, speed, heading)
-    frame = Speaker(7).encode(mavlink.MAVLink_global_position_int_message(*fields))
+    frame = VehicleCodec(7).encode(mavlink.MAVLink_global_position_int_message(*fields))
     assert codec().decode(frame, 0.0, datagram=True) == [GlobalPosition(*fields)]

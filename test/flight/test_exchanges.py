@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds for every exchange, whatever is received and whenever."""
+"""Invariants of every exchange, whatever is received and whenever."""
 
 import random
 
@@ -11,34 +11,30 @@ from lossy_world import OURSELVES
 from mission_vehicle import VEHICLE
 from sample_missions import mission
 
-from dsse_ros.flight.clear import Clear
-from dsse_ros.flight.download import Download
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import (
+from dsse_ros.flight.autopilots import ARDUPILOT, PX4
+from dsse_ros.flight.mission_messages import (
     Address,
     MissionAck,
-    MissionClearAll,
     MissionCount,
     MissionItemInt,
     MissionRequest,
     MissionRequestInt,
     MissionRequestList,
+    WireItem,
 )
 from dsse_ros.flight.transfer import Exchange, Timeouts
-from dsse_ros.flight.upload import Upload
-from dsse_ros.flight.verified_upload import VerifiedUpload
+from dsse_ros.flight.upload import Download, Upload, VerifiedUpload
 
 ITEMS = mission(1, 4)
 TIMEOUTS = Timeouts()
 EXCHANGES = {
-    "upload to ArduPilot": lambda: Upload(ITEMS, VEHICLE, OURSELVES, dialect="ardupilot"),
-    "upload to PX4": lambda: Upload(ITEMS, VEHICLE, OURSELVES, dialect="px4"),
+    "upload to ArduPilot": lambda: Upload(ITEMS, VEHICLE, OURSELVES, autopilot=ARDUPILOT),
+    "upload to PX4": lambda: Upload(ITEMS, VEHICLE, OURSELVES, autopilot=PX4),
     "verified upload to ArduPilot": lambda: VerifiedUpload(
-        ITEMS, VEHICLE, OURSELVES, dialect="ardupilot"
+        ITEMS, VEHICLE, OURSELVES, autopilot=ARDUPILOT
     ),
-    "verified upload to PX4": lambda: VerifiedUpload(ITEMS, VEHICLE, OURSELVES, dialect="px4"),
+    "verified upload to PX4": lambda: VerifiedUpload(ITEMS, VEHICLE, OURSELVES, autopilot=PX4),
     "download": lambda: Download(VEHICLE, OURSELVES),
-    "clearing": lambda: Clear(VEHICLE, OURSELVES),
 }
 LONGEST_S = 4 * 4 * (2 * 16 * TIMEOUTS.reply_s + 4 * 2 * TIMEOUTS.stall_s + TIMEOUTS.stall_s)
 """Four uploads of four items and four downloads after each, all as slow as can be."""
@@ -53,7 +49,6 @@ def messages(target=OURSELVES, mission_type=0):
         st.builds(MissionRequest, st.just(target), SEQS, st.just(mission_type)),
         st.builds(MissionRequestInt, st.just(target), SEQS, st.just(mission_type)),
         st.builds(MissionAck, st.just(target), st.integers(0, 20), st.just(mission_type)),
-        st.builds(MissionClearAll, st.just(target), st.just(mission_type)),
         st.builds(MissionRequestList, st.just(target), st.just(mission_type)),
         st.builds(
             MissionItemInt,
@@ -66,13 +61,13 @@ def messages(target=OURSELVES, mission_type=0):
 
 
 ADDRESSES = st.builds(Address, st.integers(0, 255), st.integers(0, 255))
-JUNK = st.one_of(
+NOT_MESSAGES = st.one_of(
     st.none(), st.integers(), st.text(), st.binary(), st.tuples(st.integers()), st.builds(object)
 )
 
 
 class AnyExchange(RuleBasedStateMachine):
-    """One exchange, with everything that may befall it."""
+    """One exchange, with any sequence of events."""
 
     @initialize(name=st.sampled_from(sorted(EXCHANGES)))
     def begin(self, name: str) -> None:
@@ -104,7 +99,7 @@ class AnyExchange(RuleBasedStateMachine):
         self.check(self.exchange.tick(self.now))
 
     @rule(message=messages())
-    def hear(self, message) -> None:
+    def receive(self, message) -> None:
         self.check(self.exchange.receive(message, VEHICLE, self.now))
 
     def is_ignored(self, message, sender, key) -> None:
@@ -114,24 +109,24 @@ class AnyExchange(RuleBasedStateMachine):
         assert self.exchange.counts[key] == before + (self.ended is None)
 
     @rule(message=messages(), sender=ADDRESSES.filter(lambda sender: sender != VEHICLE))
-    def hear_somebody_else(self, message, sender) -> None:
-        self.is_ignored(message, sender, "foreign_sender")
+    def receive_from_another_sender(self, message, sender) -> None:
+        self.is_ignored(message, sender, "wrong_sender")
 
     @rule(
         message=st.sampled_from(
             [Address(255, 190), Address(245, 190), Address(255, 191), Address(0, 1)]
         ).flatmap(messages)
     )
-    def hear_what_is_for_somebody_else(self, message) -> None:
-        self.is_ignored(message, VEHICLE, "foreign_target")
+    def receive_for_another_target(self, message) -> None:
+        self.is_ignored(message, VEHICLE, "wrong_target")
 
     @rule(message=st.integers(1, 255).flatmap(lambda kind: messages(mission_type=kind)))
-    def hear_of_another_kind_of_mission(self, message) -> None:
-        self.is_ignored(message, VEHICLE, "foreign_mission_type")
+    def receive_another_mission_type(self, message) -> None:
+        self.is_ignored(message, VEHICLE, "wrong_mission_type")
 
-    @rule(message=JUNK, sender=ADDRESSES | st.none())
-    def hear_junk(self, message, sender) -> None:
-        self.is_ignored(message, sender, "junk")
+    @rule(message=NOT_MESSAGES, sender=ADDRESSES | st.none())
+    def receive_what_is_no_message(self, message, sender) -> None:
+        self.is_ignored(message, sender, "unknown_message")
 
     @rule()
     def cancel(self) -> None:
@@ -139,7 +134,7 @@ class AnyExchange(RuleBasedStateMachine):
         self.check(self.exchange.cancel(self.now))
 
     @invariant()
-    def it_waits_for_something_or_is_over(self) -> None:
+    def it_has_a_deadline_or_a_result(self) -> None:
         if hasattr(self, "exchange"):
             assert (self.exchange.result is None) == (self.exchange.deadline is not None)
 
@@ -160,7 +155,7 @@ TestAnyExchange.settings = settings(max_examples=100, stateful_step_count=40, de
 @pytest.mark.parametrize("name", EXCHANGES)
 @settings(max_examples=20)
 @given(seed=st.integers(0, 2**32), gap_s=st.sampled_from([0.05, 0.3, 2.0]))
-def test_an_exchange_ends_whatever_the_vehicle_says(name, seed, gap_s):
+def test_an_exchange_ends_whatever_the_vehicle_sends(name, seed, gap_s):
     draw = random.Random(seed)
     exchange = EXCHANGES[name]()
     exchange.start(0.0)
@@ -181,7 +176,7 @@ def test_an_exchange_ends_whatever_the_vehicle_says(name, seed, gap_s):
 
 
 @pytest.mark.parametrize("name", EXCHANGES)
-def test_an_exchange_ends_when_nobody_answers(name):
+def test_an_exchange_ends_without_a_reply(name):
     exchange = EXCHANGES[name]()
     exchange.start(0.0)
     now = 0.0
@@ -192,14 +187,14 @@ def test_an_exchange_ends_when_nobody_answers(name):
     assert now <= 16 * TIMEOUTS.reply_s + TIMEOUTS.stall_s
 
 
-def test_any_component_of_the_vehicle_is_heard_if_none_is_named():
+def test_any_component_of_the_vehicle_is_a_sender_if_none_is_named():
     exchange = Download(Address(1, 0), OURSELVES)
     exchange.start(0.0)
     assert exchange.receive(MissionCount(OURSELVES, 1), Address(1, 77), 0.0)
-    assert exchange.counts["foreign_sender"] == 0
+    assert exchange.counts["wrong_sender"] == 0
 
 
-def test_what_is_for_everybody_is_for_us():
+def test_a_broadcast_is_for_us():
     exchange = Download(VEHICLE, OURSELVES)
     exchange.start(0.0)
     assert exchange.receive(MissionCount(Address(0, 0), 1), VEHICLE, 0.0)

@@ -14,6 +14,8 @@ from dsse_ros.flight.autopilots import ARDUPILOT, PX4
 from dsse_ros.flight.orders import GoTo, Return, TakeOff
 from dsse_ros.flight.vehicle import Fleet, VehicleSettings
 
+pytestmark = pytest.mark.slow
+
 NUMBER = 20
 TIMEOUT_S = 120.0
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No message of the dialect, whatever is in its fields, harms the program."""
+"""No message of the dialect, with any fields, makes the program fail."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import pytest
 from fuzz import fuzz
 
 
-@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
-def test_whatever_a_vehicle_says_nothing_is_raised_or_believed_that_cannot_be(
-    dialect: str,
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_no_message_of_a_vehicle_raises_or_sets_an_invalid_position(
+    autopilot: str,
 ) -> None:
-    heard, became = fuzz(10_000, 1, dialect)
-    assert heard["accepted"] > 5_000 and heard["invalid"] > 100 and heard["bad_data"] == 0
-    assert became["errors"] == 0 and became["done"] + became["failed"] > 0
+    codec, controller = fuzz(10_000, 1, autopilot)
+    assert codec["accepted"] > 5_000 and codec["invalid"] > 100 and codec["bad_data"] == 0
+    assert controller["errors"] == 0 and controller["done"] + controller["failed"] > 0

@@ -14,6 +14,8 @@ from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, 
 from dsse_ros.flight.vehicle import CLOSE_S, Fleet, Vehicle, VehicleSettings
 
 AUTOPILOTS = ("ardupilot", "px4")
+pytestmark = pytest.mark.slow
+
 FAR = GoTo(-24.02, -46.3, 20.0, 5.0)
 both = pytest.mark.parametrize("autopilot", AUTOPILOTS)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Links over real sockets and a real pseudo-terminal never wait, and tell when they are down."""
+"""Links over real sockets and a real pseudo-terminal never block, and raise when they are down."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def receive(link: Link, number: int, now: float = 0.0) -> bytes:
         select.select([link], [], [], 0.1)
         for piece, peer in link.receive(now):
             data += piece
-            link.believe(peer, now)
+            link.confirm_peer(peer, now)
     return data
 
 
@@ -43,7 +43,7 @@ def peer() -> Iterator[socket.socket]:
         yield made
 
 
-def test_udpin_answers_whoever_the_vehicle_was_heard_from(peer: socket.socket) -> None:
+def test_udpin_sends_to_the_confirmed_peer(peer: socket.socket) -> None:
     port = free_port()
     link = parse_connection(f"udpin:127.0.0.1:{port}")
     link.open()
@@ -56,7 +56,7 @@ def test_udpin_answers_whoever_the_vehicle_was_heard_from(peer: socket.socket) -
     link.close()
 
 
-def test_udpin_hears_nobody_else_while_the_vehicle_is_heard(peer: socket.socket) -> None:
+def test_udpin_drops_other_senders_while_the_peer_is_heard(peer: socket.socket) -> None:
     port = free_port()
     link = parse_connection(f"udpin::{port}")
     link.open()
@@ -79,7 +79,7 @@ def test_udpin_hears_nobody_else_while_the_vehicle_is_heard(peer: socket.socket)
     link.close()
 
 
-def test_udpin_listens_on_this_machine_alone_unless_told_otherwise() -> None:
+def test_udpin_listens_on_this_machine_alone_by_default() -> None:
     port = free_port()
     link = parse_connection(f"udpin::{port}")
     link.open()
@@ -88,7 +88,7 @@ def test_udpin_listens_on_this_machine_alone_unless_told_otherwise() -> None:
     link.close()
 
 
-def test_udpout_hears_only_whom_it_speaks_to(peer: socket.socket) -> None:
+def test_udpout_receives_from_its_address_alone(peer: socket.socket) -> None:
     link = parse_connection(f"udpout:127.0.0.1:{peer.getsockname()[1]}")
     link.open()
     link.send(b"hello")
@@ -101,7 +101,7 @@ def test_udpout_hears_only_whom_it_speaks_to(peer: socket.socket) -> None:
     link.close()
 
 
-def test_udpout_to_nobody_is_no_trouble() -> None:
+def test_udpout_without_a_peer_raises_nothing() -> None:
     link = parse_connection(f"udpout:127.0.0.1:{free_port()}")
     link.open()
     for _ in range(20):
@@ -110,7 +110,7 @@ def test_udpout_to_nobody_is_no_trouble() -> None:
     link.close()
 
 
-def test_tcp_connects_and_notices_the_end() -> None:
+def test_tcp_connects_and_raises_when_the_peer_closes() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(TIMEOUT_S)
         link = parse_connection(f"tcp:127.0.0.1:{server.getsockname()[1]}")
@@ -128,12 +128,12 @@ def test_tcp_connects_and_notices_the_end() -> None:
             client.sendall(b"answer")
             assert receive(link, 6) == b"answer"
             client.close()
-            with pytest.raises(OSError, match="gone"):
+            with pytest.raises(OSError, match="closed by the peer"):
                 receive(link, 1)
             link.close()
 
 
-def test_tcp_to_nobody_fails_without_waiting() -> None:
+def test_tcp_without_a_server_fails_without_blocking() -> None:
     link = parse_connection(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
     start = time.monotonic()
     with pytest.raises(OSError):
@@ -144,7 +144,7 @@ def test_tcp_to_nobody_fails_without_waiting() -> None:
     link.close()
 
 
-def test_a_stream_that_nobody_reads_takes_no_more_and_keeps_frames_whole() -> None:
+def test_a_stream_that_nobody_reads_drops_whole_frames() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         link = parse_connection(f"tcp:127.0.0.1:{server.getsockname()[1]}")
         link.open()
@@ -170,13 +170,13 @@ def test_tcpin_serves_a_client() -> None:
     port = free_port(socket.SOCK_STREAM)
     link = parse_connection(f"tcpin:127.0.0.1:{port}")
     link.open()
-    link.send(b"nobody there")
+    link.send(b"no client yet")
     with socket.create_connection(("127.0.0.1", port), TIMEOUT_S) as client:
         client.sendall(b"hello")
         assert receive(link, 5) == b"hello"
         link.send(b"answer")
         assert client.recv(100) == b"answer"
-    with pytest.raises(OSError, match="gone"):
+    with pytest.raises(OSError, match="closed by the peer"):
         receive(link, 1)
     link.close()
 
@@ -202,7 +202,7 @@ def test_a_serial_line_carries_bytes_as_they_are(form: str) -> None:
         os.close(theirs)
 
 
-def test_a_serial_line_that_is_none_is_told() -> None:
+def test_what_is_no_serial_line_is_refused() -> None:
     for path in ("/dev/null", "/dev/no_such_line"):
         with pytest.raises(OSError):
             parse_connection(path).open()

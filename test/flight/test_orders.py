@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Order, Search, TakeOff
 
 

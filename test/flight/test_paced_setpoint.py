@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.flight.autopilots import PacedSetpoint
-from dsse_ros.flight.messages import Address
-from dsse_ros.flight.telegrams import SetPositionTarget
+from dsse_ros.flight.mavlink_messages import SetPositionTarget
+from dsse_ros.flight.mission_messages import Address
 
 METRE_DEG = 1 / 111_195.0
 START, START_S = (0.0, 179.999), 100.0

@@ -10,8 +10,8 @@ import pytest
 from autopilot.commands import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED
 from virtual_flight import VirtualFlight
 
+from dsse_ros.flight.mavlink_messages import SetPositionTarget
 from dsse_ros.flight.orders import GoTo, TakeOff
-from dsse_ros.flight.telegrams import SetPositionTarget
 
 TAKEOFF, CHANGE_SPEED = 22, 178
 AUTOPILOTS = ("ardupilot", "px4")
@@ -28,7 +28,7 @@ def refusing(autopilot: str, number: int, *results: int, **settings: Any) -> Vir
         result = answers.pop(0) if len(answers) > 1 else answers[0]
         return obey(command) if result == ACCEPTED else result
 
-    flight.vehicle.understand({number: answer})
+    flight.vehicle.add_commands({number: answer})
     return flight
 
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 DEMO = Path(__file__).with_name("sitl_demo.py")
 
 
@@ -32,7 +34,7 @@ def test_three_vehicles_find_the_person_over_every_cell_and_come_home(tmp_path: 
     [
         ("speedup", "0"),
         ("speedup", "nan"),
-        ("dialect", "foo"),
+        ("autopilot", "foo"),
         ("planner", "foo"),
         ("seed", "-4"),
         ("drones", "0"),

@@ -8,7 +8,8 @@ from lossy_world import OURSELVES, Channel, World
 from mission_vehicle import VEHICLE, VEHICLES, ArduPilot
 from sample_missions import mission
 
-from dsse_ros.flight.messages import (
+from dsse_ros.flight.autopilots import AUTOPILOTS, PX4
+from dsse_ros.flight.mission_messages import (
     Address,
     MissionAck,
     MissionCount,
@@ -17,17 +18,16 @@ from dsse_ros.flight.messages import (
     MissionRequestInt,
     MissionResult,
 )
-from dsse_ros.flight.readback import difference
 from dsse_ros.flight.transfer import Done, Failed, Timeouts
-from dsse_ros.flight.upload import Upload
+from dsse_ros.flight.upload import Upload, difference
 
 ITEMS = mission(1, 3)
 CANCELLED = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED)
 TIMEOUTS = Timeouts()
 
 
-def upload(items=ITEMS, *, dialect="ardupilot", **options):
-    return Upload(items, VEHICLE, OURSELVES, dialect=dialect, **options)
+def upload(items=ITEMS, *, autopilot="ardupilot", **options):
+    return Upload(items, VEHICLE, OURSELVES, autopilot=AUTOPILOTS[autopilot], **options)
 
 
 def request(seq):
@@ -44,30 +44,30 @@ def serve_all(exchange, now=0.0):
         assert sent == [MissionItemInt(VEHICLE, item)]
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_a_vehicle_holds_what_was_uploaded(dialect):
-    world = World(VEHICLES[dialect](), Channel(), seed=0)
-    assert world.run(upload(dialect=dialect)) == Done(ITEMS)
-    assert difference(ITEMS, world.vehicle.mission, dialect) is None
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_a_vehicle_holds_what_was_uploaded(autopilot):
+    world = World(VEHICLES[autopilot](), Channel(), seed=0)
+    assert world.run(upload(autopilot=autopilot)) == Done(ITEMS)
+    assert difference(ITEMS, world.vehicle.mission, AUTOPILOTS[autopilot]) is None
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_an_empty_mission_clears_the_vehicle(dialect):
-    world = World(VEHICLES[dialect](), Channel(), seed=0)
-    world.run(upload(dialect=dialect))
-    assert world.run(upload((), dialect=dialect)) == Done(())
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_an_empty_mission_clears_the_vehicle(autopilot):
+    world = World(VEHICLES[autopilot](), Channel(), seed=0)
+    world.run(upload(autopilot=autopilot))
+    assert world.run(upload((), autopilot=autopilot)) == Done(())
     assert world.vehicle.mission == ()
 
 
 @pytest.mark.parametrize("kind", [MissionRequest, MissionRequestInt])
-def test_the_old_request_gets_the_same_answer_as_the_new(kind):
+def test_the_deprecated_request_gets_the_same_reply(kind):
     exchange = upload()
     assert exchange.start(0.0) == [MissionCount(VEHICLE, 3)]
     sent = exchange.receive(kind(OURSELVES, 0), VEHICLE, 0.1)
     assert sent == [MissionItemInt(VEHICLE, ITEMS[0])]
 
 
-def test_an_item_asked_for_again_is_sent_again():
+def test_an_item_requested_again_is_sent_again():
     exchange = upload()
     exchange.start(0.0)
     for seq in (0, 1, 1, 0, 2, 1):
@@ -86,18 +86,18 @@ def test_an_unanswered_message_is_sent_again_in_its_own_time():
     assert exchange.tick(2.25) == [MissionItemInt(VEHICLE, ITEMS[0])]
 
 
-@pytest.mark.parametrize("asked", [0, 1, 2])
-def test_an_acknowledgement_before_every_item_was_asked_for_is_an_error(asked):
+@pytest.mark.parametrize("requested", [0, 1, 2])
+def test_an_acknowledgement_before_every_item_was_requested_is_an_error(requested):
     exchange = upload(timeouts=Timeouts(upload_retries=0))
     exchange.start(0.0)
-    for seq in range(asked):
+    for seq in range(requested):
         exchange.receive(request(seq), VEHICLE, 0.1)
     assert exchange.receive(ack(0), VEHICLE, 0.2) == [CANCELLED]
     assert exchange.tick(exchange.deadline) == []
     assert isinstance(exchange.result, Failed) and exchange.result.code == "early_ack"
 
 
-def test_the_whole_upload_is_begun_anew_as_often_as_allowed():
+def test_the_whole_upload_starts_again_as_often_as_allowed():
     exchange = upload(timeouts=Timeouts(upload_retries=2))
     sent = exchange.start(0.0)
     now = 0.0
@@ -128,7 +128,7 @@ def test_a_bad_latitude_is_refused_by_the_vehicle_with_its_reason():
     assert "INVALID_PARAM5_X (10)" in result.reason
 
 
-def test_grumbling_about_items_that_come_twice_does_not_stop_an_upload():
+def test_a_nack_of_an_item_that_arrives_twice_does_not_stop_an_upload():
     exchange = upload()
     exchange.start(0.0)
     exchange.receive(request(0), VEHICLE, 0.1)
@@ -140,7 +140,7 @@ def test_grumbling_about_items_that_come_twice_does_not_stop_an_upload():
     assert exchange.result == Done(ITEMS)
 
 
-def test_a_vehicle_that_is_busy_is_asked_until_it_would_have_given_up():
+def test_the_count_is_sent_to_a_busy_vehicle_until_its_own_timeout():
     exchange = upload()
     sent, now = exchange.start(0.0), 0.0
     while exchange.result is None:
@@ -162,7 +162,7 @@ def test_a_dead_link_is_reported_after_all_retries():
     assert count == TIMEOUTS.retries + 1
 
 
-def test_a_vehicle_is_waited_for_until_it_would_have_given_up_by_itself():
+def test_a_stalled_upload_waits_until_the_vehicles_own_timeout():
     exchange = upload(timeouts=Timeouts(upload_retries=0))
     exchange.start(0.0)
     exchange.receive(request(0), VEHICLE, 0.0)
@@ -172,15 +172,17 @@ def test_a_vehicle_is_waited_for_until_it_would_have_given_up_by_itself():
     assert now > TIMEOUTS.stall_s
 
 
-def test_a_vehicle_that_has_asked_for_all_and_then_grumbles_is_not_waited_for_long():
+def test_a_nack_after_the_last_item_shortens_the_wait():
     exchange = upload(timeouts=Timeouts(upload_retries=0))
     exchange.start(0.0)
     serve_all(exchange)
     exchange.receive(ack(MissionResult.ERROR), VEHICLE, 0.1)
     now = 0.0
-    while exchange.tick(now) != [CANCELLED]:
+    while exchange.result is None:
         now = exchange.deadline
-    assert now <= 2 * TIMEOUTS.reply_s
+        exchange.tick(now)
+    assert exchange.result == Done(ITEMS)
+    assert now <= 2 * TIMEOUTS.reply_s + TIMEOUTS.settle_s
 
 
 def test_a_vehicle_that_still_waits_for_another_mission_gets_nothing_of_this_one():
@@ -199,7 +201,7 @@ def test_a_request_for_an_item_that_does_not_exist_is_counted():
     assert exchange.counts["unexpected"] == 1
 
 
-def test_a_vehicle_that_asks_anew_after_the_end_gets_the_same_mission():
+def test_a_vehicle_that_requests_again_after_the_end_gets_the_same_mission():
     exchange = upload()
     exchange.start(0.0)
     serve_all(exchange, 0.1)
@@ -211,8 +213,8 @@ def test_a_vehicle_that_asks_anew_after_the_end_gets_the_same_mission():
     assert exchange.result == Done(ITEMS)
 
 
-def test_a_cancelled_upload_sends_no_item_and_says_so_to_whoever_asks():
-    exchange = upload(dialect="px4")
+def test_a_cancelled_upload_answers_requests_with_a_cancellation():
+    exchange = upload(autopilot="px4")
     exchange.start(0.0)
     exchange.receive(request(0), VEHICLE, 0.1)
     assert exchange.cancel(0.2) == [CANCELLED]
@@ -221,9 +223,9 @@ def test_a_cancelled_upload_sends_no_item_and_says_so_to_whoever_asks():
     assert exchange.result.code == "cancelled" and exchange.result.changed
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_a_vehicle_that_never_stops_asking_is_left_in_the_end(dialect):
-    exchange = upload(dialect=dialect)
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_a_vehicle_that_never_stops_requesting_does_not_keep_an_upload_open(autopilot):
+    exchange = upload(autopilot=autopilot)
     exchange.start(0.0)
     exchange.cancel(0.0)
     for tenths in range(1, 200):
@@ -235,10 +237,10 @@ def test_a_vehicle_that_never_stops_asking_is_left_in_the_end(dialect):
     assert now == pytest.approx(TIMEOUTS.stall_s)
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_after_a_cancelled_upload_the_vehicle_waits_for_nothing(dialect):
-    world = World(VEHICLES[dialect](), Channel(), seed=0)
-    exchange = upload(mission(1, 20), dialect=dialect)
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_after_a_cancelled_upload_the_vehicle_waits_for_nothing(autopilot):
+    world = World(VEHICLES[autopilot](), Channel(), seed=0)
+    exchange = upload(mission(1, 20), autopilot=autopilot)
     world.send(exchange.start(0.0))
     while not world.vehicle.incoming:
         world.step(exchange)
@@ -249,7 +251,7 @@ def test_after_a_cancelled_upload_the_vehicle_waits_for_nothing(dialect):
     assert world.vehicle.held == [()]
 
 
-def test_an_upload_that_was_not_begun_is_cancelled_without_a_word():
+def test_an_upload_that_was_not_started_is_cancelled_without_a_message():
     exchange = upload()
     assert exchange.cancel(0.0) == []
     assert exchange.result.code == "cancelled" and not exchange.result.changed
@@ -263,7 +265,7 @@ def test_an_upload_starts_once():
 
 
 @pytest.mark.parametrize(
-    ("items", "words"),
+    ("items", "field"),
     [
         (ITEMS[1:], r"items\[0\].seq"),
         ((*ITEMS, ITEMS[0]), r"items\[3\].seq"),
@@ -271,15 +273,15 @@ def test_an_upload_starts_once():
         ((dataclasses.replace(ITEMS[0], current=2),), r"items\[0\].current"),
     ],
 )
-def test_items_that_would_not_be_stored_as_meant_are_refused(items, words):
-    with pytest.raises(ValueError, match=f"^{words}: .* is not allowed"):
+def test_items_that_would_not_be_stored_as_meant_are_refused(items, field):
+    with pytest.raises(ValueError, match=f"^{field}: .* is not allowed"):
         upload(items)
 
 
 @pytest.mark.parametrize("system", [0, -1, 256])
-def test_nothing_is_sent_to_everybody(system):
+def test_an_upload_is_never_a_broadcast(system):
     with pytest.raises(ValueError, match="^target: "):
-        Upload(ITEMS, Address(system, 1), OURSELVES, dialect="px4")
+        Upload(ITEMS, Address(system, 1), OURSELVES, autopilot=PX4)
 
 
 @pytest.mark.parametrize(

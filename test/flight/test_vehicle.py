@@ -17,9 +17,11 @@ from autopilot.running import Running, free_udp_port, running_autopilot, running
 from autopilot.wire import Codec as Speaker
 from autopilot.wire import mavlink
 
-from dsse_ros.flight.items import WireItem
+from dsse_ros.flight.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
+
+pytestmark = pytest.mark.slow
 
 TIMEOUT_S = 90.0
 HOME = (-24.0, -46.3)

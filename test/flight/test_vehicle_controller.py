@@ -17,9 +17,7 @@ from hypothesis import strategies as st
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.messages import Address
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
     CommandAck,
     CommandLong,
     GlobalPosition,
@@ -28,6 +26,8 @@ from dsse_ros.flight.telegrams import (
     SetPositionTarget,
     StatusText,
 )
+from dsse_ros.flight.mission_messages import Address
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_controller import VehicleController
 
@@ -215,7 +215,7 @@ def test_being_at_a_place_already_is_not_enough() -> None:
 
 
 def test_messages_are_asked_for_until_they_come() -> None:
-    flight = VirtualFlight(vehicle={"deaf_s": 10.0})
+    flight = VirtualFlight(vehicle={"requests_lost_s": 10.0})
     flight.wait(9.0)
     assert not flight.state.has_position
     flight.wait(9.0)
@@ -548,7 +548,7 @@ def test_px4_that_does_not_give_offboard_back_has_a_failsafe() -> None:
     vehicle = flight.vehicle
     assert isinstance(vehicle, Px4)
     vehicle.failsafes.add("geofence")
-    vehicle._fall_into(Mode.RTL)
+    vehicle._set_failsafe_mode(Mode.RTL)
     struck_s = flight.now
     flight.until(lambda: flight.outcome.status == "taken_over", limit_s=9.0)
     assert flight.now - struck_s > 4.0

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import AUTOPILOTS
-from dsse_ros.flight.telegrams import (
+from dsse_ros.flight.mavlink_messages import (
     BatteryStatus,
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
-    Heard,
     Heartbeat,
     HomePosition,
+    Incoming,
     MissionCurrent,
     MissionItemReached,
     PositionTarget,
@@ -33,11 +33,11 @@ GUIDED = Heartbeat(2, 3, 1, 4, 3)
 ARMED = Heartbeat(2, 3, 129, 4, 4)
 READY = 1 << 28
 HERE = GlobalPosition(5000, -240000000, -463000000, 130_000, 120_000, 300, 400, -50, 9000)
-PLAIN = [kind for kind in get_args(Heard) if not hasattr(kind, "target")]
+PLAIN = [kind for kind in get_args(Incoming) if not hasattr(kind, "target")]
 NUMBERS = st.integers(-(2**31), 2**32 - 1)
 
 
-def after(*messages: Heard, autopilot: str = "ardupilot") -> VehicleState:
+def after(*messages: Incoming, autopilot: str = "ardupilot") -> VehicleState:
     state = VehicleState()
     for message in messages:
         state = observe(state, message, 7.0, AUTOPILOTS[autopilot])
@@ -142,7 +142,7 @@ def unwell(sensor: int) -> SysStatus:
         (StatusText(4, "Low battery level, return advised"), "battery"),
     ],
 )
-def test_a_failsafe_of_px4_is_named_by_what_is_not_well(message: Heard, failsafe: str) -> None:
+def test_a_failsafe_of_px4_is_named_by_what_is_not_well(message: Incoming, failsafe: str) -> None:
     assert after(message, CRITICAL, autopilot="px4").failsafe == failsafe
     assert after(CRITICAL, message, autopilot="px4").failsafe == failsafe
     # What is not well is no failsafe by itself.

@@ -15,10 +15,15 @@ from autopilot.settings import Settings
 
 from dsse_ros.flight.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.items import WireItem
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mavlink_messages import (
+    CommandLong,
+    Heartbeat,
+    Incoming,
+    Outgoing,
+    SetPositionTarget,
+)
+from dsse_ros.flight.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import Order
-from dsse_ros.flight.telegrams import CommandLong, Heard, Heartbeat, Said, SetPositionTarget
 from dsse_ros.flight.vehicle_controller import Outcome, VehicleController
 from dsse_ros.flight.vehicle_state import VehicleState
 
@@ -57,13 +62,13 @@ class VirtualFlight:
         **settings: Any,
     ) -> None:
         options = {"ready_s": 5.0, **(vehicle or {})}
-        self.vehicle = make_vehicle(Settings(dialect=autopilot, seed=seed, **options))
+        self.vehicle = make_vehicle(Settings(autopilot=autopilot, seed=seed, **options))
         self._settings = ControllerSettings(autopilot=autopilot, **settings)
         self.controller = VehicleController(VEHICLE, OURSELVES, self._settings)
         self.now = 0.0
         self.loss, self.duplicate, self.delay_s = loss, duplicate, delay_s
-        self.said: list[tuple[float, Said]] = []
-        self.heard: list[Heard] = []
+        self.said: list[tuple[float, Outgoing]] = []
+        self.heard: list[Incoming] = []
         self.seen: list[Outcome] = []
         self._random = random.Random(seed)
         self._codec = Codec(OURSELVES, VEHICLE)
@@ -86,7 +91,7 @@ class VirtualFlight:
         while self._under_way and self._under_way[0][0] <= self.now:
             _, _, to_vehicle, data = heapq.heappop(self._under_way)
             if to_vehicle:
-                self.vehicle.hear(self._channel, data)
+                self.vehicle.receive(self._channel, data)
                 continue
             for message in self._codec.decode(data, self.now, datagram=True):
                 self.heard.append(message)
@@ -163,7 +168,7 @@ class VirtualFlight:
         """Return all setpoints."""
         return [message for _, message in self.said if isinstance(message, SetPositionTarget)]
 
-    def _send(self, said: list[Said]) -> None:
+    def _send(self, said: list[Outgoing]) -> None:
         for message in said:
             self.said.append((self.now, message))
             self._put(self._codec.encode(message), to_vehicle=True)
@@ -187,7 +192,7 @@ def mission(
         return WireItem(len(items), 6, command, **place, **fields)
 
     items: list[WireItem] = []
-    if flight.vehicle.settings.dialect == "ardupilot":
+    if flight.vehicle.settings.autopilot == "ardupilot":
         items.append(item(16, 0.0, 0.0, 0.0))
     items.append(item(22, 0.0, 0.0, places[0][2]))
     for place in places:

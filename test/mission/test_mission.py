@@ -43,7 +43,7 @@ def test_the_same_seed_and_commands_give_the_same_mission(
     first, second = mission(seed), mission(seed)
     assert same(first.result, second.result)
     for joint in actions:
-        if first.over:
+        if first.done:
             break
         assert same(fly(first, joint), fly(second, joint))
         assert first.unsearched == second.unsearched
@@ -54,7 +54,7 @@ def test_a_reset_repeats_the_mission_and_time_goes_on(seed: int, actions: list[l
     flown = mission(seed)
     results = [flown.result]
     for joint in actions:
-        if not flown.over:
+        if not flown.done:
             results.append(fly(flown, joint))
     again = [flown.reset(seed)]
     again += [fly(flown, joint) for joint in actions[: len(results) - 1]]
@@ -77,7 +77,7 @@ def test_the_history_is_every_step_with_the_drones_lost_since(
         if step == lost_at:
             flown.lose(drone)
             results[-1] = flown.result
-        if not flown.over:
+        if not flown.done:
             results.append(fly(flown, joint))
     history = flown.history
     assert history.shape == (len(results), 3)
@@ -98,7 +98,7 @@ def test_the_steps_of_a_mission_out_of_time_are_its_limit(rules: str) -> None:
                      person_initial_position=(6, 6), person_pod_multipliers=[0.0]),
         seed=0,
     )  # fmt: skip
-    while not flown.over:
+    while not flown.done:
         flown.command_all([flown.env.rules.actions.index("search")])
         flown.advance("hold")
     assert flown.outcome == "out of time" and flown.steps == 5
@@ -112,7 +112,7 @@ def test_the_search_effort_is_that_of_the_cells_searched(
     flown = mission(1, person_initial_position=(6, 6))
     missed = 1.0
     for joint in actions:
-        if flown.over:
+        if flown.done:
             break
         before, live, cells = flown.env.probability.copy(), flown.live, flown.result.cells
         fly(flown, joint)
@@ -159,26 +159,26 @@ def test_a_drone_that_is_lost_takes_no_command_and_is_not_waited_for() -> None:
 def test_a_mission_that_is_over_takes_no_command_until_a_reset() -> None:
     flown = mission()
     fly(flown, [0, 2, 2])
-    assert flown.over and flown.live == []
+    assert flown.done and flown.live == []
     refusal = flown.refuse()
     assert refusal is not None and refusal.code == "mission_over"
     flown.reset(0)
-    assert not flown.over and flown.refuse() is None
+    assert not flown.done and flown.refuse() is None
 
 
 def test_an_aborted_mission_is_over() -> None:
     flown = mission()
     flown.abort()
-    assert flown.over
+    assert flown.done
     flown.reset(0)
-    assert not flown.over
+    assert not flown.done
 
 
 def test_a_mission_says_how_it_has_ended() -> None:
     def end(joint: list[int], **scenario: object) -> str:
         flown = mission(person_initial_position=(6, 6), **scenario)
         assert flown.outcome == ""
-        while not flown.over:
+        while not flown.done:
             fly(flown, joint)
         return flown.outcome
 
@@ -203,7 +203,7 @@ def test_a_step_that_nobody_commanded_is_held() -> None:
 
 def test_mission_time_never_leaves_what_a_stamp_holds() -> None:
     flown = mission(cell_size=1e6, drone_speed=0.01, timestep_limit=99, nobody_is_found=True)
-    while not flown.over:
+    while not flown.done:
         result = fly(flown, [SEARCH] * 3)
         to_stamp(result.stamp_ns)
     assert flown.live

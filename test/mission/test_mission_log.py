@@ -40,20 +40,20 @@ def test_what_is_read_is_what_was_flown(
     results = [mission.reset(seed)]
     log.write(mission, mission.result)
     for joint in actions:
-        if not mission.over:
+        if not mission.done:
             mission.command_all(joint)
             results.append(mission.advance("hold"))
             log.write(mission, mission.result)
     log.close()
 
     record = read_log(path)
-    legend = mission.env.rules.actions
+    action_names = mission.env.rules.actions
     persons = mission.env.world.persons[0]
     assert np.array_equal(record.tracks, np.stack([r.cells for r in results], axis=1))
     assert np.array_equal(record.rewards, np.stack([r.rewards for r in results], axis=1))
     assert np.array_equal(record.found, np.stack([r.found for r in results], axis=1))
     assert record.actions.tolist() == [
-        [legend[r.actions[i]] if r.actions[i] >= 0 else "" for r in results] for i in range(3)
+        [action_names[r.actions[i]] if r.actions[i] >= 0 else "" for r in results] for i in range(3)
     ]
     assert np.array_equal(record.truncated, results[-1].truncated)
     assert np.flatnonzero(record.alive).tolist() == mission.live
@@ -127,7 +127,7 @@ def test_a_record_that_goes_on_from_a_snapshot_is_that_of_an_unbroken_mission(
     for joint in [*actions, None, *actions]:
         if joint is None:
             mission.reset(seed + 1)
-        elif mission.over:
+        elif mission.done:
             continue
         else:
             mission.command_all(joint)

@@ -23,7 +23,7 @@ timings = st.builds(
 
 def scheduler(now_s: float = 0.0, **timing: object) -> StepScheduler:
     made = StepScheduler(Timing(**timing), now_s)  # type: ignore[arg-type]
-    made.begin(now_s, over=False)
+    made.begin(now_s, done=False)
     return made
 
 
@@ -39,7 +39,7 @@ def test_lockstep_with_a_rate_steps_no_faster() -> None:
     assert lockstep.due(0.2, ready=True) is Due.NOTHING
     assert lockstep.wait_s(0.2, ready=True) == pytest.approx(0.05)
     assert lockstep.due(0.25, ready=True) is Due.STEP
-    lockstep.begin(0.9, over=False)
+    lockstep.begin(0.9, done=False)
     # What was late is not made up for: the rate is the highest.
     assert lockstep.wait_s(0.9, ready=True) == pytest.approx(0.25)
 
@@ -80,7 +80,7 @@ def test_real_time_steps_by_time_alone() -> None:
 
 def test_real_time_makes_up_for_a_late_step() -> None:
     realtime = scheduler(mode="realtime", step_rate=1.0)
-    realtime.begin(1.3, over=False)
+    realtime.begin(1.3, done=False)
     assert realtime.wait_s(1.3, ready=False) == pytest.approx(0.7)
 
 
@@ -92,15 +92,15 @@ def test_manual_steps_wait_to_be_asked_for() -> None:
 
 @given(timings, st.booleans())
 def test_nothing_is_due_while_paused_or_over(timing: Timing, ready: bool) -> None:
-    paused, over = StepScheduler(timing, 0.0), StepScheduler(timing, 0.0)
-    paused.begin(0.0, over=False)
+    paused, done = StepScheduler(timing, 0.0), StepScheduler(timing, 0.0)
+    paused.begin(0.0, done=False)
     paused.pause(True, 0.0)
-    over.begin(0.0, over=False)
-    over.end()
-    for one in (paused, over):
+    done.begin(0.0, done=False)
+    done.end()
+    for one in (paused, done):
         assert one.due(1e9, ready=ready) is Due.NOTHING
         assert one.wait_s(1e9, ready=ready) == math.inf
-    assert not over.moving
+    assert not done.moving
 
 
 def test_a_pause_takes_nothing_from_the_step_and_starts_the_timeout_anew() -> None:
@@ -118,7 +118,7 @@ def test_a_pause_takes_nothing_from_the_step_and_starts_the_timeout_anew() -> No
 def test_a_mission_that_begins_anew_is_no_longer_over() -> None:
     lockstep = scheduler()
     lockstep.end()
-    lockstep.begin(5.0, over=False)
+    lockstep.begin(5.0, done=False)
     assert lockstep.due(5.0, ready=True) is Due.STEP
 
 
@@ -144,7 +144,7 @@ def test_who_waits_as_long_as_told_finds_something_due_and_nothing_before(
     timing: Timing, happenings: list[tuple[str, object]], now: float
 ) -> None:
     one, ready, share = StepScheduler(timing, now), False, 0.0
-    one.begin(now, over=False)
+    one.begin(now, done=False)
     for kind, value in happenings:
         if isinstance(value, Timing):
             one.set_timing(value, now)
@@ -170,5 +170,5 @@ def test_who_waits_as_long_as_told_finds_something_due_and_nothing_before(
             assert due is Due.TICK
         else:
             assert due is (Due.STEP if ready else Due.TIMEOUT)
-        one.begin(now, over=False)
+        one.begin(now, done=False)
         share = 0.0

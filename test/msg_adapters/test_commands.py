@@ -47,7 +47,7 @@ def check(result, codes):
 
 
 @given(st.integers(-128, 127))
-def test_an_action_is_its_number_in_the_legend_or_refused(number):
+def test_an_action_is_one_of_the_numbers_or_refused(number):
     result = commands.parse_action(Int8(data=number), ACTIONS)
     if check(result, {"unknown_action"}):
         assert result.value == number and 0 <= number < 5
@@ -57,7 +57,7 @@ def test_an_action_is_its_number_in_the_legend_or_refused(number):
 
 
 @given(st.sampled_from(ACTIONS) | TEXTS)
-def test_an_action_name_is_exactly_one_of_the_legend_or_refused(name):
+def test_an_action_name_is_exactly_one_of_the_names_or_refused(name):
     result = commands.parse_action_name(String(data=name), ACTIONS)
     if check(result, {"unknown_action"}):
         assert ACTIONS[result.value] == name

@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +101,19 @@ def health_when(rig: Rig, message: str) -> dict[str, str]:
 def away_m(message: PoseStamped, cell: tuple[int, int]) -> float:
     here = message.pose.position
     return float(np.hypot(*np.subtract((here.x, here.y), cell_to_map(FRAME, *cell))))
+
+
+def detour_m(poses: Sequence[PoseStamped], cell: tuple[int, int]) -> float:
+    """Return how far off its way, as the poses show it, a vehicle would have passed over a cell.
+
+    A vehicle that is told to go on as it arrives is there for less time than between two poses.
+    """
+    away = [away_m(pose, cell) for pose in poses]
+    ends = [(pose.pose.position.x, pose.pose.position.y) for pose in poses]
+    return min(
+        (a + b - math.dist(*leg)) / 2
+        for a, b, leg in zip(away, away[1:], pairwise(ends), strict=False)
+    )
 
 
 def fly(sim: Sim, *actions: int) -> None:

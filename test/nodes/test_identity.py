@@ -115,7 +115,7 @@ def test_a_mission_that_ends_is_told_whole_however_it_ends(rig: Rig) -> None:
     report = mission_report(sim)
     assert len(report) == 2 and not report["terminated"].any()
     assert "mission 3 over after 1 step: aborted" in sim.process.output
-    # A mission that is given up for the next is not one that has ended.
+    # A mission that a reset cuts short has not ended.
     sim.reset()
     sim.reset()
     sim.settle()

@@ -203,7 +203,7 @@ def test_a_late_joiner_gets_everything_about_the_last_step(sim: Sim) -> None:
         stranger.close()
 
 
-def test_the_agents_tell_legend_rules_and_place(sim: Sim) -> None:
+def test_agents_has_the_actions_the_rules_and_the_place(sim: Sim) -> None:
     told = json.loads(sim.rig.first(String, "agents").data)
     assert told["agents"] == ["drone0", "drone1", "drone2"]
     assert told["actions"] == ["left", "right", "up", "down", "search"]

@@ -52,8 +52,8 @@ def test_a_lost_drone_stays_terminated_where_it_was_and_the_others_go_on(rules: 
 @pytest.mark.parametrize("rules", RULES)
 def test_with_the_last_drone_the_mission_is_over(rules: str) -> None:
     made = mission(rules)
-    assert [made.lose(i) for i in (2, 0)] == [True, True] and not made.over
-    assert made.lose(1) and made.over
+    assert [made.lose(i) for i in (2, 0)] == [True, True] and not made.done
+    assert made.lose(1) and made.done
     assert made.result.terminated.all() and not made.lose(1)
     refused = made.refuse()
     assert refused is not None and refused.code == "mission_over"

@@ -19,6 +19,7 @@ from bridge_rig import (
     Bridge,
     autopilots,
     away_m,
+    detour_m,
     fly,
     health_when,
     take_off_orders,
@@ -45,26 +46,28 @@ def test_vehicles_fly_the_cells_of_their_drones_and_the_search_waits_for_them(ri
     start = {"drones_positions": [0, 5, 1, 5], "timestep_limit": 3}
     with autopilots((), ()) as vehicles:
         sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles)
+        bridge = Bridge(rig, vehicles, search_hold=20.0)
         fixes = rig.listen(NavSatFix, "drone1/vehicle_fix", BEST_EFFORT)
-        aloft = []
+        visits, first = [], 0
         for actions in ((UP, RIGHT), (SEARCH, RIGHT), (RIGHT, UP)):
-            before = list(sim.cells)
-            lows = [len(poses) for poses in bridge.poses]
+            cells, begun = list(sim.cells), [len(poses) for poses in bridge.poses]
             fly(sim, *actions)
-            for poses, cell, low in zip(bridge.poses, before, lows, strict=True):
-                assert min(away_m(pose, cell) for pose in poses[max(low - 1, 0) :]) <= 10.0
-            aloft.append(len(bridge.poses[0]))
-        # The search was a descent to where it belongs.
-        lowest = min(pose.pose.position.z for pose in bridge.poses[0][aloft[0] :])
-        assert 25.0 <= lowest <= 35.0
+            visits.append((cells, begun))
+            first = first or len(bridge.poses[0])
+        down = len(bridge.poses[0])
         assert fixes and abs(fixes.last.latitude + 24.04) < 0.01
         fly(sim, SEARCH, SEARCH)
         assert not sim.flying
         for i in range(2):
             state = bridge.until(i, flying="false", armed="false", arrived="true")
             assert state["lost"] == "" and state["mode"] == "RTL"
-        assert bridge.poses[0].last.pose.position.z < 1.0
+        rig.until(lambda: bridge.poses[0].last.pose.position.z < 1.0, "its pose on the ground")
+        for cells, begun in visits:
+            for poses, cell, since in zip(bridge.poses, cells, begun, strict=True):
+                assert detour_m(poses[max(since - 1, 0) :], cell) <= 10.0
+        # The search was a descent to where it belongs.
+        lowest = min(pose.pose.position.z for pose in bridge.poses[0][first:down])
+        assert 25.0 <= lowest <= 35.0
 
 
 @pytest.mark.parametrize(
@@ -96,7 +99,7 @@ def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
 def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
     rig: Rig, autopilot: str
 ) -> None:
-    with autopilots((), dialect=autopilot, ready_s=200.0) as vehicles:
+    with autopilots((), autopilot=autopilot, ready_s=200.0) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
         bridge = Bridge(rig, vehicles, autopilot=autopilot, link_timeout=1.0, lost_timeout=1.0)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
@@ -234,7 +237,7 @@ def test_without_a_planner_the_vehicles_hold_until_it_goes_on(rig: Rig) -> None:
 
 
 def test_px4_flies_cells_and_searches_too(rig: Rig) -> None:
-    with autopilots((), dialect="px4", speedup=8.0) as vehicles:
+    with autopilots((), autopilot="px4", speedup=8.0) as vehicles:
         sim = rig.sim(
             SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1, "wait_for_vehicles": True}
         )
@@ -276,7 +279,7 @@ def test_an_open_loop_goes_after_the_latest_step(rig: Rig) -> None:
 
 @pytest.mark.parametrize(("autopilot", "mode"), [("ardupilot", "AUTO"), ("px4", "MISSION")])
 def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, autopilot: str, mode: str) -> None:
-    with autopilots((), dialect=autopilot) as vehicles:
+    with autopilots((), autopilot=autopilot) as vehicles:
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 3})
         bridge = Bridge(rig, vehicles, mode="mission", autopilot=autopilot)
         bridge.until(0, ready="true")

@@ -43,7 +43,7 @@ def test_a_restored_mission_has_the_same_steps_times_goals_and_tracks(
     twin.restore(Snapshot.load(tmp_path / "mission"))
     assert results_equal(twin.result, mission.result)
     assert np.array_equal(twin.history, mission.history) and len(twin.history) == 6
-    while not mission.over:
+    while not mission.done:
         assert twin.missing == mission.missing
         assert results_equal(twin.advance("repeat"), mission.advance("repeat"))
         assert twin.tracks == mission.tracks and twin.unsearched == mission.unsearched

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prints the interface of the nodes as JSON, with names and words as the README has them."""
+"""Prints the interface of the nodes as JSON, with names and words as the pages have them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def type_of(kind: Any) -> str:
 
 
 def quality(qos: QoSProfile) -> str:
-    """Quality of service in the README's words."""
+    """Quality of service in the words of docs/topics.md."""
     latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
     reliable = qos.reliability == ReliabilityPolicy.RELIABLE
     words = {

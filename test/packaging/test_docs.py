@@ -30,13 +30,14 @@ from msg_adapters.agents import AgentsInfo
 from msg_adapters.step_report import step_report_dtype
 
 ROOT = Path(__file__).resolve().parents[2]
-README, PARAMETERS, ROS, RULES, FLIGHT = (
-    ROOT / name
-    for name in (
-        "README.md", "docs/parameters.md", "docs/ros.md", "docs/rules.md", "docs/flight.md"
-    )
-)  # fmt: skip
-PAGES = [README, *sorted((ROOT / "docs").glob("*.md"))]
+README, CONTRIBUTING = ROOT / "README.md", ROOT / "CONTRIBUTING.md"
+DOCS = ROOT / "docs"
+FLIGHT, PARAMETERS, ROS, RULES, TOPICS = (
+    DOCS / f"{name}.md" for name in ("flight", "parameters", "ros", "rules", "topics")
+)
+PAGES = [README, CONTRIBUTING, *sorted(DOCS.glob("*.md"))]
+README_LINES = 200
+"""At most; a table is in docs."""
 SCENARIO = ROOT / "config" / "paper_zone.yaml"
 SCRIPTS = {path.name for path in (ROOT / "scripts").iterdir()}
 # Of every ROS 2 node.
@@ -176,15 +177,16 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> MissionRecord:
 # The interface
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("heading", "kind"), [("Published", "published"), ("Subscribed", "subscribed")]
 )
-def test_the_topics_of_the_simulation_are_those_of_the_readme(
+def test_the_topics_of_the_simulation_are_those_of_the_tables(
     interface: dict[str, Any], heading: str, kind: str
 ) -> None:
     documented = {
         name: [row["Type"].strip("`"), row["QoS"]]
-        for name, row in table(README, heading, "Topic").items()
+        for name, row in table(TOPICS, heading, "Topic").items()
     }
     running = {k: v for k, v in interface["sim_node"][kind].items() if k not in COMMON_TOPICS}
     if kind == "published" and "/tf" not in running:
@@ -193,9 +195,10 @@ def test_the_topics_of_the_simulation_are_those_of_the_readme(
     assert documented == running
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("node", "page", "heading"),
-    [("planner_node", README, "The planner's"), ("mavlink_bridge", FLIGHT, "Topics")],
+    [("planner_node", TOPICS, "The planner's"), ("mavlink_bridge", FLIGHT, "Topics")],
 )
 def test_the_topics_of_the_other_nodes_are_those_of_their_tables(
     interface: dict[str, Any], node: str, page: Path, heading: str
@@ -213,9 +216,10 @@ def test_the_topics_of_the_other_nodes_are_those_of_their_tables(
     assert documented == running
 
 
-def test_the_services_are_those_of_the_readme(interface: dict[str, Any]) -> None:
+@pytest.mark.slow
+def test_the_services_are_those_of_the_table(interface: dict[str, Any]) -> None:
     documented = {
-        name: row["Type"].strip("`") for name, row in table(README, "Services", "Service").items()
+        name: row["Type"].strip("`") for name, row in table(TOPICS, "Services", "Service").items()
     }
     of_all = (
         interface["sim_node"]["services"].items() & interface["planner_node"]["services"].items()
@@ -243,14 +247,15 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
     assert set(table(ROS, "simulation_interfaces", "Service")) == offered
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("node", "tables"),
     [
         (
             "sim_node",
-            [(README, "Of the simulation"), (PARAMETERS, "Scenario"), (PARAMETERS, "Rules")],
+            [(PARAMETERS, heading) for heading in ("Of the simulation", "Scenario", "Rules")],
         ),
-        ("planner_node", [(README, "Of the planner")]),
+        ("planner_node", [(PARAMETERS, "Of the planner")]),
         ("mavlink_bridge", [(FLIGHT, "Parameters")]),
     ],
 )
@@ -303,6 +308,7 @@ def test_the_layouts_are_those_of_the_messages_and_files() -> None:
 # What a reader does
 
 
+@pytest.mark.slow
 def test_a_planner_of_ones_own_flies_a_whole_mission(mission: MissionRecord) -> None:
     assert mission.person_found.all() or mission.truncated.all()
     steps = mission.actions[:, 1:]
@@ -311,6 +317,7 @@ def test_a_planner_of_ones_own_flies_a_whole_mission(mission: MissionRecord) -> 
     assert "search" in steps
 
 
+@pytest.mark.slow
 def test_the_readme_shows_what_a_mission_prints(mission: MissionRecord) -> None:
     scenario = Scenario.from_yaml(SCENARIO).override(num_drones=3).resolve(profile("paper"))
     (shown,) = blocks(README, "text")
@@ -333,6 +340,7 @@ def test_the_python_on_a_page_runs(block: str, tmp_path: Path) -> None:
     python(script, cwd=ROOT)
 
 
+@pytest.mark.slow
 def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     text = commands()
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
@@ -374,6 +382,10 @@ def test_the_launches_on_the_pages_have_arguments_that_exist(
 
 
 # The rest
+
+
+def test_the_readme_is_read_in_five_minutes() -> None:
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= README_LINES
 
 
 def test_every_profile_has_its_row_and_its_column() -> None:

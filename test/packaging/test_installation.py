@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 EXECUTABLES = sorted(path.name for path in (ROOT / "scripts").iterdir())
 SHARED = sorted(

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -71,6 +73,27 @@ def test_the_oldest_versions_have_an_environment_of_their_own(folder: Path) -> N
     planned = make(folder, "--dry-run", "test-oldest").stdout
     assert "--constraint .venv-oldest/oldest.txt '.[viz,test]'" in planned
     assert ".venv-oldest/bin/pytest" in planned and ".venv/bin/pytest" not in planned
+
+
+def test_a_check_lints_and_runs_folders_of_tests_without_what_is_slow(folder: Path) -> None:
+    planned = make(folder, "--dry-run", "check").stdout.splitlines()
+    lint = make(folder, "--dry-run", "lint").stdout.splitlines()
+    assert planned[:-1] == lint
+    command = shlex.split(planned[-1])
+    assert command[command.index("-m") + 1] == "not slow"
+    folders = {ROOT / part for part in command if part.startswith("test/")}
+    # The others start nodes.
+    assert {ROOT / "test" / name for name in ("cli", "nodes", "oracles")} == {
+        path for path in (ROOT / "test").iterdir() if path.is_dir()
+    } - folders
+
+
+def test_the_hooks_before_a_commit_are_what_lint_does(folder: Path) -> None:
+    config = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
+    hooks = [hook["entry"] for repository in config["repos"] for hook in repository["hooks"]]
+    planned = make(folder, "--dry-run", "lint").stdout.splitlines()
+    assert hooks == planned[-len(hooks) :]
+    assert [line for line in planned if "/ruff" in line or "/mypy" in line] == hooks
 
 
 def test_ci_runs_the_oldest_versions_too() -> None:

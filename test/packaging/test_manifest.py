@@ -61,6 +61,17 @@ def test_the_licence_of_the_manifest_is_the_one_in_the_tree(manifest: Package) -
     assert "Apache License" in (ROOT / "LICENSE").read_text()
 
 
+def test_the_citation_is_of_the_package_in_the_manifest(manifest: Package) -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["title"] == manifest.name
+    assert citation["license"] == manifest.licenses[0]
+    assert [author["name"] for author in citation["authors"]] == [
+        maintainer.name for maintainer in manifest.maintainers
+    ]
+    assert citation["abstract"] == " ".join(manifest.description.split())
+
+
 @pytest.mark.filterwarnings("ignore:nodes.Node.traverse")
 def test_the_changelog_is_one_that_ros_tools_read(manifest: Package) -> None:
     changelog = get_changelog_from_path(str(ROOT), manifest.name)

@@ -31,7 +31,7 @@ class GridWalker:
     Args:
         size: Cells along a side.
         starts: First cell (col, row) of each drone.
-        actions: Legend of the action numbers.
+        actions: Names of the actions by number.
         probability: Map (G, G), the same for the whole walk.
     """
 

@@ -16,7 +16,7 @@ from dsse_ros.planners.expanding_square import shared_square, square_routes, squ
 from dsse_ros.planners.planner import Cell
 from dsse_ros.search import ActionSet
 
-legends = st.sampled_from([STRAIGHT, DIAGONAL])
+action_names = st.sampled_from([STRAIGHT, DIAGONAL])
 
 
 @st.composite
@@ -64,7 +64,7 @@ def test_the_edge_of_the_grid_only_leaves_cells_out(square: tuple[int, Cell]) ->
 
 
 @settings(deadline=None)
-@given(squares(), st.data(), legends)
+@given(squares(), st.data(), action_names)
 def test_the_drones_share_each_ring_in_contiguous_arcs(
     square: tuple[int, Cell], data: st.DataObject, actions: tuple[str, ...]
 ) -> None:
@@ -83,21 +83,21 @@ def test_the_drones_share_each_ring_in_contiguous_arcs(
 
 
 @settings(deadline=None)
-@given(squares(), st.integers(2, 9), legends)
+@given(squares(), st.integers(2, 9), action_names)
 def test_several_drones_enter_each_arc_at_its_nearer_end(
     square: tuple[int, Cell], drones: int, actions: tuple[str, ...]
 ) -> None:
     size, datum = square
-    legend = ActionSet(actions)
-    for route in shared_square(datum, size, min(drones, size * size), legend):
+    action_set = ActionSet(actions)
+    for route in shared_square(datum, size, min(drones, size * size), action_set):
         arcs = [list(arc) for _, arc in groupby(route, key=lambda cell: ring(datum, cell))]
         for before, arc in pairwise(arcs):
-            first, last = (legend.distance(before[-1], arc[k]) for k in (0, -1))
+            first, last = (action_set.distance(before[-1], arc[k]) for k in (0, -1))
             assert first <= last
 
 
 @settings(deadline=None)
-@given(squares(largest=8), st.data(), legends)
+@given(squares(largest=8), st.data(), action_names)
 def test_one_drone_flies_the_exact_spiral_around_the_first_most_probable_cell(
     square: tuple[int, Cell], data: st.DataObject, actions: tuple[str, ...]
 ) -> None:

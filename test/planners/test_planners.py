@@ -15,7 +15,7 @@ from dsse_ros.planners import PLANNERS, make_planner
 from dsse_ros.search import parallel_env
 
 names = st.sampled_from(sorted(PLANNERS))
-legends = st.sampled_from([STRAIGHT, DIAGONAL])
+action_names = st.sampled_from([STRAIGHT, DIAGONAL])
 
 
 @st.composite
@@ -34,7 +34,7 @@ def test_an_unknown_planner_is_refused_in_one_line_that_lists_the_known_ones() -
 
 
 @pytest.mark.parametrize("name", sorted(PLANNERS))
-def test_a_legend_without_search_is_refused(name: str) -> None:
+def test_actions_without_search_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match="search missing"):
         make_planner(name, STRAIGHT[:-1])
 
@@ -45,7 +45,7 @@ def test_without_drones_there_are_no_actions(name: str) -> None:
 
 
 @settings(deadline=None)
-@given(walks(), names, legends, st.data())
+@given(walks(), names, action_names, st.data())
 def test_no_drone_leaves_the_grid_or_meets_another(
     walk: tuple[int, list[tuple[int, int]], int],
     name: str,
@@ -65,7 +65,7 @@ def test_no_drone_leaves_the_grid_or_meets_another(
 
 
 @settings(deadline=None, max_examples=30)
-@given(walks(), names, legends)
+@given(walks(), names, action_names)
 def test_the_same_seed_gives_the_same_actions(
     walk: tuple[int, list[tuple[int, int]], int], name: str, actions: tuple[str, ...]
 ) -> None:

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from dsse_ros.planners import make_planner
 from dsse_ros.planners.planner import Cell
-from dsse_ros.planners.routes import PATIENCE, RouteFollower
+from dsse_ros.planners.routes import MAX_WAIT, RouteFollower
 
-legends = st.sampled_from([STRAIGHT, DIAGONAL])
+action_names = st.sampled_from([STRAIGHT, DIAGONAL])
 
 
 @settings(deadline=None, max_examples=200)
-@given(st.data(), st.sampled_from(["sweep", "expanding_square"]), legends)
+@given(st.data(), st.sampled_from(["sweep", "expanding_square"]), action_names)
 def test_from_any_start_the_whole_grid_is_searched(
     data: st.DataObject, name: str, actions: tuple[str, ...]
 ) -> None:
@@ -34,7 +34,7 @@ def test_from_any_start_the_whole_grid_is_searched(
 
 
 def fixed_routes(*routes: Sequence[Cell]) -> RouteFollower:
-    return RouteFollower(lambda cells, probability, legend: routes, STRAIGHT)
+    return RouteFollower(lambda cells, probability, actions: routes, STRAIGHT)
 
 
 def test_a_drone_that_stays_is_flown_around() -> None:
@@ -54,7 +54,7 @@ def test_a_blocked_drone_waits_with_a_search_and_then_steps_aside() -> None:
     names = []
     while walker.cells["drone1"][1] == 0:
         names.append(STRAIGHT[walker.step(planner)["drone1"]])
-    assert names[-PATIENCE - 1 :] == [*["search"] * PATIENCE, "down"]
+    assert names[-MAX_WAIT - 1 :] == [*["search"] * MAX_WAIT, "down"]
 
 
 def test_a_drone_that_is_through_waits_for_the_others_without_searching() -> None:

@@ -14,7 +14,7 @@ from dsse_ros.planners import make_planner
 from dsse_ros.planners.sweep import boustrophedon, shares, sweep_routes
 from dsse_ros.search import ActionSet
 
-legends = st.sampled_from([STRAIGHT, DIAGONAL])
+action_names = st.sampled_from([STRAIGHT, DIAGONAL])
 
 
 @st.composite
@@ -63,17 +63,17 @@ def test_a_share_is_entered_at_its_nearest_corner(
     starts = data.draw(st.lists(every, unique=True, min_size=count, max_size=count))
     cells = [(k % size, k // size) for k in starts]
     walker = GridWalker(size, cells)
-    legend = ActionSet(STRAIGHT)
-    for cell, route in zip(cells, sweep_routes(cells, walker.probability, legend), strict=True):
+    action_set = ActionSet(STRAIGHT)
+    for cell, route in zip(cells, sweep_routes(cells, walker.probability, action_set), strict=True):
         cols, rows = zip(*route, strict=True)
         corners = [(c, r) for c in (min(cols), max(cols)) for r in (min(rows), max(rows))]
         assert route[0] in corners
-        way = legend.distance(cell, route[0])
-        assert way == min(legend.distance(cell, corner) for corner in corners)
+        way = action_set.distance(cell, route[0])
+        assert way == min(action_set.distance(cell, corner) for corner in corners)
 
 
 @settings(deadline=None)
-@given(fleets(), legends)
+@given(fleets(), action_names)
 def test_from_the_default_start_no_cell_is_searched_twice_before_all_were_once(
     fleet: tuple[int, int], actions: tuple[str, ...]
 ) -> None:
@@ -85,7 +85,7 @@ def test_from_the_default_start_no_cell_is_searched_twice_before_all_were_once(
 
 
 @settings(deadline=None)
-@given(st.integers(1, 8), legends)
+@given(st.integers(1, 8), action_names)
 def test_a_drone_searches_on_arrival_and_flies_the_finished_share_backwards(
     size: int, actions: tuple[str, ...]
 ) -> None:
@@ -104,7 +104,7 @@ def test_a_drone_searches_on_arrival_and_flies_the_finished_share_backwards(
 
 
 @settings(deadline=None)
-@given(st.data(), legends)
+@given(st.data(), action_names)
 def test_when_drones_are_lost_the_others_search_their_own_shares(
     data: st.DataObject, actions: tuple[str, ...]
 ) -> None:

@@ -123,21 +123,21 @@ def test_the_turn_based_environment_pays_what_the_parallel_one_pays() -> None:
             _, rewards, *_ = env.step({agent: int(actions[int(agent[5:])]) for agent in env.agents})
             for agent, reward in rewards.items():
                 paid[int(agent[5:])] += reward
-        turns, earned = aec_env(**fields), dict.fromkeys(range(6), 0.0)
+        turns, returns = aec_env(**fields), dict.fromkeys(range(6), 0.0)
         turns.reset(seed=seed)
         turn = dict.fromkeys(range(6), 0)
         for agent in turns.agent_iter():
             number = int(agent[6:])
             _, reward, terminated, truncated, _ = turns.last()
             if terminated or truncated:
-                earned[number] += reward
+                returns[number] += reward
                 turns.step(None)
             else:
                 # What was earned before this agent's turn adds up until it is asked for.
-                earned[number] += reward
+                returns[number] += reward
                 turns.step(int(script[turn[number], number]))
                 turn[number] += 1
-        assert earned == pytest.approx(paid)
+        assert returns == pytest.approx(paid)
 
 
 def test_the_checked_environment_refuses_use_out_of_order_and_actions_out_of_bounds() -> None:

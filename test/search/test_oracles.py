@@ -150,7 +150,9 @@ def test_v1_rewards_flags_and_places_are_those_of_the_package(episode: dict[str,
         assert bool(world.persons["found"].any()) == step["found"], step
         places = np.stack([world.drones["x"][0], world.drones["y"][0]], axis=1)
         assert places.tolist() == step["positions"], step
-        assert world.drones["earned"][0] == pytest.approx(step["running_sums"], rel=1e-12), step
+        assert world.drones["episode_return"][0] == pytest.approx(
+            step["running_sums"], rel=1e-12
+        ), step
 
 
 @pytest.mark.parametrize("episode", scripted("v2"))

@@ -350,7 +350,7 @@ def test_rules_can_be_given_by_name_by_value_and_by_field() -> None:
     assert isinstance(by_name.rules, Rules)
 
 
-def test_the_legend_says_where_each_action_goes() -> None:
+def test_the_action_set_says_where_each_action_goes() -> None:
     for number, name in enumerate(profile("paper").actions):
         env = started(drones_positions=[(3, 3)], **FAR)
         step(env, number)
@@ -358,7 +358,7 @@ def test_the_legend_says_where_each_action_goes() -> None:
         assert env.positions.tolist() == [[3 + dx, 3 + dy]]
 
 
-def test_a_legend_in_another_order_is_obeyed() -> None:
+def test_actions_in_another_order_are_obeyed() -> None:
     actions = ("search", "down", "right", "up", "left")
     env = started(actions=actions, drones_positions=[(3, 3)], **FAR)
     assert step(env, 1)[1] == {"drone0": 1}

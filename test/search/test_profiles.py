@@ -176,12 +176,12 @@ def test_v2_moves_diagonally_and_stays_at_the_border() -> None:
     env = started(
         rules="v2", grid_size=6, drones_positions=[(1, 1)], person_initial_position=(5, 5)
     )
-    legend = {name: i for i, name in enumerate(env.rules.actions)}
+    numbers = {name: i for i, name in enumerate(env.rules.actions)}
     for name, cell in (
         ("down_right", (2, 2)), ("up_left", (1, 1)), ("up_left", (0, 0)), ("up_right", (0, 0)),
         ("down_left", (0, 0)), ("down_right", (1, 1)), ("up_right", (2, 0)), ("down_left", (1, 1)),
     ):  # fmt: skip
-        _, rewards, *_ = env.step({"drone0": legend[name]})
+        _, rewards, *_ = env.step({"drone0": numbers[name]})
         assert env.positions.tolist() == [list(cell)] and rewards == {"drone0": 0}
 
 

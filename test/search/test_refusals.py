@@ -110,7 +110,7 @@ def refusal(attempt: Any) -> str | None:
         assert isinstance(error, ValueError)
         text = str(error)
         assert len(text.splitlines()) == 1, text
-        # The longest legend lists every field there is.
+        # The longest line lists every field there is.
         assert 10 < len(text) < 1500, text
         return text
     return None

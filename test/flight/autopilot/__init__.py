@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated autopilot with the manners of ArduCopter or PX4, in a process of its own.
+"""A simulated autopilot that behaves as ArduCopter or PX4, in a process of its own.
 
 Start it with `python test/flight/autopilot --help`, or in a test by `autopilot.running`.
 """

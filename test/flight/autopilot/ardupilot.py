@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The manners of ArduCopter 4.5."""
+"""The behaviour of ArduCopter 4.5."""
 
 from __future__ import annotations
 
@@ -123,13 +123,13 @@ class ArduCopter(Vehicle):
 
     def __init__(self, settings: Settings) -> None:
         self.mode = Mode.STABILIZE
-        self._gcs_heard_s: float | None = None
+        self._gcs_heartbeat_s: float | None = None
         self._reminded_s = 0.0
         self._breached = False
         self._disarms_s = math.inf
         super().__init__(settings)
-        self.listen({"REQUEST_DATA_STREAM": self._request_data_stream})
-        self.understand(
+        self.add_handlers({"REQUEST_DATA_STREAM": self._request_data_stream})
+        self.add_commands(
             {
                 mavlink.MAV_CMD_NAV_TAKEOFF: self._nav_takeoff,
                 mavlink.MAV_CMD_NAV_LAND: lambda _: self.request_mode(Mode.LAND, 0),
@@ -225,17 +225,19 @@ class ArduCopter(Vehicle):
         try:
             mode = Mode(custom_mode)
         except ValueError:
-            self.say(f"No such mode {custom_mode}", mavlink.MAV_SEVERITY_WARNING)
+            self.send_text(f"No such mode {custom_mode}", mavlink.MAV_SEVERITY_WARNING)
             return FAILED
         return ACCEPTED if self.set_mode(mode) else FAILED
 
     def set_mode(self, mode: Mode) -> bool:
-        """Change the mode, unless something is against it."""
+        """Change the mode, unless it is refused."""
         if mode == self.mode:
             return True
         problem = self._mode_problem(mode)
         if problem:
-            self.say(f"Mode change to {mode.name} failed: {problem}", mavlink.MAV_SEVERITY_WARNING)
+            self.send_text(
+                f"Mode change to {mode.name} failed: {problem}", mavlink.MAV_SEVERITY_WARNING
+            )
             return False
         self.mission.active = False
         self.mode = mode
@@ -243,15 +245,15 @@ class ArduCopter(Vehicle):
         return True
 
     def _mode_problem(self, mode: Mode) -> str:
-        # Without motors nearly everything goes.
+        # Disarmed, it accepts nearly any mode.
         if self.armed and not self.has_position and mode not in _WITHOUT_POSITION:
             return "requires position"
-        if mode is Mode.AUTO:
-            if self.armed and self.mission_total < 1:
+        if mode is Mode.AUTO and self.armed:
+            if self.mission_total < 1:
                 return "init failed"
             first = self.mission.items[1].command
-            if self.armed and self.landed and first != mavlink.MAV_CMD_NAV_TAKEOFF:
-                self.say("Auto: Missing Takeoff Cmd", mavlink.MAV_SEVERITY_CRITICAL)
+            if self.landed and first != mavlink.MAV_CMD_NAV_TAKEOFF:
+                self.send_text("Auto: Missing Takeoff Cmd", mavlink.MAV_SEVERITY_CRITICAL)
                 return "init failed"
         return ""
 
@@ -284,17 +286,17 @@ class ArduCopter(Vehicle):
         elif not self.ready:
             problem = "AHRS: waiting for home"
         if problem and not force:
-            self.say(f"Arm: {problem}", mavlink.MAV_SEVERITY_CRITICAL)
+            self.send_text(f"Arm: {problem}", mavlink.MAV_SEVERITY_CRITICAL)
             return FAILED
-        self.say("Arming motors")
+        self.send_text("Arming motors")
         self.start_motors()
         self._enter_mode()
-        self.announce_home()
+        self.broadcast_home()
         return ACCEPTED
 
     def disarm(self) -> None:
         if self.armed:
-            self.say("Disarming motors")
+            self.send_text("Disarming motors")
             self.mission.active = False
         super().disarm()
         self.maneuver = Hold()
@@ -337,12 +339,12 @@ class ArduCopter(Vehicle):
         return ACCEPTED
 
     def _do_set_mission_current(self, command: Command) -> int:
-        return ACCEPTED if self.missions.go_to_item(command.whole(1)) else FAILED
+        return ACCEPTED if self.missions.set_current_item(command.whole(1)) else FAILED
 
-    # Set-points
+    # Setpoints
 
     def set_position_target(self, message: Message, sender: Sender) -> None:
-        """Take a set-point, in GUIDED alone; nobody is told whether it was taken."""
+        """Fly to a setpoint, in GUIDED alone; there is no reply."""
         if self.mode is not Mode.GUIDED:
             return
         mask = message.type_mask
@@ -367,7 +369,7 @@ class ArduCopter(Vehicle):
                 self.maneuver = GoTo(target)
             return
         if frame in TERRAIN_FRAMES:
-            # There is no terrain, so it cannot go there and keeps to what it does.
+            # There is no terrain, so it continues its maneuver.
             return
         lat_deg, lon_deg = message.lat_int * 1e-7, message.lon_int * 1e-7
         up_m = height_m(message.alt, frame, self.frame)
@@ -376,23 +378,23 @@ class ArduCopter(Vehicle):
         on_the_earth = abs(lat_deg) <= 90 and abs(lon_deg) <= 180
         good = known and on_the_earth and target.within_reach
         if good and not self.in_fence(target):
-            # It keeps to what it does, and says nothing of it.
+            # It continues its maneuver, without a message.
             return
         self.maneuver = GoTo(target) if good else Hold()
 
     # Missions
 
     def item_begun(self, seq: int, item: Item) -> None:
-        self.say(f"Mission: {seq} {_SHORT_NAMES.get(item.command, f'CMD({item.command})')}")
+        self.send_text(f"Mission: {seq} {_SHORT_NAMES.get(item.command, f'CMD({item.command})')}")
 
     def item_reached(self, seq: int) -> None:
         super().item_reached(seq)
-        self.say(f"Reached command #{seq}")
+        self.send_text(f"Reached command #{seq}")
 
     def mission_finished(self) -> None:
-        self.say("Mission complete")
+        self.send_text("Mission complete")
 
-    # What happens by itself
+    # Periodic checks
 
     def tick(self) -> None:
         if self.time_s >= self._disarms_s:
@@ -404,42 +406,42 @@ class ArduCopter(Vehicle):
             self._reminded_s = self.time_s
             self.broadcast(self.parameters.message("STAT_RUNTIME"))
             if not self.ready and not self.armed:
-                self.say("PreArm: AHRS: waiting for home", mavlink.MAV_SEVERITY_CRITICAL)
+                self.send_text("PreArm: AHRS: waiting for home", mavlink.MAV_SEVERITY_CRITICAL)
         self._watch_gcs()
         self._watch_fence()
 
-    def heard_heartbeat(self, message: Message, sender: Sender) -> None:
+    def handle_heartbeat(self, message: Message, sender: Sender) -> None:
         if sender.system == self.parameters["SYSID_MYGCS"]:
-            self._gcs_heard_s = self.time_s
+            self._gcs_heartbeat_s = self.time_s
 
     def _watch_gcs(self) -> None:
-        if not self.parameters["FS_GCS_ENABLE"] or self._gcs_heard_s is None:
+        if not self.parameters["FS_GCS_ENABLE"] or self._gcs_heartbeat_s is None:
             self.failsafes.discard("gcs")
             return
-        lost = self.time_s - self._gcs_heard_s > self.parameters["FS_GCS_TIMEOUT"]
+        lost = self.time_s - self._gcs_heartbeat_s > self.parameters["FS_GCS_TIMEOUT"]
         if lost and "gcs" not in self.failsafes:
             self.failsafes.add("gcs")
-            self.say("GCS Failsafe", mavlink.MAV_SEVERITY_WARNING)
+            self.send_text("GCS Failsafe", mavlink.MAV_SEVERITY_WARNING)
             land = self.parameters["FS_GCS_ENABLE"] == _GCS_FAILSAFE_LAND
-            self._fall_back(Mode.LAND if land else Mode.RTL)
+            self._set_failsafe_mode(Mode.LAND if land else Mode.RTL)
         elif not lost and "gcs" in self.failsafes:
             # The mode stays what it is.
             self.failsafes.discard("gcs")
-            self.say("GCS Failsafe Cleared", mavlink.MAV_SEVERITY_WARNING)
+            self.send_text("GCS Failsafe Cleared", mavlink.MAV_SEVERITY_WARNING)
 
     def _watch_fence(self) -> None:
         breached = self.armed and not self.landed and not self.in_fence(self.craft.point)
         if breached and not self._breached:
-            self.say("Fence Breached", mavlink.MAV_SEVERITY_NOTICE)
+            self.send_text("Fence Breached", mavlink.MAV_SEVERITY_NOTICE)
             if self.fenced:
-                self._fall_back(Mode.RTL)
+                self._set_failsafe_mode(Mode.RTL)
         self._breached = breached
 
     def battery_failsafe(self) -> None:
-        self.say("Battery 1 is low 9.96V used 2900 mAh", mavlink.MAV_SEVERITY_WARNING)
-        self._fall_back(Mode.RTL)
+        self.send_text("Battery 1 is low 9.96V used 2900 mAh", mavlink.MAV_SEVERITY_WARNING)
+        self._set_failsafe_mode(Mode.RTL)
 
-    def _fall_back(self, mode: Mode) -> None:
+    def _set_failsafe_mode(self, mode: Mode) -> None:
         if self.armed and self.landed:
             self.disarm()
         elif self.armed:

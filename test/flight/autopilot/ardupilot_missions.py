@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ArduPilot's end of the mission protocol.
+"""ArduPilot's side of the mission protocol.
 
-Items are written where they belong as they come, so a transfer that is broken off leaves some of
-the new mission and some of the old one.
+Items are stored as they arrive, so an aborted transfer leaves a mixture of the new mission and the
+old one.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from .wire import Message, mavlink
 if TYPE_CHECKING:
     from .vehicle import Vehicle
 
-_ASK_AGAIN_S = 1.0
-_GIVE_UP_S = 8.0
+_REQUEST_INTERVAL_S = 1.0
+_TRANSFER_TIMEOUT_S = 8.0
 _YAW_MAY_BE_OPEN = frozenset(
     {mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_TAKEOFF}
 )
 _ANY_FRAME = frozenset({mavlink.MAV_FRAME_MISSION})
-# Commands, and which of their parameters 1 to 4 are kept.
-_KEPT: dict[int, tuple[int, ...]] = {
+# Commands, and which of their parameters 1 to 4 are stored.
+_STORED_PARAMETERS: dict[int, tuple[int, ...]] = {
     mavlink.MAV_CMD_NAV_WAYPOINT: (1,),
     mavlink.MAV_CMD_NAV_LOITER_UNLIM: (3,),
     mavlink.MAV_CMD_NAV_LOITER_TIME: (1, 3, 4),
@@ -54,8 +54,8 @@ _WHOLE_SECONDS = frozenset(
 
 
 def refusal(item: Item) -> int | None:
-    """Return the MAV_MISSION_RESULT that refuses an item, None if it is taken."""
-    if item.command not in _KEPT:
+    """Return the MAV_MISSION_RESULT that refuses an item, None if it is accepted."""
+    if item.command not in _STORED_PARAMETERS:
         return mavlink.MAV_MISSION_UNSUPPORTED
     for number, value in enumerate((item.param1, item.param2, item.param3, item.param4), 1):
         open_yaw = number == 4 and math.isnan(value) and item.command in _YAW_MAY_BE_OPEN
@@ -78,7 +78,7 @@ def _frames_read_back() -> dict[int, int]:
 
 
 class ArduPilotMissions(MissionService):
-    """ArduPilot's end of the mission protocol."""
+    """ArduPilot's side of the mission protocol."""
 
     def count(self, message: Message, sender: Sender) -> None:
         if self.receiving and self.receiving.partner[1:] != sender[1:]:
@@ -94,7 +94,7 @@ class ArduPilotMissions(MissionService):
             return
         now_s = self.vehicle.time_s
         self.receiving = Receiving(sender, message.count, [], now_s, now_s)
-        self._ask()
+        self._request_next()
 
     def item(self, message: Message, sender: Sender) -> None:
         receiving = self.receiving
@@ -103,7 +103,7 @@ class ArduPilotMissions(MissionService):
             return
         seq = len(receiving.items)
         if message.seq != seq:
-            # The transfer goes on all the same.
+            # The transfer continues.
             self.send_ack(mavlink.MAV_MISSION_INVALID_SEQUENCE, sender)
             return
         if receiving.partner[1:] != sender[1:]:
@@ -117,11 +117,11 @@ class ArduPilotMissions(MissionService):
             return
         self._store(seq, item)
         receiving.items.append(item)
-        receiving.heard_s = self.vehicle.time_s
+        receiving.received_s = self.vehicle.time_s
         if len(receiving.items) == receiving.count:
             self._complete(sender)
         else:
-            self._ask()
+            self._request_next()
 
     def request_list(self, message: Message, sender: Sender) -> None:
         if self.receiving:
@@ -149,7 +149,7 @@ class ArduPilotMissions(MissionService):
         result = mavlink.MAV_MISSION_ERROR if refused else mavlink.MAV_MISSION_ACCEPTED
         self.send_ack(result, sender, message.mission_type)
 
-    def go_to_item(self, seq: int) -> bool:
+    def set_current_item(self, seq: int) -> bool:
         mission = self.vehicle.mission
         if not 0 <= seq < len(mission.items):
             return False
@@ -164,18 +164,18 @@ class ArduPilotMissions(MissionService):
         receiving, now_s = self.receiving, self.vehicle.time_s
         if receiving is None:
             return
-        if now_s - receiving.heard_s > _GIVE_UP_S:
+        if now_s - receiving.received_s > _TRANSFER_TIMEOUT_S:
             self.receiving = None
             self.send_ack(mavlink.MAV_MISSION_OPERATION_CANCELLED, receiving.partner)
-            self.vehicle.say("Mission upload timeout")
-        elif now_s - receiving.asked_s > _ASK_AGAIN_S:
-            self._ask()
+            self.vehicle.send_text("Mission upload timeout")
+        elif now_s - receiving.requested_s > _REQUEST_INTERVAL_S:
+            self._request_next()
 
-    def _ask(self) -> None:
+    def _request_next(self) -> None:
         receiving = self.receiving
         assert receiving is not None
-        receiving.asked_s = self.vehicle.time_s
-        # The old message, even to those who speak the new one.
+        receiving.requested_s = self.vehicle.time_s
+        # The deprecated message, even to clients that use the new one.
         receiving.partner.channel.send(
             mavlink.MAVLink_mission_request_message(
                 receiving.partner.system,
@@ -188,31 +188,31 @@ class ArduPilotMissions(MissionService):
     def _complete(self, sender: Sender) -> None:
         self.receiving = None
         self.send_ack(mavlink.MAV_MISSION_ACCEPTED, sender)
-        self.vehicle.say("Flight plan received")
+        self.vehicle.send_text("Flight plan received")
 
     def _store(self, seq: int, item: Item) -> None:
         items = self.vehicle.mission.items
-        kept = _home(self.vehicle) if seq == 0 else self._as_kept(item)
-        items[seq : seq + 1] = [kept]
+        stored = _home(self.vehicle) if seq == 0 else self._as_stored(item)
+        items[seq : seq + 1] = [stored]
 
-    def _as_kept(self, item: Item) -> Item:
-        """Return what will be read back: not all of what was sent."""
+    def _as_stored(self, item: Item) -> Item:
+        """Return the item as it will be read back: not all fields are stored."""
         numbers = (item.param1, item.param2, item.param3, item.param4)
-        kept_ones = _KEPT[item.command]
+        stored_ones = _STORED_PARAMETERS[item.command]
         param1, param2, param3, param4 = (
-            value if number in kept_ones else 0.0 for number, value in enumerate(numbers, 1)
+            value if number in stored_ones else 0.0 for number, value in enumerate(numbers, 1)
         )
         if item.command in _WHOLE_SECONDS:
             param1 = float(max(0, min(int(param1), 65535)))
-        kept = replace(
+        stored = replace(
             item, autocontinue=1, param1=param1, param2=param2, param3=param3, param4=param4
         )
         if item.command not in PLACES:
-            return replace(kept, frame=mavlink.MAV_FRAME_GLOBAL, x=0, y=0, z=0.0)
+            return replace(stored, frame=mavlink.MAV_FRAME_GLOBAL, x=0, y=0, z=0.0)
         x, y = item.x, item.y
         if (x, y) != (0, 0):
             x, y = (v + self.vehicle.random.choice((-1, 0, 1)) for v in (x, y))
-        return replace(kept, frame=_frames_read_back()[item.frame], x=x, y=y)
+        return replace(stored, frame=_frames_read_back()[item.frame], x=x, y=y)
 
 
 def _home(vehicle: Vehicle) -> Item:

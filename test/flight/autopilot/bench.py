@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle on the bench: no process, no socket, and time passes when it is told to."""
+"""A vehicle on the bench: no process, no socket, and time passes in `wait` and `until` alone."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GUIDED, AUTO, LOITER, RTL = 4, 3, 5, 6
 """Modes of ArduCopter, as HEARTBEAT.custom_mode has them."""
 
 POSITION_ONLY = 3576
-"""Type mask of a set-point that is a position and nothing else."""
+"""Type mask of a setpoint that is a position and nothing else."""
 
 
 class Bench:
@@ -29,21 +29,21 @@ class Bench:
 
     Attributes:
         vehicle: The vehicle.
-        heard: What the ground station has got, oldest first.
+        received: Messages that the ground station has received, oldest first.
         sent: The same as bytes.
     """
 
     def __init__(self, **settings: Any) -> None:
         self.vehicle: Vehicle = make_vehicle(Settings(**settings))
-        self.heard: list[Message] = []
+        self.received: list[Message] = []
         self.sent: list[bytes] = []
         self._codecs: dict[tuple[int, int], Codec] = {}
-        self._ear = Codec(200, self.vehicle.settings.key)
-        self.channel = self.vehicle.connect(self._hear, datagram=True)
+        self._receiver = Codec(200, self.vehicle.settings.key)
+        self.channel = self.vehicle.connect(self._receive, datagram=True)
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         self.sent.append(data)
-        self.heard += self._ear.decode_all(data, datagram=True)
+        self.received += self._receiver.decode_all(data, datagram=True)
 
     # Time
 
@@ -59,7 +59,7 @@ class Bench:
             self.wait(TICK_S)
         return self.vehicle.time_s - start_s
 
-    # Speaking
+    # Sending
 
     def send(self, message: Message, system: int = 255, component: int = 190) -> None:
         """Send a message to the vehicle."""
@@ -67,7 +67,7 @@ class Bench:
         if key not in self._codecs:
             self._codecs[key] = Codec(system, self.vehicle.settings.key)
             self._codecs[key].srcComponent = component
-        self.vehicle.hear(self.channel, self._codecs[key].encode(message))
+        self.vehicle.receive(self.channel, self._codecs[key].encode(message))
 
     def command(self, number: int, *parameters: float, target: int | None = None) -> int | None:
         """Send a COMMAND_LONG and return the result of its acknowledgement, if there is one."""
@@ -89,12 +89,12 @@ class Bench:
         )  # fmt: skip
 
     def _acknowledged(self, message: Message) -> int | None:
-        before = len(self.heard)
+        before = len(self.received)
         self.send(message)
-        acks = [m for m in self.heard[before:] if m.get_type() == "COMMAND_ACK"]
+        acks = [m for m in self.received[before:] if m.get_type() == "COMMAND_ACK"]
         return acks[-1].result if acks else None
 
-    def set_point(
+    def setpoint(
         self, north_m: float, east_m: float, alt_m: float, frame: int = 6, target: int = 1
     ) -> None:
         """Send a SET_POSITION_TARGET_GLOBAL_INT for a place that many metres from home."""
@@ -107,14 +107,14 @@ class Bench:
         )  # fmt: skip
 
     def stream(self, message_id: int, rate_hz: float) -> None:
-        """Ask for messages of a kind."""
+        """Request messages of a kind."""
         assert self.command(511, message_id, 1e6 / rate_hz) == ACCEPTED
 
-    # Hearing
+    # Receiving
 
     def all(self, kind: str) -> list[Message]:
         """Return the messages of a kind."""
-        return [message for message in self.heard if message.get_type() == kind]
+        return [message for message in self.received if message.get_type() == kind]
 
     def last(self, kind: str) -> Message:
         """Return the last message of a kind."""
@@ -129,11 +129,11 @@ class Bench:
     def fly_to_altitude(self, up_m: float = 20.0) -> None:
         """Wait until it is ready, and take off: ArduCopter in GUIDED, PX4 then in HOLD."""
         self.until(lambda: self.vehicle.ready)
-        if self.vehicle.settings.dialect == "ardupilot":
+        if self.vehicle.settings.autopilot == "ardupilot":
             assert self.command(176, 1, GUIDED) == ACCEPTED
         assert self.command(400, 1) == ACCEPTED
         open_ = math.nan
-        above_sea = self.vehicle.settings.dialect == "px4"
+        above_sea = self.vehicle.settings.autopilot == "px4"
         z = up_m + (self.vehicle.settings.home.alt_amsl_m if above_sea else 0.0)
         assert self.command(22, 0, 0, 0, open_, open_, open_, z) == ACCEPTED
         self.until(lambda: self.vehicle.craft.up_m > up_m - 0.3)
@@ -141,33 +141,33 @@ class Bench:
 
     # Missions
 
-    def offer(self, items: Sequence[Item], system: int = 255) -> None:
-        """Announce a mission, and send no item."""
+    def send_count(self, items: Sequence[Item], system: int = 255) -> None:
+        """Start an upload without sending an item."""
         self.send(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0), system)
 
-    def give(self, items: Sequence[Item], seq: int, system: int = 255) -> None:
+    def send_item(self, items: Sequence[Item], seq: int, system: int = 255) -> None:
         """Send one item."""
         self.send(items[seq].message(seq, 0, (1, 1), current=False, floats=False), system)
 
     def upload(self, items: Sequence[Item]) -> int:
         """Send a mission, and return the MISSION_ACK's type."""
-        before = len(self.heard)
-        self.offer(items)
+        before = len(self.received)
+        self.send_count(items)
         for seq in range(len(items)):
-            self.give(items, seq)
-        acks = [m for m in self.heard[before:] if m.get_type() == "MISSION_ACK"]
+            self.send_item(items, seq)
+        acks = [m for m in self.received[before:] if m.get_type() == "MISSION_ACK"]
         result: int = acks[-1].type
         return result
 
     def download(self) -> list[Item]:
         """Read the mission back."""
-        before = len(self.heard)
+        before = len(self.received)
         self.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
         count = self.last("MISSION_COUNT").count
         for seq in range(count):
             self.send(mavlink.MAVLink_mission_request_int_message(1, 1, seq, 0))
         self.send(mavlink.MAVLink_mission_ack_message(1, 1, 0, 0))
-        got = [m for m in self.heard[before:] if m.get_type() == "MISSION_ITEM_INT"]
+        got = [m for m in self.received[before:] if m.get_type() == "MISSION_ITEM_INT"]
         return [Item.received(message) for message in got]
 
     def item(

@@ -19,7 +19,7 @@ class Channel:
         datagram: Whether bytes come in whole frames.
 
     Attributes:
-        silent: While it is, nothing is sent nor heard.
+        silent: While it is, nothing is sent or received.
         due_s: Vehicle time of the next message to stream.
     """
 
@@ -56,7 +56,7 @@ class Channel:
         self.due_s = min(self._next.values(), default=math.inf)
 
     def stream_only(self, intervals_s: Mapping[int, float], now_s: float) -> None:
-        """Stream these and nothing else; what was streamed already keeps its pace."""
+        """Stream these and nothing else; what was streamed already keeps its phase."""
         self._next = {number: self._next.get(number, now_s) for number in intervals_s}
         self._intervals = dict(intervals_s)
         self.due_s = min(self._next.values(), default=math.inf)
@@ -66,14 +66,14 @@ class Channel:
         taken = [number for number, due_s in self._next.items() if due_s <= now_s]
         for number in taken:
             interval_s = self._intervals[number]
-            # As often as is asked for in the mean, but never twice at once.
+            # The mean rate is the requested one, but no message is sent twice at once.
             self._next[number] = max(self._next[number] + interval_s, now_s)
         self.due_s = min(self._next.values(), default=math.inf)
         return taken
 
 
 class Sender(NamedTuple):
-    """Who sent a message, and over which link."""
+    """Sender of a message, and its link."""
 
     channel: Channel
     system: int

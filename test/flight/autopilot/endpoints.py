@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sockets that a vehicle talks through: UDP to anybody, TCP to one client at a time."""
+"""Sockets of a vehicle: UDP to several peers, TCP to one client at a time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Endpoint(ABC):
 
     Attributes:
         datagram: Whether bytes come in whole frames.
-        connection: How pymavlink names the other end.
+        connection: Connection string with which pymavlink connects to it.
     """
 
     datagram: bool
@@ -39,15 +39,15 @@ class Endpoint(ABC):
 
     @abstractmethod
     def transmit(self, data: bytes) -> None:
-        """Send one frame to whoever is there; never wait."""
+        """Send one frame to all peers, without blocking."""
 
 
 class UdpEndpoint(Endpoint):
-    """UDP to one address at first, if one is given, and to everybody who has sent something.
+    """UDP to one address first, if one is given, and to every peer that has sent something.
 
     Args:
         local: What to bind to; port 0 takes a free one.
-        peer: Whom to send to before anybody has been heard.
+        peer: Address to send to before anything was received.
     """
 
     datagram = True
@@ -56,7 +56,7 @@ class UdpEndpoint(Endpoint):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.bind(local)
-        # The one heard last comes last.
+        # The most recent sender comes last.
         self._peers: dict[Address, None] = {} if peer is None else {peer: None}
         host, port = self._socket.getsockname()
         self.connection = f"udpout:{host}:{port}" if peer is None else f"udpin:{peer[0]}:{peer[1]}"
@@ -69,7 +69,7 @@ class UdpEndpoint(Endpoint):
                 except BlockingIOError:
                     return
                 except OSError:
-                    # Someone we sent to is not there (yet).
+                    # A peer has not opened its port, or has closed it.
                     continue
                 self._peers.pop(peer, None)
                 self._peers[peer] = None
@@ -86,7 +86,7 @@ class UdpEndpoint(Endpoint):
 
 
 class TcpEndpoint(Endpoint):
-    """TCP to one client; the next one waits until it has gone.
+    """TCP to one client; the next one waits until that one disconnects.
 
     Args:
         local: What to bind to; port 0 takes a free one.
@@ -112,7 +112,7 @@ class TcpEndpoint(Endpoint):
             try:
                 self._client = self._listener.accept()[0]
             except OSError:
-                # It has gone already.
+                # It has disconnected already.
                 return
             selector.unregister(self._listener)
             self._client.setblocking(False)
@@ -143,6 +143,6 @@ class TcpEndpoint(Endpoint):
             return
         if len(self._unsent) < _MAX_UNSENT:
             self._unsent += data
-        # A client that has gone is noticed when its end is read.
+        # A closed connection is noticed when it is read.
         with contextlib.suppress(OSError):
             del self._unsent[: self._client.send(self._unsent)]

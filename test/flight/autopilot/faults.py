@@ -20,7 +20,7 @@ class Fault:
     """One failure.
 
     Attributes:
-        kind: `link`: nothing is sent nor heard. `acks`: each COMMAND_ACK is lost, with a
+        kind: `link`: nothing is sent or received. `acks`: each COMMAND_ACK is lost, with a
             probability if the value is one. `mission_acks`: likewise each MISSION_ACK.
             `battery`: it runs low, and the vehicle returns, PX4's holds and lands. `pilot`: a
             pilot takes over, in the mode that the value names.
@@ -46,7 +46,7 @@ class Fault:
         match = _FORM.fullmatch(text)
         if match is None or match["kind"] not in KINDS:
             raise ValueError(
-                f"{text!r} is no fault; KIND@[airborne:]SECONDS[+SECONDS][=VALUE] with a kind of "
+                f"{text!r} is not allowed; KIND@[airborne:]SECONDS[+SECONDS][=VALUE], KIND "
                 + ", ".join(KINDS)
             )
         return cls(

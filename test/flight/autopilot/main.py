@@ -19,17 +19,18 @@ from .px4 import Px4
 from .settings import Settings
 from .vehicle import Vehicle
 
-# However fast vehicle time goes, the process sleeps this long when nobody speaks, and then catches
-# up. Twenty of them have to share two cores.
+# However fast vehicle time goes, the process sleeps this long when nothing arrives, and then
+# catches up. Twenty of them have to share two cores.
 _MIN_SLEEP_S = 0.02
 # Vehicle time that may pass at once. On a machine that is too busy vehicle time goes more slowly,
-# as it does with SITL: otherwise what waits in the sockets would come too late for a failsafe.
+# as it does with SITL: otherwise messages waiting in the sockets would arrive too late for a
+# failsafe.
 _STRIDE_S = 0.25
 
 
 def make_vehicle(settings: Settings) -> Vehicle:
-    """Return a vehicle with the manners of its dialect."""
-    return {"ardupilot": ArduCopter, "px4": Px4}[settings.dialect](settings)
+    """Return a vehicle with the behaviour of its autopilot."""
+    return {"ardupilot": ArduCopter, "px4": Px4}[settings.autopilot](settings)
 
 
 def run(
@@ -37,12 +38,12 @@ def run(
 ) -> None:
     """Fly until the standard input ends, or for ever.
 
-    If there is TCP, vehicle time does not begin before the first client of the first such endpoint.
+    With TCP, vehicle time starts when the first client of the first such endpoint connects.
     """
     stride_s = max(_STRIDE_S, 2 * _MIN_SLEEP_S * speedup)
     awaited = next((end for end in endpoints if isinstance(end, TcpEndpoint)), None)
     start_s: float | None = None
-    over = False
+    ended = False
 
     def advance() -> None:
         nonlocal start_s
@@ -55,11 +56,11 @@ def run(
 
     def receive(channel: Channel, data: bytes) -> None:
         advance()
-        vehicle.hear(channel, data)
+        vehicle.receive(channel, data)
 
     def read_input() -> None:
-        nonlocal over
-        over = not os.read(sys.stdin.fileno(), 1024)
+        nonlocal ended
+        ended = not os.read(sys.stdin.fileno(), 1024)
 
     with DefaultSelector() as selector:
         for endpoint in endpoints:
@@ -67,7 +68,7 @@ def run(
             endpoint.register(selector, partial(receive, channel))
         if until_eof:
             selector.register(sys.stdin, EVENT_READ, read_input)
-        while not over:
+        while not ended:
             wait_s = None
             if start_s is None and (awaited is None or awaited.has_client):
                 start_s = time.monotonic()
@@ -94,11 +95,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(endpoint.connection)
     sys.stdout.flush()
     vehicle = make_vehicle(chosen.settings)
-    vehicle.run_at(chosen.speedup)
+    vehicle.set_speedup(chosen.speedup)
     run(vehicle, endpoints, chosen.speedup, until_eof=chosen.until_eof)
     return 0
 
 
 def _beside(host: str) -> tuple[str, int]:
-    """Return what to bind to: this machine alone, if the other end is on it."""
+    """Return the address to bind to: this machine alone, if the peer is on it."""
     return ("127.0.0.1" if host in ("localhost", "127.0.0.1") else "", 0)

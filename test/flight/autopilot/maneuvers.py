@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the vehicle can be doing in the air; a mode is a choice among these."""
+"""Maneuvers of the vehicle; a mode chooses among these."""
 
 from __future__ import annotations
 

@@ -107,8 +107,8 @@ def px4_mission(pilot: Pilot) -> dict[str, Any]:
     }
 
 
-def px4_set_points(pilot: Pilot) -> dict[str, Any]:
-    """Take off, go somewhere, fly set-points, land."""
+def px4_setpoints(pilot: Pilot) -> dict[str, Any]:
+    """Take off, go somewhere, fly setpoints, land."""
     pilot.action.set_takeoff_altitude(5.0)
     pilot.arm()
     pilot.action.takeoff()
@@ -128,7 +128,7 @@ def px4_set_points(pilot: Pilot) -> dict[str, Any]:
                 pilot.offboard.start()
         return bool(pilot.telemetry.position_velocity_ned().position.east_m > 9.0)
 
-    until(there, "set-point")
+    until(there, "setpoint")
     pilot.offboard.stop()
     pilot.action.land()
     pilot.be_down()
@@ -170,7 +170,7 @@ def _fields(item: RawItem) -> dict[str, Any]:
     return {name: getattr(item, name) for name in ("seq", "frame", "command", "x", "y", "z")}
 
 
-SCENES = {scene.__name__: scene for scene in (px4_mission, px4_set_points, ardupilot_mission)}
+SCENES = {scene.__name__: scene for scene in (px4_mission, px4_setpoints, ardupilot_mission)}
 
 
 def main(scene: str, connection: str) -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Items of a mission as the vehicle keeps them."""
+"""Items of a mission as the vehicle stores them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PLACES = frozenset(
         mavlink.MAV_CMD_DO_SET_ROI,
     }
 )
-"""Commands that have a place."""
+"""Commands that have a position."""
 
 
 @dataclass(frozen=True)

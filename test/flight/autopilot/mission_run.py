@@ -57,7 +57,7 @@ class Mission:
 class MissionRun(Maneuver):
     """Fly the mission from its current item on.
 
-    An item is finished as it was begun, even if others have been stored meanwhile.
+    An item that was started is flown to its end, even if others have been stored meanwhile.
     """
 
     def __init__(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What both vehicles' ends of the mission protocol share: https://mavlink.io/en/services/mission.html."""
+"""What both autopilots' sides of the mission protocol share: https://mavlink.io/en/services/mission.html."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ MAX_ITEMS = 724
 
 @dataclass
 class Receiving:
-    """An upload under way.
+    """An upload in progress.
 
     Attributes:
-        partner: Who sends.
+        partner: The sender.
         count: Number of items to come.
         items: Those that have come.
-        heard_s: Vehicle time of the last one.
-        asked_s: Vehicle time of the last request.
+        received_s: Vehicle time of the last one.
+        requested_s: Vehicle time of the last request.
     """
 
     partner: Sender
     count: int
     items: list[Item]
-    heard_s: float
-    asked_s: float
+    received_s: float
+    requested_s: float
 
 
 class MissionService(ABC):
-    """The vehicle's end of the mission protocol."""
+    """The vehicle's side of the mission protocol."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
@@ -57,43 +57,43 @@ class MissionService(ABC):
 
     @abstractmethod
     def count(self, message: Message, sender: Sender) -> None:
-        """Begin an upload."""
+        """Start an upload."""
 
     @abstractmethod
     def item(self, message: Message, sender: Sender) -> None:
-        """Take an item of an upload."""
+        """Receive an item of an upload."""
 
     @abstractmethod
     def request_list(self, message: Message, sender: Sender) -> None:
-        """Begin a download."""
+        """Start a download."""
 
     @abstractmethod
     def request(self, message: Message, sender: Sender) -> None:
-        """Give an item of a download."""
+        """Send an item of a download."""
 
     @abstractmethod
     def clear_all(self, message: Message, sender: Sender) -> None:
-        """Forget the mission."""
+        """Delete the mission."""
 
     def ack(self, message: Message, sender: Sender) -> None:  # noqa: B027
-        """Hear the end of a download."""
+        """End a download, or cancel an upload."""
 
     def set_current(self, message: Message, sender: Sender) -> None:
-        """Go on with another item."""
-        if self.go_to_item(message.seq):
+        """Continue with another item."""
+        if self.set_current_item(message.seq):
             mission_current = self.vehicle.builders[mavlink.MAVLINK_MSG_ID_MISSION_CURRENT]
             self.vehicle.broadcast(mission_current(self.vehicle))
 
     @abstractmethod
-    def go_to_item(self, seq: int) -> bool:
+    def set_current_item(self, seq: int) -> bool:
         """Make an item the current one; return whether there is such an item."""
 
     @abstractmethod
     def tick(self) -> None:
-        """Ask again, or give up."""
+        """Repeat a request, or end a stalled transfer."""
 
     def send_ack(self, result: int, sender: Sender, mission_type: int = 0) -> None:
-        """Send a MISSION_ACK, if it does not get lost."""
+        """Send a MISSION_ACK, if it is not lost."""
         if not self.vehicle.loses("mission_acks"):
             sender.channel.send(
                 mavlink.MAVLink_mission_ack_message(
@@ -110,7 +110,7 @@ class MissionService(ABC):
         )
 
     def send_item(self, seq: int, item: Item, request: Message, sender: Sender) -> None:
-        """Answer a request in kind, with MISSION_ITEM_INT or MISSION_ITEM."""
+        """Reply to a request with MISSION_ITEM_INT or MISSION_ITEM, as requested."""
         sender.channel.send(
             item.message(
                 seq,
@@ -124,7 +124,7 @@ class MissionService(ABC):
     def _missions_only(
         self, handler: Callable[[Message, Sender], None]
     ) -> Callable[[Message, Sender], None]:
-        """Keep fences and rally points out: there are none, and none are taken."""
+        """Refuse fences and rally points."""
 
         def handle(message: Message, sender: Sender) -> None:
             kind = message.mission_type

@@ -24,39 +24,39 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Return `settings`, `udp`, `udpin` and `tcp` (addresses), `speedup` and `until_eof`.
 
     Raises:
-        SystemExit: If they make no sense.
+        SystemExit: If they are not allowed.
     """
     parser = argparse.ArgumentParser(
         prog="autopilot",
-        description="A simulated autopilot with the manners of ArduCopter or PX4.",
-        epilog="It prints how pymavlink names the other end of each link, one a line.",
+        description="A simulated autopilot that behaves as ArduCopter or PX4.",
+        epilog="It prints the connection strings for pymavlink, one a line.",
     )
     add = parser.add_argument
     add("--sysid", type=_system, default=1, help="system id (%(default)s)")
-    add("--dialect", choices=_MODES, default="ardupilot", help="whose manners (%(default)s)")
+    add("--autopilot", choices=_MODES, default="ardupilot", help="whose behaviour (%(default)s)")
     add("--udp", type=_argument(address), action="append", default=[], metavar="[HOST:]PORT",
-        help="send there first, and to everybody who is heard")  # fmt: skip
+        help="send there first, and to every peer that sends something")  # fmt: skip
     add("--udpin", type=_argument(address), action="append", default=[], metavar="[HOST:]PORT",
-        help="wait there to be spoken to; port 0 takes a free one")  # fmt: skip
+        help="listen there; port 0 takes a free one")  # fmt: skip
     add("--tcp", type=_argument(address), action="append", default=[], metavar="[HOST:]PORT",
-        help="serve one client; nothing starts until the first one comes")  # fmt: skip
+        help="serve one client; vehicle time starts when the first one connects")  # fmt: skip
     add("--home", type=_argument(_place), default=Settings.home, metavar="LAT,LON,ALT",
         help="where it stands, degrees and metres above the sea")  # fmt: skip
     add("--speedup", type=_argument(_positive), default=1.0, metavar="FACTOR",
         help="vehicle time in a second of wall time, if the machine can (%(default)s)")  # fmt: skip
-    add("--seed", type=int, default=0, help="of all that is random (%(default)s)")
+    add("--seed", type=int, default=0, help="random seed (%(default)s)")
     add("--signing-key", type=_argument(_key), default=None, metavar="FILE", dest="key",
-        help="32 bytes or 64 hexadecimal digits; then all is signed, or not heard")  # fmt: skip
+        help="32 bytes or 64 hexadecimal digits; then unsigned messages are dropped")  # fmt: skip
     add("--ready", type=_argument(_positive), default=None, metavar="SECONDS",
         help="vehicle time until it can be armed (42, px4: 10)")  # fmt: skip
-    add("--deaf", type=float, default=Settings.deaf_s, metavar="SECONDS",
-        help="requests for messages are acknowledged and lost so long (%(default)s)")  # fmt: skip
-    add("--no-gps", action="store_false", dest="gps", help="never know where it is")
+    add("--requests-lost", type=float, default=Settings.requests_lost_s, metavar="SECONDS",
+        help="time in which message requests are acknowledged and lost (%(default)s)")  # fmt: skip
+    add("--no-gps", action="store_false", dest="gps", help="never have a position")
     add("--endurance", type=_argument(_positive), default=Settings.endurance_s, metavar="SECONDS",
         help="time in the air that the battery lasts (%(default)s)")  # fmt: skip
     add("--fault", type=_argument(Fault.parse), action="append", default=[],
         metavar="KIND@[airborne:]SECONDS[+SECONDS][=VALUE]",
-        help=f"what goes wrong, when and for how long, of {', '.join(KINDS)}; "
+        help=f"a failure, its time and duration, of {', '.join(KINDS)}; "
         "the value of acks is a probability, that of pilot a mode")  # fmt: skip
     add("--param", type=_argument(_parameter), action="append", default=[], metavar="NAME=VALUE",
         help="value of a parameter instead of the usual one")  # fmt: skip
@@ -64,18 +64,18 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     options = parser.parse_args(arguments)
     if not options.udp + options.udpin + options.tcp:
         parser.error("no link: give --udp, --udpin or --tcp")
-    modes = _MODES[options.dialect].__members__
+    modes = _MODES[options.autopilot].__members__
     for fault in options.fault:
         if fault.kind == "pilot" and fault.value not in {"", *modes}:
-            parser.error(f"pilot: {fault.value} is no mode; one of {', '.join(modes)}")
+            parser.error(f"pilot: {fault.value} is not allowed; one of {', '.join(modes)}")
     options.settings = Settings(
         system=options.sysid,
-        dialect=options.dialect,
+        autopilot=options.autopilot,
         home=options.home,
         seed=options.seed,
         key=options.key,
-        ready_s=options.ready or _READY_S[options.dialect],
-        deaf_s=options.deaf,
+        ready_s=options.ready or _READY_S[options.autopilot],
+        requests_lost_s=options.requests_lost,
         gps=options.gps,
         endurance_s=options.endurance,
         faults=tuple(options.fault),
@@ -94,7 +94,7 @@ def address(text: str) -> Address:
 
 
 def _argument(read: Callable[[str], T]) -> Callable[[str], T]:
-    """Have the reason of a ValueError shown."""
+    """Have argparse show the reason of an error."""
 
     def convert(text: str) -> T:
         try:
@@ -123,7 +123,7 @@ def _system(text: str) -> int:
 def _place(text: str) -> Place:
     numbers = [float(part) for part in text.split(",")]
     if len(numbers) != 3 or abs(numbers[0]) > 90 or abs(numbers[1]) > 180:
-        raise ValueError(f"{text} is no place; latitude, longitude, altitude")
+        raise ValueError(f"{text} is not allowed; latitude,longitude,altitude")
     return Place(*numbers)
 
 
@@ -132,7 +132,7 @@ def _key(text: str) -> bytes:
     if len(key.strip()) == 64:
         key = bytes.fromhex(key.strip().decode("ascii"))
     if len(key) != 32:
-        raise ValueError(f"{text}: {len(key)} bytes are no key; 32")
+        raise ValueError(f"{text}: {len(key)} bytes are not allowed; 32")
     return key
 
 

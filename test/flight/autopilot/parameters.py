@@ -23,7 +23,7 @@ class Parameters:
     Args:
         defaults: Their names, types and first values.
         bytewise: Whether a whole number travels as its bits, as PX4 has it, or as its value.
-        broadcast: Sends a message to everybody.
+        broadcast: Sends a message over all links.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Parameters:
         self.changed(name)
 
     def tick(self) -> None:
-        """Send some more of the lists that were asked for."""
+        """Send some more of the requested lists."""
         for _ in range(min(_BURST, len(self._queue))):
             sender, name = self._queue.popleft()
             sender.channel.send(self.message(name))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The manners of PX4's multicopter."""
+"""The behaviour of PX4's multicopter."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ class Px4(Vehicle):
     """A vehicle that behaves as PX4 does without a remote control.
 
     Attributes:
-        mode: The one that it is in, be it by a failsafe.
-        events: In words, what it has sent as events.
+        mode: The current one, also if a failsafe has set it.
+        events: Texts of the events that it has sent.
         home_above_origin_m: Height of home over the origin of the position estimate.
     """
 
@@ -127,15 +127,14 @@ class Px4(Vehicle):
         self.events: list[str] = []
         self.home_above_origin_m = 0.0
         self._stations: list[Channel] = []
-        self._intended = self._after_disarming = Mode.HOLD
+        self._after_disarming = Mode.HOLD
         self._failsafe_s = 0.0
         self._has_landed = False
-        self._set_point: Message | None = None
-        self._set_point_s = -math.inf
+        self._setpoint_s = -math.inf
         self._reached_repeats = 0
         self._last_current = 0
         super().__init__(settings)
-        self.understand(
+        self.add_commands(
             {
                 mavlink.MAV_CMD_NAV_TAKEOFF: self._nav_takeoff,
                 mavlink.MAV_CMD_NAV_LAND: lambda _: self.set_mode_number(Mode.LAND),
@@ -145,8 +144,8 @@ class Px4(Vehicle):
             }
         )
 
-    def run_at(self, speedup: float) -> None:
-        # As its start script does in simulation: the sender's time does not go faster.
+    def set_speedup(self, speedup: float) -> None:
+        # As its start script does in simulation: the sender's clock is not sped up.
         self.parameters["COM_OF_LOSS_T"] = max(speedup, 1.0)
 
     def _own_parameters(self) -> Mapping[str, Number]:
@@ -162,7 +161,7 @@ class Px4(Vehicle):
 
     @property
     def ready(self) -> bool:
-        """Whether it can be armed in its mode: in OFFBOARD only while set-points come."""
+        """Whether it can be armed in its mode: in OFFBOARD only while setpoints come."""
         if self.mode in _PREVENT_ARMING or (self.mode is Mode.OFFBOARD and not self._has_stream):
             return False
         return super().ready
@@ -255,25 +254,27 @@ class Px4(Vehicle):
         return ACCEPTED if self.set_mode(mode) else TEMPORARILY_REJECTED
 
     def set_mode(self, mode: Mode) -> bool:
-        """Change the mode, unless something is against it; on the ground nothing is."""
+        """Change the mode, unless it is refused; disarmed, none is."""
         if mode == self.mode and not self.failsafes:
             return True
         problem = self._mode_problem(mode) if self.armed else ""
         if problem:
-            self.say(f"Switching to {mode.name} denied: {problem}", mavlink.MAV_SEVERITY_CRITICAL)
+            self.send_text(
+                f"Switching to {mode.name} denied: {problem}", mavlink.MAV_SEVERITY_CRITICAL
+            )
             return False
         self.failsafes.clear()
-        self._intend(mode)
+        self._set_intended_mode(mode)
         self._enter_mode()
         return True
 
-    def _intend(self, mode: Mode) -> None:
-        self.mode = self._intended = mode
+    def _set_intended_mode(self, mode: Mode) -> None:
+        self.mode = mode
         if mode not in _PREVENT_ARMING and mode is not Mode.TAKEOFF:
             self._after_disarming = mode
 
-    def _fall_into(self, mode: Mode) -> None:
-        """Change the mode by a failsafe; what was intended comes back after it."""
+    def _set_failsafe_mode(self, mode: Mode) -> None:
+        """Change the mode by a failsafe, without changing the one after disarming."""
         self.mode = mode
         self._enter_mode()
 
@@ -307,38 +308,38 @@ class Px4(Vehicle):
 
     def arm(self, *, force: bool) -> int:
         if not self.ready and not force:
-            self.say("Arming denied: Resolve system health failures first", 2)
+            self.send_text("Arming denied: Resolve system health failures first", 2)
             return TEMPORARILY_REJECTED
         self._has_landed = False
         self.start_motors()
-        self.say("Armed by external command")
+        self.send_text("Armed by external command")
         self._enter_mode()
         return ACCEPTED
 
     def disarm(self) -> None:
         if self.armed:
-            self.say("Disarmed by landing" if self._has_landed else "Disarmed")
+            self.send_text("Disarmed by landing" if self._has_landed else "Disarmed")
             self.mission.active = False
             self.failsafes.clear()
-            self._intend(self._after_disarming)
+            self._set_intended_mode(self._after_disarming)
         super().disarm()
         self.maneuver = Hold()
 
     def touch_down(self) -> None:
         super().touch_down()
         self._has_landed = True
-        self.say("Landing detected")
+        self.send_text("Landing detected")
 
     # Commands
 
     def _nav_takeoff(self, command: Command) -> int:
-        # Above the sea, whatever the frame says.
+        # Above the sea in any frame.
         up_m = command.z - self.frame.home.alt_amsl_m
         if not math.isfinite(command.z):
             up_m = self._height_m("MIS_TAKEOFF_ALT")
         if not self.has_position or not self.landed or not Point(0.0, 0.0, up_m).within_reach:
             return TEMPORARILY_REJECTED
-        self._intend(Mode.TAKEOFF)
+        self._set_intended_mode(Mode.TAKEOFF)
         self._enter_mode()
         self.maneuver = self.take_off(up_m)
         return ACCEPTED
@@ -350,7 +351,7 @@ class Px4(Vehicle):
         if command.on_the_earth:
             north_m, east_m = self.frame.horizontal(command.lat_deg, command.lon_deg)
         if math.isfinite(command.z):
-            # Above the sea, whatever the frame says.
+            # Above the sea in any frame.
             up_m = command.z - self.frame.home.alt_amsl_m
         target = Point(north_m, east_m, up_m)
         if not target.within_reach or not self.set_mode(Mode.HOLD):
@@ -363,22 +364,22 @@ class Px4(Vehicle):
             return TEMPORARILY_REJECTED
         return ACCEPTED if self.armed else self.arm(force=False)
 
-    # Set-points
+    # Setpoints
 
     @property
     def _has_stream(self) -> bool:
-        """Whether the last set-point is recent."""
-        return self.time_s - self._set_point_s < self.parameters["COM_OF_LOSS_T"]
+        """Whether the last setpoint is recent."""
+        return self.time_s - self._setpoint_s < self.parameters["COM_OF_LOSS_T"]
 
     def set_position_target(self, message: Message, sender: Sender) -> None:
-        """Take a set-point; it counts in OFFBOARD, and it takes a stream of them to get there."""
-        self._set_point, self._set_point_s = message, self.time_s
+        """Fly to a setpoint in OFFBOARD; that mode needs a stream of them, before it too."""
+        self._setpoint_s = self.time_s
         if self.mode is Mode.OFFBOARD and self.armed:
-            self._follow(message)
+            self._fly_to_setpoint(message)
 
-    def _follow(self, message: Message) -> None:
+    def _fly_to_setpoint(self, message: Message) -> None:
         if self.landed:
-            # Any set-point above it lifts it off the ground.
+            # Any setpoint above it lifts it off the ground.
             self.lift_off()
         if not message.type_mask & _IGNORE_POSITION:
             target = self._target(message)
@@ -408,9 +409,9 @@ class Px4(Vehicle):
 
     def item_begun(self, seq: int, item: Item) -> None:
         if item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
-            # The mission is over with it, and a mission that is over is followed by HOLD.
-            self._intend(Mode.HOLD)
-            self._intend(Mode.RTL)
+            # The mission ends with it, and after a mission comes HOLD.
+            self._set_intended_mode(Mode.HOLD)
+            self._set_intended_mode(Mode.RTL)
 
     def item_reached(self, seq: int) -> None:
         super().item_reached(seq)
@@ -418,31 +419,33 @@ class Px4(Vehicle):
 
     def mission_finished(self) -> None:
         if not self.landed:
-            self.say("Mission finished, loitering")
+            self.send_text("Mission finished, loitering")
 
-    # What happens by itself
+    # Periodic checks
 
     def tick(self) -> None:
-        self._say_progress()
+        self._send_progress()
         if isinstance(self.maneuver, TakeOff) and self.mode is Mode.TAKEOFF and self.maneuver.done:
             target = self.maneuver.target
-            self._intend(Mode.HOLD)
+            self._set_intended_mode(Mode.HOLD)
             self.maneuver = GoTo(target)
         if self.armed and self.mode is Mode.OFFBOARD and not self._has_stream:
-            self.say("Failsafe activated", mavlink.MAV_SEVERITY_CRITICAL)
+            self.send_text("Failsafe activated", mavlink.MAV_SEVERITY_CRITICAL)
             self.failsafes.add("offboard")
-            self._fall_into(_OFFBOARD_LOSS.get(int(self.parameters["COM_OBL_RC_ACT"]), Mode.RTL))
+            self._set_failsafe_mode(
+                _OFFBOARD_LOSS.get(int(self.parameters["COM_OBL_RC_ACT"]), Mode.RTL)
+            )
         elif self.failsafes == {"offboard"} and self._has_stream:
             self.failsafes.clear()
-            self._fall_into(Mode.OFFBOARD)
+            self._set_failsafe_mode(Mode.OFFBOARD)
         holds = "battery" in self.failsafes and self.mode is Mode.HOLD
         if holds and self.time_s >= self._failsafe_s:
-            self._fall_into(Mode.LAND)
+            self._set_failsafe_mode(Mode.LAND)
 
-    def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
-        """Send an EVENT, a number without words, here one made of the text.
+    def send_text(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
+        """Send an EVENT, a number without a text, here one made of the text.
 
-        The words go only where a ground station is heard, with a tab behind them.
+        The text, with a tab at its end, goes only to links with a ground station.
         """
         number = 0x811C9DC5
         for letter in text.encode():
@@ -453,11 +456,11 @@ class Px4(Vehicle):
         for channel in self._stations:
             channel.send(mavlink.MAVLink_statustext_message(severity, f"{text}\t".encode()[:50]))
 
-    def heard_heartbeat(self, message: Message, sender: Sender) -> None:
+    def handle_heartbeat(self, message: Message, sender: Sender) -> None:
         if message.type == mavlink.MAV_TYPE_GCS and sender.channel not in self._stations:
             self._stations.append(sender.channel)
 
-    def _say_progress(self) -> None:
+    def _send_progress(self) -> None:
         if self.mission.current != self._last_current:
             self._last_current = self.mission.current
             self.broadcast(self.builders[mavlink.MAVLINK_MSG_ID_MISSION_CURRENT](self))
@@ -469,10 +472,10 @@ class Px4(Vehicle):
 
     def battery_failsafe(self) -> None:
         self.battery = min(self.battery, _EMERGENCY)
-        self.say("Emergency battery level", mavlink.MAV_SEVERITY_EMERGENCY)
+        self.send_text("Emergency battery level", mavlink.MAV_SEVERITY_EMERGENCY)
         if self.armed and not self.landed:
             self._failsafe_s = self.time_s + _FAILSAFE_DELAY_S
-            self._fall_into(Mode.HOLD)
+            self._set_failsafe_mode(Mode.HOLD)
 
     def pilot_takes_over(self, mode: str) -> None:
         self.set_mode(Mode[mode or "POSCTL"])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PX4's end of the mission protocol.
+"""PX4's side of the mission protocol.
 
-There are two places for a mission, and the new one counts only when it is complete. The transfer
-has one partner at a time, and others hear MAV_MISSION_ERROR.
+There is storage for two missions, and the new one becomes valid only when it is complete. The
+transfer has one partner at a time, and others get MAV_MISSION_ERROR.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .wire import Message, mavlink
 if TYPE_CHECKING:
     from .vehicle import Vehicle
 
-_ASK_AGAIN_S = 0.25
-_GIVE_UP_S = 5.0
+_REQUEST_INTERVAL_S = 0.25
+_TRANSFER_TIMEOUT_S = 5.0
 _FRAMES = GLOBAL_FRAMES | {mavlink.MAV_FRAME_MISSION}
 _KNOWN = frozenset(
     {
@@ -53,12 +53,12 @@ _KNOWN = frozenset(
 
 
 @dataclass
-class _Giving:
-    """A download under way: to whom, and the number of the item to come next."""
+class _Sending:
+    """A download in progress: its client, and the number of the next item."""
 
     partner: Sender
-    following: int
-    heard_s: float
+    next_seq: int
+    received_s: float
 
 
 def _refusal(item: Item) -> int | None:
@@ -69,8 +69,8 @@ def _refusal(item: Item) -> int | None:
     return item.place_fault()
 
 
-def _as_kept(item: Item) -> Item:
-    """Return what will be read back: the frames are those of integers."""
+def _as_stored(item: Item) -> Item:
+    """Return the item as it will be read back: with the frame of integers."""
     if item.frame in RELATIVE_FRAMES:
         return replace(item, frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
     if item.frame in ABSOLUTE_FRAMES:
@@ -79,16 +79,16 @@ def _as_kept(item: Item) -> Item:
 
 
 class Px4Missions(MissionService):
-    """PX4's end of the mission protocol."""
+    """PX4's side of the mission protocol."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle)
-        self._giving: _Giving | None = None
+        self._sending: _Sending | None = None
         self._last: tuple[Sender, int] | None = None
 
     def count(self, message: Message, sender: Sender) -> None:
         receiving = self.receiving
-        if self._giving is not None:
+        if self._sending is not None:
             self._busy(sender)
         elif receiving is None:
             if message.count > MAX_ITEMS:
@@ -99,39 +99,39 @@ class Px4Missions(MissionService):
             else:
                 now_s = self.vehicle.time_s
                 self.receiving = Receiving(sender, message.count, [], now_s, now_s)
-                self._ask()
+                self._request_next()
         elif receiving.partner[1:] != sender[1:]:
             self.send_ack(mavlink.MAV_MISSION_ERROR, sender)
         elif receiving.items:
             self._busy(sender)
         else:
-            receiving.heard_s = self.vehicle.time_s
-            self._ask()
+            receiving.received_s = self.vehicle.time_s
+            self._request_next()
 
     def item(self, message: Message, sender: Sender) -> None:
         receiving = self.receiving
         if receiving is None:
-            # The last item again: our acknowledgement was lost.
+            # The last item again: the acknowledgement was lost.
             again = self._last is not None and self._last == (sender, message.seq)
             result = mavlink.MAV_MISSION_ACCEPTED if again else mavlink.MAV_MISSION_ERROR
             self.send_ack(result, sender)
             return
         if receiving.partner[1:] != sender[1:]:
-            self.vehicle.say("REJ. MIS ITEM: partner id mismatch", mavlink.MAV_SEVERITY_CRITICAL)
+            self._send_error("REJ. MIS ITEM: partner id mismatch")
             return
-        receiving.heard_s = self.vehicle.time_s
+        receiving.received_s = self.vehicle.time_s
         if message.seq != len(receiving.items):
             return
         item = Item.received(message)
         result = _refusal(item)
         if result is not None:
             self.receiving = None
-            self.vehicle.say("IGN MISSION_ITEM: Invalid item", mavlink.MAV_SEVERITY_CRITICAL)
+            self._send_error("IGN MISSION_ITEM: Invalid item")
             self.send_ack(result, sender)
             return
-        receiving.items.append(_as_kept(item))
+        receiving.items.append(_as_stored(item))
         if len(receiving.items) < receiving.count:
-            self._ask()
+            self._request_next()
             return
         self.receiving = None
         self._last = (sender, message.seq)
@@ -140,44 +140,44 @@ class Px4Missions(MissionService):
 
     def request_list(self, message: Message, sender: Sender) -> None:
         if self.receiving is not None:
-            self.vehicle.say("Mission download request ignored, already active")
+            self.vehicle.send_text("Mission download request ignored, already active")
             return
         count = len(self.vehicle.mission.items)
-        self._giving = _Giving(sender, 0, self.vehicle.time_s)
+        self._sending = _Sending(sender, 0, self.vehicle.time_s)
         self.send_count(sender, count)
 
     def request(self, message: Message, sender: Sender) -> None:
-        giving, items = self._giving, self.vehicle.mission.items
-        if giving is None or giving.partner[1:] != sender[1:]:
+        sending, items = self._sending, self.vehicle.mission.items
+        if sending is None or sending.partner[1:] != sender[1:]:
             return
-        giving.heard_s = self.vehicle.time_s
-        if message.seq not in (giving.following, giving.following - 1) or message.seq >= len(items):
-            self._giving = None
+        sending.received_s = self.vehicle.time_s
+        if message.seq not in (sending.next_seq, sending.next_seq - 1) or message.seq >= len(items):
+            self._sending = None
             self.send_ack(mavlink.MAV_MISSION_ERROR, sender)
-            self.vehicle.say("WPM: REJ. CMD: Req. WP was unexpected", mavlink.MAV_SEVERITY_CRITICAL)
+            self._send_error("WPM: REJ. CMD: Req. WP was unexpected")
             return
-        giving.following = message.seq + 1
+        sending.next_seq = message.seq + 1
         self.send_item(message.seq, items[message.seq], message, sender)
 
     def ack(self, message: Message, sender: Sender) -> None:
-        if self._giving is not None and self._giving.partner[1:] == sender[1:]:
-            self._giving = None
+        if self._sending is not None and self._sending.partner[1:] == sender[1:]:
+            self._sending = None
         receiving = self.receiving
         cancelled = message.type == mavlink.MAV_MISSION_OPERATION_CANCELLED
         if receiving is not None and cancelled and receiving.partner[1:] == sender[1:]:
             self.receiving = None
 
     def clear_all(self, message: Message, sender: Sender) -> None:
-        if self.receiving is not None or self._giving is not None:
+        if self.receiving is not None or self._sending is not None:
             self._busy(sender)
             return
         self._replace([])
         self.send_ack(mavlink.MAV_MISSION_ACCEPTED, sender, message.mission_type)
 
-    def go_to_item(self, seq: int) -> bool:
+    def set_current_item(self, seq: int) -> bool:
         mission = self.vehicle.mission
         if not 0 <= seq < len(mission.items):
-            self.vehicle.say("WPM: WP CURR CMD: Not in list", mavlink.MAV_SEVERITY_CRITICAL)
+            self._send_error("WPM: WP CURR CMD: Not in list")
             return False
         active = mission.active
         mission.rewind(seq)
@@ -188,26 +188,29 @@ class Px4Missions(MissionService):
 
     def tick(self) -> None:
         receiving, now_s = self.receiving, self.vehicle.time_s
-        heard_s = math.inf
+        received_s = math.inf
         if receiving is not None:
-            heard_s = receiving.heard_s
-            if now_s - receiving.asked_s > _ASK_AGAIN_S:
-                self._ask()
-        elif self._giving is not None:
-            heard_s = self._giving.heard_s
-        if now_s - heard_s > _GIVE_UP_S:
-            # Without a word to the other end.
-            self.receiving = self._giving = None
-            self.vehicle.say("Operation timeout", mavlink.MAV_SEVERITY_CRITICAL)
+            received_s = receiving.received_s
+            if now_s - receiving.requested_s > _REQUEST_INTERVAL_S:
+                self._request_next()
+        elif self._sending is not None:
+            received_s = self._sending.received_s
+        if now_s - received_s > _TRANSFER_TIMEOUT_S:
+            # Without a message to the client.
+            self.receiving = self._sending = None
+            self._send_error("Operation timeout")
+
+    def _send_error(self, text: str) -> None:
+        self.vehicle.send_text(text, mavlink.MAV_SEVERITY_CRITICAL)
 
     def _busy(self, sender: Sender) -> None:
-        self.vehicle.say("WPM: REJ. CMD: Busy", mavlink.MAV_SEVERITY_CRITICAL)
+        self._send_error("WPM: REJ. CMD: Busy")
         self.send_ack(mavlink.MAV_MISSION_ERROR, sender)
 
-    def _ask(self) -> None:
+    def _request_next(self) -> None:
         receiving = self.receiving
         assert receiving is not None
-        receiving.asked_s = self.vehicle.time_s
+        receiving.requested_s = self.vehicle.time_s
         receiving.partner.channel.send(
             mavlink.MAVLink_mission_request_int_message(
                 receiving.partner.system,

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bad network: passes UDP datagrams on, but loses, doubles, delays and reorders some of them.
 
-`python test/flight/autopilot/relay.py --listen PORT --to PORT --loss 0.3`. What becomes of the
-n-th datagram of a direction depends on the seed and on nothing else. At its end it prints, as
-JSON, how many datagrams of each direction came, were lost and were sent.
+`python test/flight/autopilot/relay.py --listen PORT --to PORT --loss 0.3`. What happens to the
+n-th datagram of a direction depends on the seed alone. At its end it prints, as
+JSON, how many datagrams of each direction were received, lost and sent.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from selectors import EVENT_READ, DefaultSelector
 
 _MAX_DATAGRAM = 65535
 _MAX_DATAGRAMS_AT_ONCE = 64
-# A network loses what it is told to lose, and no more.
+# Large enough that the sockets lose no datagram.
 _BUFFER = 1 << 22
 
 Address = tuple[str, int]
 
 
 @dataclass(frozen=True)
-class Weather:
+class Impairments:
     """What happens to datagrams; shares are probabilities, times are in seconds.
 
     Attributes:
@@ -56,7 +56,7 @@ class Weather:
 class Counts:
     """Datagrams of a direction."""
 
-    came: int = 0
+    received: int = 0
     lost: int = 0
     sent: int = 0
 
@@ -64,21 +64,21 @@ class Counts:
 class Direction:
     """Datagrams that travel one way."""
 
-    def __init__(self, weather: Weather, seed: str) -> None:
+    def __init__(self, impairments: Impairments, seed: str) -> None:
         self.counts = Counts()
-        self._weather = weather
+        self._impairments = impairments
         self._random = random.Random(seed)
 
     def delays_s(self) -> list[float]:
         """Return how long each copy of the next datagram takes."""
-        weather, draw = self._weather, self._random.random
-        # As many draws for each datagram, so that one's fate does not shift another's.
-        lost, doubled = draw() < weather.loss, draw() < weather.duplicate
+        impairments, draw = self._impairments, self._random.random
+        # As many draws for each datagram, so that what happens to one does not affect another.
+        lost, doubled = draw() < impairments.loss, draw() < impairments.duplicate
         delays = []
         for _ in range(2):
-            held_s = weather.hold_s if draw() < weather.reorder else 0.0
-            delays.append(weather.delay_s + weather.jitter_s * draw() + held_s)
-        self.counts.came += 1
+            held_s = impairments.hold_s if draw() < impairments.reorder else 0.0
+            delays.append(impairments.delay_s + impairments.jitter_s * draw() + held_s)
+        self.counts.received += 1
         self.counts.lost += lost
         copies = 0 if lost else 1 + doubled
         self.counts.sent += copies
@@ -86,22 +86,22 @@ class Direction:
 
 
 class Relay:
-    """Two sockets: one for whoever speaks to it, one towards the far end.
+    """Two sockets: one for the client, one towards the far end.
 
     Args:
         listen: What to bind to; port 0 takes a free one.
         to: The far end.
-        weather: In both directions.
-        seed: Of all that is random.
+        impairments: Of both directions.
+        seed: Random seed.
     """
 
-    def __init__(self, listen: Address, to: Address, weather: Weather, seed: int) -> None:
+    def __init__(self, listen: Address, to: Address, impairments: Impairments, seed: int) -> None:
         self._near = _udp_socket(listen)
         self._far = _udp_socket(("127.0.0.1" if to[0] == "127.0.0.1" else "", 0))
         self._to = to
         self._client: Address | None = None
-        self.outward = Direction(weather, f"{seed} outward")
-        self.homeward = Direction(weather, f"{seed} homeward")
+        self.outward = Direction(impairments, f"{seed} outward")
+        self.homeward = Direction(impairments, f"{seed} homeward")
         self._order = itertools.count()
         self._travelling: list[tuple[float, int, bool, bytes]] = []
 
@@ -185,17 +185,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in ("loss", "duplicate", "reorder"):
         add(f"--{name}", type=_share, default=0.0, metavar="SHARE", help="(%(default)s)")
     for name in ("delay", "jitter", "hold"):
-        add(f"--{name}", type=float, default=getattr(Weather, f"{name}_s"), metavar="SECONDS",
+        add(f"--{name}", type=float, default=getattr(Impairments, f"{name}_s"), metavar="SECONDS",
             help="(%(default)s)")  # fmt: skip
     add("--seed", type=int, default=0, help="(%(default)s)")
     add("--until-eof", action="store_true", help="end when the standard input does")
     chosen = parser.parse_args(arguments)
-    weather = Weather(
+    impairments = Impairments(
         chosen.loss, chosen.duplicate, chosen.reorder, chosen.delay, chosen.jitter, chosen.hold
     )
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: sys.exit(0))
-    relay = Relay(chosen.listen, chosen.to, weather, chosen.seed)
+    relay = Relay(chosen.listen, chosen.to, impairments, chosen.seed)
     print("udpout:{}:{}".format(*relay.address), flush=True)
     try:
         relay.run(until_eof=chosen.until_eof)

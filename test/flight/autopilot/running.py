@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from .settings import Dialect
+from .settings import AutopilotName
 
 FOLDER = Path(__file__).resolve().parent
 TIMEOUT_S = 30.0
@@ -33,7 +33,7 @@ class Running:
 
     Attributes:
         process: The process.
-        connection: How pymavlink names the other end, which is for the client to open:
+        connection: Connection string with which a client connects to it:
             `udpout:`, `udpin:` or `tcp:`, host and port.
     """
 
@@ -61,13 +61,13 @@ class Running:
         return self.process.poll() is None
 
     def kill(self) -> None:
-        """End it without asking, as a crash would."""
+        """End it at once, as a crash would."""
         self.process.kill()
         self.process.wait(TIMEOUT_S)
 
 
 def free_udp_port() -> int:
-    """Return a port of this machine that nobody is bound to."""
+    """Return a free port of this machine."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
@@ -76,7 +76,7 @@ def free_udp_port() -> int:
 
 @contextlib.contextmanager
 def running_autopilot(
-    dialect: Dialect = "ardupilot",
+    autopilot: AutopilotName = "ardupilot",
     *,
     link: Link = "udpin",
     port: int = 0,
@@ -85,41 +85,45 @@ def running_autopilot(
     speedup: float = 1.0,
     seed: int = 0,
     ready_s: float | None = None,
-    deaf_s: float | None = None,
+    requests_lost_s: float | None = None,
     key_file: Path | None = None,
     faults: Sequence[str] = (),
     options: Sequence[str] = (),
 ) -> Iterator[Running]:
-    """Run an autopilot; it is stopped at the end, and held to having had no trouble.
+    """Run an autopilot; it is stopped at the end, and must not have failed.
 
     Args:
-        dialect: Whose manners it has.
-        link: `udpin` waits to be spoken to, `udp` speaks first, `tcp` does nothing before a
-            client comes.
+        autopilot: Whose behaviour it has.
+        link: `udpin` listens, `udp` sends first, with `tcp` vehicle time starts when a client
+            connects.
         port: Of the link; 0 takes a free one. With `udp` it is the client's.
         system: System id.
         home: Latitude and longitude in degrees, metres above the sea.
         speedup: Vehicle time in a second of wall time.
-        seed: Of all that is random.
+        seed: Random seed.
         ready_s: Vehicle time until it can be armed.
-        deaf_s: Vehicle time in which requests for messages are lost.
+        requests_lost_s: Vehicle time in which requests for messages are lost.
         key_file: With the key to sign with.
         faults: Each as on the command line.
-        options: Further words of the command line.
+        options: Further arguments of the command line.
 
     Raises:
         AssertionError: If it does not start, or if it ends with an error.
     """
     if link == "udp" and not port:
         port = free_udp_port()
-    words = [f"--dialect={dialect}", f"--{link}={port}", f"--sysid={system}"]
-    words += [f"--speedup={speedup}", f"--seed={seed}", *(f"--fault={fault}" for fault in faults)]
+    command = [f"--autopilot={autopilot}", f"--{link}={port}", f"--sysid={system}"]
+    command += [f"--speedup={speedup}", f"--seed={seed}", *(f"--fault={fault}" for fault in faults)]
     if home is not None:
-        words.append("--home={},{},{}".format(*home))
-    for name, value in (("ready", ready_s), ("deaf", deaf_s), ("signing-key", key_file)):
+        command.append("--home={},{},{}".format(*home))
+    for name, value in (
+        ("ready", ready_s),
+        ("requests-lost", requests_lost_s),
+        ("signing-key", key_file),
+    ):
         if value is not None:
-            words.append(f"--{name}={value}")
-    with _running([str(FOLDER), *words, *options]) as running:
+            command.append(f"--{name}={value}")
+    with _running([str(FOLDER), *command, *options]) as running:
         yield running
 
 
@@ -136,7 +140,7 @@ def running_relay(
     seed: int = 0,
     counts: dict[str, Any] | None = None,
 ) -> Iterator[Running]:
-    """Run a relay to a UDP port of this machine; see `relay.Weather`.
+    """Run a relay to a UDP port of this machine; see `relay.Impairments`.
 
     Args:
         to_port: Where datagrams go that are sent to the relay.
@@ -146,27 +150,28 @@ def running_relay(
         delay_s: Time that each takes.
         jitter_s: Time by which it may take longer.
         hold_s: Time by which some are held back.
-        seed: Of all that is random.
-        counts: Filled at the end: `outward` and `homeward`, each with `came`, `lost` and `sent`.
+        seed: Random seed.
+        counts: Filled at the end: `outward` and `homeward`, each with `received`, `lost` and
+            `sent`.
 
     Raises:
         AssertionError: If it does not start, or if it ends with an error.
     """
-    words = [f"--to={to_port}", f"--loss={loss}", f"--duplicate={duplicate}"]
-    words += [f"--reorder={reorder}", f"--delay={delay_s}", f"--jitter={jitter_s}"]
-    words += [f"--hold={hold_s}", f"--seed={seed}"]
-    said: list[str] = []
-    with _running([str(FOLDER / "relay.py"), *words], said) as running:
+    command = [f"--to={to_port}", f"--loss={loss}", f"--duplicate={duplicate}"]
+    command += [f"--reorder={reorder}", f"--delay={delay_s}", f"--jitter={jitter_s}"]
+    command += [f"--hold={hold_s}", f"--seed={seed}"]
+    output: list[str] = []
+    with _running([str(FOLDER / "relay.py"), *command], output) as running:
         yield running
-    if counts is not None and said:
-        counts.update(json.loads(said[-1]))
+    if counts is not None and output:
+        counts.update(json.loads(output[-1]))
 
 
 @contextlib.contextmanager
-def _running(arguments: list[str], said: list[str] | None = None) -> Iterator[Running]:
+def _running(arguments: list[str], output: list[str] | None = None) -> Iterator[Running]:
     with tempfile.TemporaryFile() as errors:
 
-        def trouble() -> str:
+        def errors_text() -> str:
             errors.seek(0)
             return errors.read().decode(errors="replace")
 
@@ -180,17 +185,17 @@ def _running(arguments: list[str], said: list[str] | None = None) -> Iterator[Ru
         try:
             ready, _, _ = select.select([process.stdout], [], [], TIMEOUT_S)
             first = process.stdout.readline().decode().strip() if ready else ""
-            assert first, f"{arguments} did not start: {trouble()}"
+            assert first, f"{arguments} did not start: {errors_text()}"
             running = Running(process, first)
             yield running
             if running.running:
                 process.stdin.close()
                 code = process.wait(TIMEOUT_S)
                 rest = process.stdout.read().decode().split("\n")
-                if said is not None:
-                    said += [line for line in rest if line]
-                assert code == 0, f"{arguments} ended with {code}: {trouble()}"
-            assert "Traceback" not in trouble(), trouble()
+                if output is not None:
+                    output += [line for line in rest if line]
+                assert code == 0, f"{arguments} ended with {code}: {errors_text()}"
+            assert "Traceback" not in errors_text(), errors_text()
         finally:
             if process.poll() is None:
                 process.kill()

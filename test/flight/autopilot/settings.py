@@ -9,7 +9,7 @@ from typing import Literal
 from .faults import Fault
 from .local_frame import Place
 
-Dialect = Literal["ardupilot", "px4"]
+AutopilotName = Literal["ardupilot", "px4"]
 
 
 @dataclass(frozen=True)
@@ -18,25 +18,26 @@ class Settings:
 
     Attributes:
         system: System id.
-        dialect: Whose manners it has.
+        autopilot: Whose behaviour it has.
         home: Where it stands.
-        seed: Of all that is random.
-        key: 32 bytes to sign with, None to leave it.
+        seed: Random seed.
+        key: 32 bytes to sign with, None not to sign.
         ready_s: Time from the start until it can be armed.
-        deaf_s: Requests for messages in this time from the start are acknowledged and lost.
-        gps: Whether it ever knows where it is.
+        requests_lost_s: Time from the start in which requests for messages are acknowledged and
+            lost.
+        gps: Whether it ever has a position.
         endurance_s: Time in the air that its battery lasts.
-        faults: What goes wrong.
+        faults: Failures.
         parameters: Values of its parameters, by name, instead of the usual ones.
     """
 
     system: int = 1
-    dialect: Dialect = "ardupilot"
+    autopilot: AutopilotName = "ardupilot"
     home: Place = Place(-24.0, -46.3, 0.0)
     seed: int = 0
     key: bytes | None = None
     ready_s: float = 42.0
-    deaf_s: float = 1.0
+    requests_lost_s: float = 1.0
     gps: bool = True
     endurance_s: float = 1500.0
     faults: tuple[Fault, ...] = ()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the vehicle says of itself: one function per message."""
+"""Telemetry of the vehicle: one function per message."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class Vehicle(ABC):
         armed: Whether the motors turn.
         landed: Whether it stands on the ground.
         battery: What is left of it, 1 when full.
-        failsafes: Names of the failsafes that have struck.
+        failsafes: Names of the active failsafes.
         mission: What is stored.
         parameters: By name.
         limits: What it may do now.
@@ -110,13 +110,13 @@ class Vehicle(ABC):
         self._faults = Schedule(settings.faults)
         self._grounded_s = 0.0
         self._airborne_s: float | None = None
-        self._deaf = settings.deaf_s > 0
+        self._loses_requests = settings.requests_lost_s > 0
         self._had_position = False
         self._handlers: dict[str, Handler] = {
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
             "FILE_TRANSFER_PROTOCOL": self._file_transfer,
-            "HEARTBEAT": self.heard_heartbeat,
+            "HEARTBEAT": self.handle_heartbeat,
             "SET_MODE": self._set_mode_message,
             "SET_POSITION_TARGET_GLOBAL_INT": self.set_position_target,
             "SET_POSITION_TARGET_LOCAL_NED": self.set_position_target,
@@ -150,8 +150,8 @@ class Vehicle(ABC):
         self._channels.append(channel)
         return channel
 
-    def hear(self, channel: Channel, data: bytes) -> None:
-        """Take in bytes that came over a link."""
+    def receive(self, channel: Channel, data: bytes) -> None:
+        """Process bytes from a link."""
         for message in channel.messages(data):
             handler = self._handlers.get(message.get_type())
             if handler is not None and self._is_for_us(message):
@@ -163,12 +163,12 @@ class Vehicle(ABC):
         for channel in self._channels:
             channel.send(message)
 
-    def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
+    def send_text(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
         """Send a STATUSTEXT over all links."""
         self.broadcast(mavlink.MAVLink_statustext_message(severity, text.encode()[:50]))
 
     def _is_for_us(self, message: Message) -> bool:
-        # Both autopilots obey what is addressed to system 0.
+        # Both autopilots accept messages to system 0.
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
         return system in (0, self.settings.system) and component in (
@@ -184,8 +184,8 @@ class Vehicle(ABC):
         tick_s = (self._steps // _TICK_STEPS + 1) * TICK_S
         return min(tick_s, *(channel.due_s for channel in self._channels), math.inf)
 
-    def run_at(self, speedup: float) -> None:  # noqa: B027
-        """Be told how much faster than the wall clock its time goes."""
+    def set_speedup(self, speedup: float) -> None:  # noqa: B027
+        """Set how much faster than the wall clock vehicle time goes."""
 
     def advance(self, to_s: float) -> None:
         """Let vehicle time pass."""
@@ -208,17 +208,17 @@ class Vehicle(ABC):
 
     def _tick(self) -> None:
         for fault in self._faults.due(self.time_s, self._airborne_s):
-            self._strike(fault)
+            self._start_fault(fault)
         silent = self._faults.lasting("link") is not None
         for channel in self._channels:
             channel.silent = silent
-        if self._deaf and self.time_s >= self.settings.deaf_s:
-            self._deaf = False
+        if self._loses_requests and self.time_s >= self.settings.requests_lost_s:
+            self._loses_requests = False
             for channel in self._channels:
                 channel.stream_only(self.default_intervals_s, self.time_s)
         if self.has_position and not self._had_position:
             self._had_position = True
-            self.announce_home()
+            self.broadcast_home()
         if self._steps % round(_TIMESYNC_S / STEP_S) == 0:
             self.broadcast(mavlink.MAVLink_timesync_message(0, int(self.time_s * 1e9)))
         if not self.landed:
@@ -233,8 +233,8 @@ class Vehicle(ABC):
     def tick(self) -> None:  # noqa: B027
         """Do what the autopilot does besides, every `TICK_S`."""
 
-    def announce_home(self) -> None:
-        """Tell everybody where home is."""
+    def broadcast_home(self) -> None:
+        """Send the home position over all links."""
         for number in (
             mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
             mavlink.MAVLINK_MSG_ID_HOME_POSITION,
@@ -295,7 +295,7 @@ class Vehicle(ABC):
     def grounded_limit_s(self) -> float:
         """Time after which it disarms itself on the ground."""
 
-    # What maneuvers tell it
+    # What maneuvers call
 
     def lift_off(self) -> None:
         """Leave the ground."""
@@ -365,7 +365,7 @@ class Vehicle(ABC):
 
     @abstractmethod
     def arm(self, *, force: bool) -> int:
-        """Arm if nothing is against it, and return a MAV_RESULT."""
+        """Arm if its checks pass, and return a MAV_RESULT."""
 
     def start_motors(self) -> None:
         """Be armed."""
@@ -401,7 +401,7 @@ class Vehicle(ABC):
         self.acknowledge(command.number, handler(command) if handler else UNSUPPORTED, sender)
 
     def acknowledge(self, number: int, result: int, sender: Sender) -> None:
-        """Send a COMMAND_ACK, if it does not get lost."""
+        """Send a COMMAND_ACK, if it is not lost."""
         if not self.loses("acks"):
             sender.channel.send(
                 mavlink.MAVLink_command_ack_message(
@@ -410,16 +410,16 @@ class Vehicle(ABC):
             )
 
     def loses(self, kind: str) -> bool:
-        """Whether an acknowledgement gets lost now."""
+        """Whether an acknowledgement is lost now."""
         fault = self._faults.lasting(kind)
         return fault is not None and self.random.random() < float(fault.value or 1)
 
-    def understand(self, handlers: Mapping[int, CommandHandler]) -> None:
-        """Obey further commands."""
+    def add_commands(self, handlers: Mapping[int, CommandHandler]) -> None:
+        """Add handlers of commands, by their MAV_CMD."""
         self._commands.update(handlers)
 
-    def listen(self, handlers: Mapping[str, Handler]) -> None:
-        """Heed further messages."""
+    def add_handlers(self, handlers: Mapping[str, Handler]) -> None:
+        """Add handlers of messages, by their name."""
         self._handlers.update(handlers)
 
     def _set_message_interval(self, command: Command) -> int:
@@ -433,7 +433,7 @@ class Vehicle(ABC):
             interval_s = self.default_intervals_s.get(number)
         else:
             interval_s = min(max(MIN_INTERVAL_S, interval_us * 1e-6), _MAX_INTERVAL_S)
-        if not self._deaf:
+        if not self._loses_requests:
             command.sender.channel.stream(number, interval_s, self.time_s)
         return ACCEPTED
 
@@ -490,10 +490,10 @@ class Vehicle(ABC):
 
     @abstractmethod
     def set_position_target(self, message: Message, sender: Sender) -> None:
-        """Take a set-point."""
+        """Process a setpoint."""
 
-    def heard_heartbeat(self, message: Message, sender: Sender) -> None:  # noqa: B027
-        """Hear another system's heartbeat."""
+    def handle_heartbeat(self, message: Message, sender: Sender) -> None:  # noqa: B027
+        """Process another system's heartbeat."""
 
     def _timesync(self, message: Message, sender: Sender) -> None:
         if message.tc1 == 0:
@@ -501,7 +501,7 @@ class Vehicle(ABC):
             sender.channel.send(mavlink.MAVLink_timesync_message(now_ns, message.ts1))
 
     def _file_transfer(self, message: Message, sender: Sender) -> None:
-        """Refuse every file, so that nobody waits for one."""
+        """Refuse every file, so that no client waits for one."""
         request = bytes(message.payload)
         number = (int.from_bytes(request[:2], "little") + 1) % 65536
         answer = number.to_bytes(2, "little") + bytes(
@@ -522,7 +522,7 @@ class Vehicle(ABC):
 
     # Faults
 
-    def _strike(self, fault: Fault) -> None:
+    def _start_fault(self, fault: Fault) -> None:
         if fault.kind == "battery":
             self.battery = min(self.battery, _BATTERY_LOW)
             self.failsafes.add("battery")
@@ -532,7 +532,7 @@ class Vehicle(ABC):
 
     @abstractmethod
     def battery_failsafe(self) -> None:
-        """Do what is done when the battery runs low."""
+        """React to a low battery."""
 
     @abstractmethod
     def pilot_takes_over(self, mode: str) -> None:

@@ -20,7 +20,7 @@ _TICKS_PER_S = 100_000
 
 
 class Event(mavlink.MAVLink_message):
-    """EVENT, in which PX4 says what others say in words; pymavlink does not know it.
+    """EVENT, which PX4 sends where others send a status text; pymavlink does not know it.
 
     https://mavlink.io/en/services/events.html
     """
@@ -43,7 +43,7 @@ class Codec(mavlink.MAVLink):
 
     Args:
         system: Our system id.
-        key: 32 bytes; with it everything sent is signed and nothing unsigned is accepted.
+        key: 32 bytes; with it outgoing messages are signed, and unsigned ones are dropped.
     """
 
     def __init__(self, system: int, key: bytes | None = None) -> None:
@@ -65,11 +65,12 @@ class Codec(mavlink.MAVLink):
         return data
 
     def decode_all(self, data: bytes, *, datagram: bool) -> list[Message]:
-        """Return the messages in what came over the link; what is none is left out.
+        """Return the messages in the bytes from the link; other bytes are skipped.
 
         Args:
             data: The bytes.
-            datagram: Whether a frame cannot go on in what comes next.
+            datagram: Whether the bytes are whole frames; if not, a frame may continue in the
+                next call.
         """
         if datagram:
             self.buf = bytearray()
@@ -79,7 +80,7 @@ class Codec(mavlink.MAVLink):
         return [message for message in messages if message.get_msgId() in mavlink.mavlink_map]
 
     def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:
-        """Check a signature; a bad one leaves no trace.
+        """Check a signature; a bad one does not change the stream's timestamp.
 
         pymavlink stores the stream's timestamp before it verifies the signature, so that one
         forged frame would silence every later genuine one.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A place that cannot be is not believed, whoever says so, and counted."""
+"""Messages with invalid coordinates are dropped and counted."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import math
 from typing import Any
 
 import pytest
-from autopilot.wire import Codec as Speaker
+from autopilot.wire import Codec as VehicleCodec
 from autopilot.wire import mavlink
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.flight.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mission_messages import Address
 from dsse_ros.flight.vehicle_controller import VehicleController
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
@@ -55,11 +55,11 @@ BAD = [
 
 def frame(name: str, **fields: Any) -> bytes:
     message = getattr(mavlink, f"MAVLink_{name}_message")(**GOOD[name] | fields)
-    return bytes(Speaker(7).encode(message))
+    return bytes(VehicleCodec(7).encode(message))
 
 
 @pytest.mark.parametrize(("name", "field", "value"), BAD)
-def test_a_place_that_cannot_be_is_counted_and_changes_nothing(
+def test_an_invalid_position_is_counted_and_changes_nothing(
     name: str, field: str, value: float
 ) -> None:
     codec = Codec(OURSELVES, VEHICLE)
@@ -80,7 +80,7 @@ def test_a_place_that_cannot_be_is_counted_and_changes_nothing(
     lon=st.integers(-DATE_LINE, DATE_LINE),
     alt=st.integers(-HIGHEST, HIGHEST),
 )
-def test_every_place_on_earth_is_believed(lat: int, lon: int, alt: int) -> None:
+def test_every_position_on_earth_is_valid(lat: int, lon: int, alt: int) -> None:
     codec = Codec(OURSELVES, VEHICLE)
     position = frame("global_position_int", lat=lat, lon=lon, alt=alt, relative_alt=-alt)
     home = frame("home_position", latitude=lat, longitude=lon, altitude=alt)
@@ -90,7 +90,7 @@ def test_every_place_on_earth_is_believed(lat: int, lon: int, alt: int) -> None:
     assert codec.counts == {"accepted": 3}
 
 
-def test_a_target_without_a_place_need_not_have_one() -> None:
+def test_a_target_without_a_position_is_valid_with_any_coordinates() -> None:
     codec = Codec(OURSELVES, VEHICLE)
     data = frame("position_target_global_int", type_mask=NO_POSITION, alt=math.nan)
     assert len(codec.decode(data, 0.0, datagram=True)) == 1

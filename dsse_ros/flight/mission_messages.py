@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages of the mission protocol as plain values, without pymavlink.
+"""The items and messages of the mission protocol as plain values.
 
 https://mavlink.io/en/services/mission.html ("Message/Enum Summary").
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from enum import IntEnum
@@ -13,11 +14,22 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.items import WireItem
+_INTEGERS = {
+    "seq": (0, 2**16 - 1),
+    "frame": (0, 2**8 - 1),
+    "command": (0, 2**16 - 1),
+    "current": (0, 2**8 - 1),
+    "autocontinue": (0, 2**8 - 1),
+    "x": (-(2**31), 2**31 - 1),
+    "y": (-(2**31), 2**31 - 1),
+    "mission_type": (0, 2**8 - 1),
+}
+_FLOATS = ("param1", "param2", "param3", "param4", "z")
+_MAX_FLOAT32 = float.fromhex("0x1.fffffep+127")
 
 
 class Address(NamedTuple):
-    """Who sends a message, or whom it is for: MAVLink's system and component id."""
+    """MAVLink's system and component id, of a sender or a target."""
 
     system: int
     component: int
@@ -45,12 +57,61 @@ class MissionResult(IntEnum):
 
 
 MISSION_FAULTS = frozenset(range(MissionResult.UNSUPPORTED_FRAME, MissionResult.INVALID_PARAM7 + 1))
-"""Results that speak of the mission itself: the same one would be refused again."""
+"""Results that concern the mission itself: the same mission would be refused again."""
+
+
+@dataclass(frozen=True)
+class WireItem:
+    """The fields of MISSION_ITEM_INT without its target, each within the range of its type.
+
+    https://mavlink.io/en/messages/common.html#MISSION_ITEM_INT
+
+    Attributes:
+        seq: Number of the item.
+        frame: MAV_FRAME.
+        command: MAV_CMD.
+        current: 1 for the item to start with.
+        autocontinue: 1 to go on to the next item.
+        param1: As the command has it, likewise the next; float32, NaN and infinity included.
+        x: Latitude in 1e-7 degrees, or parameter 5.
+        y: Longitude in 1e-7 degrees, or parameter 6.
+        z: Altitude in metres, or parameter 7.
+        mission_type: MAV_MISSION_TYPE.
+
+    Raises:
+        ValueError: If a value does not fit its field.
+    """
+
+    seq: int
+    frame: int
+    command: int
+    current: int = 0
+    autocontinue: int = 1
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    x: int = 0
+    y: int = 0
+    z: float = 0.0
+    mission_type: int = 0
+
+    def __post_init__(self) -> None:
+        for name, (least, most) in _INTEGERS.items():
+            value = getattr(self, name)
+            if not isinstance(value, int) or not least <= value <= most:
+                raise ValueError(f"{name}: {value!r} is not allowed; {least} to {most}")
+        for name in _FLOATS:
+            value = getattr(self, name)
+            if not isinstance(value, int | float):
+                raise ValueError(f"{name}: {value!r} is not allowed; a number")
+            if abs(value) > _MAX_FLOAT32 and not math.isinf(value):
+                raise ValueError(f"{name}: {value!r} is not allowed; a number that fits float32")
 
 
 @dataclass(frozen=True)
 class MissionRequestList:
-    """Asks for the number of items on a vehicle, to download them."""
+    """Requests the number of items on a vehicle, to download them."""
 
     target: Address
     mission_type: int = 0
@@ -58,7 +119,7 @@ class MissionRequestList:
 
 @dataclass(frozen=True)
 class MissionCount:
-    """Says how many items will be uploaded, or can be downloaded."""
+    """The number of items that will be uploaded, or can be downloaded."""
 
     target: Address
     count: int
@@ -67,7 +128,7 @@ class MissionCount:
 
 @dataclass(frozen=True)
 class MissionRequestInt:
-    """Asks for an item."""
+    """Requests an item."""
 
     target: Address
     seq: int
@@ -76,7 +137,7 @@ class MissionRequestInt:
 
 @dataclass(frozen=True)
 class MissionRequest:
-    """Asks for an item in the old way, as ArduPilot does; the answer is the same."""
+    """Requests an item by the deprecated message, as ArduPilot does; the reply is the same."""
 
     target: Address
     seq: int
@@ -85,7 +146,7 @@ class MissionRequest:
 
 @dataclass(frozen=True)
 class MissionItemInt:
-    """Brings an item."""
+    """An item."""
 
     target: Address
     item: WireItem
@@ -98,51 +159,43 @@ class MissionItemInt:
 
 @dataclass(frozen=True)
 class MissionAck:
-    """Ends a transfer, or says what is wrong; `type` is a `MissionResult` or a newer one."""
+    """Ends a transfer, or reports an error; `type` is a `MissionResult` or a newer one."""
 
     target: Address
     type: int
     mission_type: int = 0
 
 
-@dataclass(frozen=True)
-class MissionClearAll:
-    """Deletes all items."""
-
-    target: Address
-    mission_type: int = 0
-
-
-Message = (
+MissionMessage = (
     MissionRequestList
     | MissionCount
     | MissionRequestInt
     | MissionRequest
     | MissionItemInt
     | MissionAck
-    | MissionClearAll
 )
 """A message of the mission protocol."""
 
-_NAMES: dict[type[Message], str] = {
+_NAMES: dict[type[MissionMessage], str] = {
     MissionRequestList: "MISSION_REQUEST_LIST",
     MissionCount: "MISSION_COUNT",
     MissionRequestInt: "MISSION_REQUEST_INT",
     MissionRequest: "MISSION_REQUEST",
     MissionItemInt: "MISSION_ITEM_INT",
     MissionAck: "MISSION_ACK",
-    MissionClearAll: "MISSION_CLEAR_ALL",
 }
 _KINDS = {name: kind for kind, name in _NAMES.items()}
+MISSION_NAMES = frozenset(_KINDS)
+"""MAVLink's names of the messages of the mission protocol."""
 _ITEM_FIELDS = tuple(field.name for field in fields(WireItem))
 
 
-def message_name(message: Message) -> str:
+def message_name(message: MissionMessage) -> str:
     """Return MAVLink's name of a message."""
     return _NAMES[type(message)]
 
 
-def message_fields(message: Message) -> dict[str, Any]:
+def message_fields(message: MissionMessage) -> dict[str, Any]:
     """Return the fields of a message by MAVLink's names, its target included."""
     own = asdict(message.item) if isinstance(message, MissionItemInt) else vars(message)
     return {
@@ -152,7 +205,7 @@ def message_fields(message: Message) -> dict[str, Any]:
     }
 
 
-def read_message(name: str, values: Mapping[str, Any]) -> Message | None:
+def read_message(name: str, values: Mapping[str, Any]) -> MissionMessage | None:
     """Return the message of a MAVLink name and fields, None for any that is not of the protocol.
 
     Args:

@@ -16,8 +16,8 @@ from benchmarks.worker import serve
 def make(config: dict[str, Any]) -> Iterator[int]:
     """Yield 1 for every call of `step`.
 
-    Its episodes do not end by themselves: a flag is only a word to the user, and each drone's
-    work is the same after it.
+    Its episodes do not end by themselves: a flag is only reported, and each drone's work is the
+    same after it.
     """
     fields = config["fields"]
     with np.load(config["workload"]) as file:

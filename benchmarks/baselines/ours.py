@@ -49,14 +49,14 @@ def batch(
     env = vector_env(count, **fields, lazy=lazy, threads=threads)
     repeats = -(-count // actions.shape[1])
     joints = list(np.tile(actions, (1, repeats, 1))[:, :count])
-    over = env.world.worlds["over"]
+    done = env.world.worlds["done"]
     env.reset(seed=1)
     while True:
         for joint in joints:
             env.step(joint)
             yield count
-        if not over.all():
-            raise RuntimeError(f"{count - over.sum()} worlds go on after {len(joints)} calls")
+        if not done.all():
+            raise RuntimeError(f"{count - done.sum()} worlds go on after {len(joints)} calls")
         # All worlds reset, none does a step.
         env.step(joints[0])
         yield 0

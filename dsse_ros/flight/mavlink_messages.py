@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle says of itself and what it is told, as plain values, without pymavlink.
+"""MAVLink's messages from and to a vehicle as plain values, and whether their values are valid.
 
 Names and units of the fields are MAVLink's: https://mavlink.io/en/messages/common.html. The
-messages of the mission protocol are in `messages`.
+messages of the mission protocol are in `mission_messages`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,23 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight import messages
-from dsse_ros.flight.messages import Address
+from dsse_ros.flight.mission_messages import (
+    MISSION_NAMES,
+    Address,
+    MissionMessage,
+    message_fields,
+    message_name,
+    read_message,
+)
+
+NO_POSITION = (
+    mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
+)
+"""Bits of PositionTarget.type_mask for a target without a position."""
+MAX_ALT_M = 100_000.0
+"""Greatest valid altitude, and depth, relative to the sea or home."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +99,7 @@ class ExtendedSysState:
 
 @dataclass(frozen=True)
 class PositionTarget:
-    """POSITION_TARGET_GLOBAL_INT: where the vehicle says that it is going."""
+    """POSITION_TARGET_GLOBAL_INT: the position to which the vehicle flies."""
 
     coordinate_frame: int
     type_mask: int
@@ -110,7 +125,7 @@ class MissionItemReached:
 
 @dataclass(frozen=True)
 class StatusText:
-    """STATUSTEXT; severity is a MAV_SEVERITY, lower is worse; `status_texts` has the others."""
+    """STATUSTEXT; severity is a MAV_SEVERITY, lower is worse; the others are for `StatusTexts`."""
 
     severity: int
     text: str
@@ -145,7 +160,7 @@ class CommandLong:
 
 @dataclass(frozen=True)
 class SetPositionTarget:
-    """SET_POSITION_TARGET_GLOBAL_INT: a place, and the velocity to pass it with.
+    """SET_POSITION_TARGET_GLOBAL_INT: a position, and the velocity to pass it with.
 
     Attributes:
         target: The vehicle's autopilot.
@@ -172,7 +187,7 @@ class MissionSetCurrent:
     seq: int
 
 
-Heard = (
+Incoming = (
     Heartbeat
     | SysStatus
     | BatteryStatus
@@ -185,14 +200,14 @@ Heard = (
     | MissionItemReached
     | StatusText
     | CommandAck
-    | messages.Message
+    | MissionMessage
 )
-"""What is heard from a vehicle."""
+"""A message from a vehicle."""
 
-Said = Heartbeat | CommandLong | SetPositionTarget | MissionSetCurrent | messages.Message
-"""What is said to a vehicle."""
+Outgoing = Heartbeat | CommandLong | SetPositionTarget | MissionSetCurrent | MissionMessage
+"""A message to a vehicle."""
 
-_HEARD: dict[str, type] = {
+_KINDS: dict[str, type] = {
     "HEARTBEAT": Heartbeat,
     "SYS_STATUS": SysStatus,
     "BATTERY_STATUS": BatteryStatus,
@@ -206,7 +221,7 @@ _HEARD: dict[str, type] = {
     "STATUSTEXT": StatusText,
     "COMMAND_ACK": CommandAck,
 }
-_FIELDS = {kind: tuple(field.name for field in fields(kind)) for kind in _HEARD.values()}
+_FIELDS = {kind: tuple(field.name for field in fields(kind)) for kind in _KINDS.values()}
 
 _MAVLINK_VERSION = 3
 _ABOVE_SEA = mavlink.MAV_FRAME_GLOBAL_INT
@@ -225,61 +240,74 @@ _POSITION = (
     | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 )
 
-HEARD_NAMES = frozenset(_HEARD) | {
-    "MISSION_REQUEST_LIST",
-    "MISSION_COUNT",
-    "MISSION_REQUEST_INT",
-    "MISSION_REQUEST",
-    "MISSION_ITEM_INT",
-    "MISSION_ACK",
-    "MISSION_CLEAR_ALL",
-}
-"""MAVLink's names of what is understood here; anything else need not be decoded."""
+INCOMING_NAMES = frozenset(_KINDS) | MISSION_NAMES
+"""MAVLink's names of the incoming messages; no other needs to be decoded."""
 
 
-def read(name: str, values: Mapping[str, Any]) -> Heard | None:
-    """Return the message of a MAVLink name and fields, None for one that is not understood.
+def read(name: str, values: Mapping[str, Any]) -> Incoming | None:
+    """Return the message of a MAVLink name and fields, None for one that is not an `Incoming`.
 
     Args:
         name: As pymavlink's `get_type` gives it.
         values: Its fields by name; those that are not known here are ignored.
     """
-    kind = _HEARD.get(name)
+    kind = _KINDS.get(name)
     if kind is None:
-        return messages.read_message(name, values)
+        return read_message(name, values)
     try:
-        # Fields of MAVLink 2 that are missing have the default of their class.
+        # A missing field of MAVLink 2 has the default of its class.
         return kind(**{key: values[key] for key in _FIELDS[kind] if key in values})
     except TypeError:
         return None
 
 
-def write(said: Said) -> tuple[str, dict[str, Any]]:
-    """Return MAVLink's name and fields of a message to a vehicle, its target included."""
-    if isinstance(said, Heartbeat):
-        return "HEARTBEAT", {**vars(said), "mavlink_version": _MAVLINK_VERSION}
-    target = {"target_system": said.target.system, "target_component": said.target.component}
-    if isinstance(said, MissionSetCurrent):
-        return "MISSION_SET_CURRENT", {**target, "seq": said.seq}
-    if isinstance(said, CommandLong):
-        own = {key: value for key, value in vars(said).items() if key != "target"}
+def write(message: Outgoing) -> tuple[str, dict[str, Any]]:
+    """Return MAVLink's name and fields of a message to a vehicle, its target included.
+
+    Raises:
+        ValueError: If a coordinate of a setpoint is not allowed.
+    """
+    if isinstance(message, Heartbeat):
+        return "HEARTBEAT", {**vars(message), "mavlink_version": _MAVLINK_VERSION}
+    target = {"target_system": message.target.system, "target_component": message.target.component}
+    if isinstance(message, MissionSetCurrent):
+        return "MISSION_SET_CURRENT", {**target, "seq": message.seq}
+    if isinstance(message, CommandLong):
+        own = {key: value for key, value in vars(message).items() if key != "target"}
         return "COMMAND_LONG", {**target, "confirmation": 0, **own}
-    if isinstance(said, SetPositionTarget):
+    if isinstance(message, SetPositionTarget):
         return "SET_POSITION_TARGET_GLOBAL_INT", {
             **target,
             "time_boot_ms": 0,
-            "coordinate_frame": _ABOVE_SEA if said.above_sea else _ABOVE_HOME,
-            "type_mask": _POSITION if said.velocity_mps is None else _POSITION & ~_NO_VELOCITY,
-            "lat_int": _degrees_e7(said.lat_deg),
-            "lon_int": _degrees_e7(said.lon_deg),
-            "alt": said.alt_m,
-            **dict(zip(("vx", "vy"), said.velocity_mps or (0.0, 0.0), strict=True)),
+            "coordinate_frame": _ABOVE_SEA if message.above_sea else _ABOVE_HOME,
+            "type_mask": _POSITION if message.velocity_mps is None else _POSITION & ~_NO_VELOCITY,
+            "lat_int": _degrees_e7("lat_deg", message.lat_deg),
+            "lon_int": _degrees_e7("lon_deg", message.lon_deg),
+            "alt": message.alt_m,
+            **dict(zip(("vx", "vy"), message.velocity_mps or (0.0, 0.0), strict=True)),
             **dict.fromkeys(("vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0),
         }
-    return messages.message_name(said), messages.message_fields(said)
+    return message_name(message), message_fields(message)
 
 
-def _degrees_e7(degrees: float) -> int:
+def is_valid(message: Incoming) -> bool:
+    """Return whether the coordinates in a message, if it has any, are on Earth and finite."""
+    match message:
+        case GlobalPosition(_, lat, lon, alt, relative_alt):
+            return _is_position(lat, lon, alt * 1e-3) and abs(relative_alt * 1e-3) <= MAX_ALT_M
+        case HomePosition(lat, lon, alt):
+            return _is_position(lat, lon, alt * 1e-3)
+        case PositionTarget(_, type_mask, lat, lon, alt_m):
+            return bool(type_mask & NO_POSITION) or _is_position(lat, lon, alt_m)
+    return True
+
+
+def _is_position(lat_e7: int, lon_e7: int, alt_m: float) -> bool:
+    # NaN is not within any limits.
+    return abs(lat_e7) <= 90e7 and abs(lon_e7) <= 180e7 and abs(alt_m) <= MAX_ALT_M
+
+
+def _degrees_e7(name: str, degrees: float) -> int:
     if not abs(degrees) <= 180:
-        raise ValueError(f"{degrees!r} is not allowed; -180 to 180")
+        raise ValueError(f"{name}: {degrees!r} is not allowed; -180 to 180")
     return round(degrees * 1e7)

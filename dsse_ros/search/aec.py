@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search as a PettingZoo AEC environment: agents act in turns, observations are flat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gymnasium import spaces
+from pettingzoo import AECEnv
+from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
+
+from dsse_ros.search.parallel_env import SearchEnv, parallel_env
+
+
+class FlattenedObservationWrapper(BaseParallelWrapper[str, Any, int]):
+    """Flattens the observations and names agents `drone_0`, as PettingZoo's AEC tests expect.
+
+    Observations are flattened by `gymnasium.spaces.flatten`; `unflatten` gives the tuple back.
+    """
+
+    def __init__(self, env: SearchEnv) -> None:
+        super().__init__(env)
+        self._inner = {f"drone_{i}": agent for i, agent in enumerate(env.possible_agents)}
+        self._outer = {agent: name for name, agent in self._inner.items()}
+        self._spaces = {
+            name: spaces.flatten_space(env.observation_space(agent))
+            for name, agent in self._inner.items()
+        }
+
+    @property
+    def possible_agents(self) -> list[str]:
+        """All agents: drone_0, drone_1, ..."""
+        return list(self._inner)
+
+    @property
+    def agents(self) -> list[str]:  # type: ignore[override]
+        """The live agents."""
+        return [self._outer[agent] for agent in self.env.agents]
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's flat observation space, always the same object."""
+        return self._spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's action space, always the same object."""
+        return self.env.action_space(self._inner[agent])
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+        """Start a new mission, as `SearchEnv.reset`."""
+        observations, infos = self.env.reset(seed=seed, options=options)
+        return self._flatten(observations), self._rename(infos)
+
+    def step(self, actions: Mapping[str, int]) -> Any:
+        """Advance the mission by one step, as `SearchEnv.step`."""
+        observations, *rest = self.env.step(
+            {self._inner[name]: a for name, a in actions.items() if name in self._inner}
+        )
+        return self._flatten(observations), *map(self._rename, rest)
+
+    def _rename(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        return {self._outer[agent]: value for agent, value in values.items()}
+
+    def _flatten(self, observations: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            self._outer[agent]: spaces.flatten(self.env.observation_space(agent), observation)
+            for agent, observation in observations.items()
+        }
+
+
+def raw_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
+    """Return the search as an AEC environment without wrappers; arguments of `parallel_env`.
+
+    Observations are flat arrays and agents are named drone_0, see `FlattenedObservationWrapper`.
+    """
+    return parallel_to_aec(FlattenedObservationWrapper(parallel_env(*args, **kwargs)))
+
+
+def aec_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
+    """Return the search as an AEC environment that checks its use; arguments of `parallel_env`."""
+    return wrappers.OrderEnforcingWrapper(
+        wrappers.AssertOutOfBoundsWrapper(raw_env(*args, **kwargs))
+    )
+
+
+env = aec_env
+"""The name under which PettingZoo's users look for it."""
