@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is different between the autopilots: one `Autopilot` each, registered in `AUTOPILOTS`.
 
-The same name in `msg_adapters.mission_items.FIRMWARES` says how mission files are numbered.
+The same name in `msg_adapters.mission_items.FIRMWARES` says how missions are numbered.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Autopilot:
         disarming_s: Time after disarming in which it may fall back into any mode.
         messages: Numbers of the messages that are needed from it, by their types.
         position_is_checked: Whether its pre-arm check covers its position estimate. If not,
-            EKF_STATUS_REPORT has to say that the estimate is good.
+            EKF_STATUS_REPORT has to report a good estimate.
         texts_prove_failsafe: Whether a STATUSTEXT about a failsafe is sent only if one is active.
         mode_is_checked: Whether the pre-arm check depends on the mode, and passes in
             `resting_mode` alone.
@@ -99,7 +99,7 @@ class Autopilot:
 
     @property
     def orderly_modes(self) -> frozenset[str]:
-        """Modes in which a vehicle may be given orders by whoever comes: guided and resting."""
+        """Modes in which a vehicle that was taken over may be given orders again."""
         return frozenset({self.guided_mode, self.resting_mode})
 
     @property
@@ -217,7 +217,7 @@ PX4 = Autopilot(
     disarmed_modes=frozenset({"HOLD"}),
     disarming_s=3.0,
     messages={**_MESSAGES, BatteryStatus: mavlink.MAVLINK_MSG_ID_BATTERY_STATUS},
-    # EKF_STATUS_REPORT says CONST_POS_MODE wherever it rests.
+    # At rest its EKF_STATUS_REPORT always has CONST_POS_MODE.
     position_is_checked=True,
     # It sends the same texts as a mere warning.
     texts_prove_failsafe=False,

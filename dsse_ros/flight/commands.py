@@ -52,7 +52,7 @@ _MODE_RESTORED_S = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerSettings:
-    """How a vehicle is flown; times are ours unless they say otherwise.
+    """How a vehicle is flown; times are our wall time unless stated otherwise.
 
     Attributes:
         autopilot: Which autopilot it has, by its name in `AUTOPILOTS`.
@@ -393,7 +393,7 @@ class ModeOwnership:
         """Return the state with the failsafe `offboard` where it may be missing setpoints.
 
         PX4 does not report that in a message that pymavlink knows. It has left OFFBOARD, or
-        whatever it was in before we were there, is critical, and does not say why: so it has missed
+        whatever it was in before we connected, is critical, and reports no reason: so it has missed
         ours, because we were late, they were lost or we have been restarted. To send them is
         harmless, as in any other mode they have no effect.
         """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missions to a vehicle and back: upload, download, and an upload that is verified by a download."""
+"""Missions to a vehicle and back: upload, download, and an upload verified by a download."""
 
 from __future__ import annotations
 

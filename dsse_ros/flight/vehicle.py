@@ -322,10 +322,10 @@ class Vehicle:
 
     def _receive(self, now: float) -> None:
         for data, peer in self._link.receive(now):
-            heard = self._codec.decode(data, now, datagram=self._link.datagram)
-            if heard:
+            messages = self._codec.decode(data, now, datagram=self._link.datagram)
+            if messages:
                 self._link.confirm_peer(peer, now)
-            for message in heard:
+            for message in messages:
                 if isinstance(message, StatusText):
                     self._texts.append(message)
                 self._outbox += self._controller.receive(message, now)

@@ -26,7 +26,7 @@ TRIES = 3
 """How often an order is given that fails."""
 RETRY_S = 5.0
 CRITICAL_S = 5.0
-"""Time in which an autopilot that is critical, and does not say why, may be well again."""
+"""Time in which an autopilot that is critical without a reason may recover."""
 
 Task = GoTo | Search | FlyMission
 
@@ -84,13 +84,13 @@ def mission_task(mission: Mission, fence: Fence, autopilot: Autopilot) -> Result
 
 
 def takes_off_yet(state: VehicleState, outcome: Outcome) -> bool:
-    """Whether a vehicle on the ground is going to take off, be it when it is heard again."""
+    """Whether a vehicle on the ground is going to take off, if only when it is connected again."""
     pending = outcome.status not in ("idle", "done", "failed", "taken_over")
     return not state.flying and pending and isinstance(outcome.order, TakeOff | FlyMission)
 
 
 class VehicleFollower:
-    """Leads one vehicle along its drone's legs, one order at a time.
+    """Has one vehicle follow its drone along its legs, one order at a time.
 
     Args:
         take_off_alt_m: Altitude above home to take off to.
@@ -103,7 +103,7 @@ class VehicleFollower:
     Attributes:
         leg: What is to be done, None before the first step.
         arrived: Whether all of it is done.
-        record: What must be known of it when it is led by another program.
+        record: What must be known of it when the program is started again.
         refused: Why the task, or the take-off, is refused; empty if it is not.
         blocked: What keeps it from taking off now, empty if nothing does or it need not.
         finished: Whether nothing is left to do in this mission.
@@ -198,10 +198,10 @@ class VehicleFollower:
         *,
         search_alive: bool = True,
     ) -> Order | None:
-        """Return the order to give now, None if there is nothing new to say.
+        """Return the order to give now, None if there is no new one.
 
         Args:
-            state: What the vehicle says of itself.
+            state: What the vehicle reports.
             outcome: What has become of the order given last.
             now_s: Time on a steady clock, the one of `state.heard_s`.
             trouble: What is wrong with its link; empty if nothing.
@@ -219,7 +219,7 @@ class VehicleFollower:
         self.finished = self._is_finished(state, outcome)
         if self.record.taken_over:
             return None
-        # As soon as it is heard again it would take off: that is stopped before.
+        # As soon as it is connected again it would take off: that is prevented first.
         stopped = bool(self.lost) and takes_off_yet(state, outcome)
         if not (state.connected or stopped):
             return None
@@ -307,7 +307,7 @@ class VehicleFollower:
         if state.armed or self.record.took_off or (self.leg.over and not self._whole):
             return "", ""
         if not state.mode:
-            return "not heard", because
+            return "no heartbeat", because
         if not state.connected:
             return "", ""
         because = because or (f": {state.unready}" if state.unready else "")

@@ -51,13 +51,13 @@ TURN_S = 0.1
 """Wall time between looks at the vehicles."""
 DIAGNOSTICS_S = 1.0
 SETTLE_S = 1.0
-"""Wall time in which all that was latched for who comes late is heard: the latest report counts."""
+"""Wall time in which latched messages arrive: the latest report counts."""
 
 T = TypeVar("T")
 
 
 class BridgeNode(AlarmNode):
-    """Leads each vehicle along the way of its drone; see docs/flight.md for its topics.
+    """Has each vehicle follow its drone; see docs/flight.md for its topics.
 
     Raises:
         FieldError: If a parameter is not allowed.
@@ -139,7 +139,7 @@ class BridgeNode(AlarmNode):
                 case News.BEGUN:
                     self._begin(search.info)
                 case News.HEARD_AGAIN:
-                    self.get_logger().info("the search is heard again and followed")
+                    self.get_logger().info("the search is received again and followed")
                 case News.STEP:
                     self._follow(search.legs)
                 case News.TRACKS if self.settings.mode == "export":
@@ -182,7 +182,7 @@ class BridgeNode(AlarmNode):
                 self.get_logger().warning(f"{name} {what}, earlier in mission {info.mission}")
 
     def _fail(self, trouble: str) -> None:
-        """Say that the search cannot be flown as long as that is so."""
+        """Report that the search cannot be flown as long as that is so."""
         if self._search.fail(trouble):
             self.get_logger().error(trouble)
 
@@ -223,7 +223,7 @@ class BridgeNode(AlarmNode):
             )
 
     def _watch_link(self, name: str, vehicle: Vehicle) -> None:
-        """Tell of each new trouble once; when it is heard in between, it is new again."""
+        """Log each new problem of a link once; after a heartbeat it is new again."""
         trouble = vehicle.trouble
         if trouble and trouble != self._link_troubles.get(name):
             self._link_troubles[name] = trouble
@@ -238,11 +238,11 @@ class BridgeNode(AlarmNode):
         if self.fleet is not None:
             for name, vehicle in zip(self._names, self.fleet, strict=True):
                 self._watch_link(name, vehicle)
-            led = list(enumerate(zip(self._followers, self.fleet, strict=False)))
-            orders = [self._isolated(i, self._next_order, *one, now_s) for i, one in led]
-            # Before anybody hears of it, a bridge that is started again must know it.
+            pairs = list(enumerate(zip(self._followers, self.fleet, strict=False)))
+            orders = [self._isolated(i, self._next_order, *pair, now_s) for i, pair in pairs]
+            # Known to a bridge that is started again before it shows in any message.
             self._keep_records()
-            for (i, (follower, vehicle)), order in zip(led, orders, strict=True):
+            for (i, (follower, vehicle)), order in zip(pairs, orders, strict=True):
                 if order is not None:
                     self._isolated(i, self._give, vehicle, order)
                 self._isolated(i, self._publish_state, follower, vehicle, now_s)
@@ -289,7 +289,7 @@ class BridgeNode(AlarmNode):
         if follower.blocked != blocked and follower.blocked:
             self.get_logger().info(f"{name} cannot take off yet: {follower.blocked}")
         for text in vehicle.take_texts():
-            self.get_logger().info(f"{name} says: {text.text}")
+            self.get_logger().info(f"{name}: STATUSTEXT {text.text}")
         return order
 
     def _keep_records(self) -> None:
@@ -313,7 +313,7 @@ class BridgeNode(AlarmNode):
     def _plan(
         self, drone: int, follower: VehicleFollower, home: tuple[float, float, float] | None
     ) -> None:
-        """Have a vehicle fly the whole search, once it has said where home is."""
+        """Have a vehicle fly the whole search, once it has reported its home."""
         leg = self._search.final_legs[drone]
         if home is None:
             follower.follow(leg, None)

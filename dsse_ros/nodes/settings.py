@@ -241,15 +241,15 @@ class BridgeSettings(FlightSettings):
     )  # fmt: skip
     link_timeout: float = field(
         "float", "Wall time without a heartbeat after which a vehicle is silent: nothing but "
-        "heartbeats is sent to it until it is heard again.", 5.0, low=1, high=3600, unit="s",
+        "heartbeats is sent to it until they come again.", 5.0, low=1, high=3600, unit="s",
     )  # fmt: skip
     lost_timeout: float = field(
         "float", "Wall time without a heartbeat after which a vehicle is lost for the rest of the "
         "mission; at least link_timeout.", 30.0, low=1, high=3600, unit="s",
     )  # fmt: skip
     join_timeout: float = field(
-        "float", "Wall time in which a vehicle must be heard, know its position, be in the fence "
-        "and be ready to be armed.", 300.0, low=1, high=1e6, unit="s",
+        "float", "Wall time in which a vehicle must be connected, know its position, be in the "
+        "fence and be ready to be armed.", 300.0, low=1, high=1e6, unit="s",
     )  # fmt: skip
     setpoint_rate: float = field(
         "float", "PX4: rate of setpoints in wall time, of which the vehicle needs more than two in "

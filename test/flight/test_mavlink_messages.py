@@ -63,16 +63,16 @@ def test_an_invalid_position_is_counted_and_changes_nothing(
     name: str, field: str, value: float
 ) -> None:
     codec = Codec(OURSELVES, VEHICLE)
-    pilot = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
+    controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
     for good in GOOD:
         for message in codec.decode(frame(good), 1.0, datagram=True):
-            pilot.receive(message, 1.0)
-    before = pilot.state
+            controller.receive(message, 1.0)
+    before = controller.state
     assert before.lat_deg == -24.0 and before.home == (-24.0, -46.3, 30.0)
     assert before.target == (-24.0, -46.3, 30.0)
     assert codec.decode(frame(name, **{field: value}), 2.0, datagram=True) == []
     assert codec.counts == {"accepted": 3, "invalid": 1}
-    assert pilot.state == before
+    assert controller.state == before
 
 
 @given(

@@ -168,20 +168,20 @@ def test_a_mission_flown_before_starts_at_its_first_item_again(autopilot: str) -
 
 @both
 def test_an_acknowledgement_alone_proves_nothing(autopilot: str) -> None:
-    pilot = VehicleController(
+    controller = VehicleController(
         VEHICLE, OURSELVES, ControllerSettings(autopilot=autopilot, arm=True, command_tries=3)
     )
     mode = (4 << 16 | 3 << 24) if autopilot == "px4" else 4
-    sent = pilot.give(TakeOff(10.0), 0.0)
+    sent = controller.give(TakeOff(10.0), 0.0)
     for tick in range(600):
         now = tick * 0.1
         if tick % 10 == 0:
-            sent += pilot.receive(Heartbeat(2, 3, 1, mode, 3), now)
+            sent += controller.receive(Heartbeat(2, 3, 1, mode, 3), now)
         for message in sent:
             if isinstance(message, CommandLong):
-                pilot.receive(CommandAck(message.command, ACCEPTED), now)
-        sent = pilot.tick(now)
-        assert pilot.outcome.status == "under_way"
+                controller.receive(CommandAck(message.command, ACCEPTED), now)
+        sent = controller.tick(now)
+        assert controller.outcome.status == "under_way"
 
 
 @both
@@ -636,12 +636,12 @@ def test_taken_over_while_the_link_was_lost_is_seen_after_it() -> None:
 
 
 def test_a_vehicle_that_is_not_there_gets_nothing() -> None:
-    pilot = VehicleController(VEHICLE, OURSELVES, ControllerSettings(arm=True))
-    said = pilot.give(TakeOff(10.0), 0.0)
+    controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings(arm=True))
+    said = controller.give(TakeOff(10.0), 0.0)
     for tick in range(1000):
-        said += pilot.tick(tick * 0.1)
+        said += controller.tick(tick * 0.1)
     assert said == []
-    assert pilot.outcome.status == "under_way"
+    assert controller.outcome.status == "under_way"
 
 
 @both
@@ -758,12 +758,12 @@ def test_whenever_a_pilot_takes_over_nothing_is_sent_any_more(
 
 
 def test_no_message_makes_the_pilot_raise_or_believe() -> None:
-    pilot = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
-    pilot.give(GoTo(0.0, 0.0, 10.0, 5.0), 0.0)
+    controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
+    controller.give(GoTo(0.0, 0.0, 10.0, 5.0), 0.0)
     for mode, status, base in itertools.product((0, 4, 2**32 - 1), range(0, 256, 51), (0, 255)):
-        pilot.receive(Heartbeat(2, 3, base, mode, status), 1.0)
-        pilot.tick(1.0)
-        assert pilot.outcome.status != "done"
+        controller.receive(Heartbeat(2, 3, base, mode, status), 1.0)
+        controller.tick(1.0)
+        assert controller.outcome.status != "done"
 
 
 def test_the_target_is_one_vehicle() -> None:

@@ -271,7 +271,7 @@ ENDINGS = {
     "found elsewhere": (True, FlightRecord()),
     "has flown": (False, FlightRecord(took_off=True)),
     "link lost": (False, FlightRecord(took_off=True, lost="link lost: no heartbeat for 30 s")),
-    "lost before take-off": (False, FlightRecord(lost="not heard within 300 s")),
+    "lost before take-off": (False, FlightRecord(lost="no heartbeat within 300 s")),
     "taken over": (
         False, FlightRecord(took_off=True, lost="taken over: in LOITER", taken_over=True)
     ),
@@ -493,7 +493,7 @@ def test_a_vehicle_that_is_never_heard_is_lost_in_the_end() -> None:
     assert not led.lost
     vehicle.now_s += 3.1
     assert vehicle.turn() is None
-    assert led.lost == "not heard within 3 s"
+    assert led.lost == "no heartbeat within 3 s"
 
 
 def test_what_is_wrong_with_the_link_is_told_of_who_is_lost() -> None:
@@ -501,7 +501,7 @@ def test_what_is_wrong_with_the_link_is_told_of_who_is_lost() -> None:
     follow(led, 0, 0, 0)
     for now_s in (0.0, 3.1):
         led.advance(VehicleState(), Outcome(), now_s, "/dev/nope: No such file or directory")
-    assert led.lost == "not heard within 3 s: /dev/nope: No such file or directory"
+    assert led.lost == "no heartbeat within 3 s: /dev/nope: No such file or directory"
 
 
 @pytest.mark.parametrize(

@@ -196,7 +196,7 @@ def test_why_a_vehicle_cannot_be_reached_is_told_once_and_of_who_is_lost(rig: Ri
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5]})
         bridge = Bridge(rig, [], connections=connections, join_timeout=3.0)
         told = rig.listen(DiagnosticArray, "drone0/vehicle_state", LATCHED)
-        lost = f"lost: not heard within 3 s: {connections[0]}: {reasons[0]}"
+        lost = f"lost: no heartbeat within 3 s: {connections[0]}: {reasons[0]}"
         rig.until(lambda: told and told.last.status[0].message == lost, lost)
         lines = bridge.process.output
         for i, (connection, reason) in enumerate(zip(connections, reasons, strict=True)):
