@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.scenario import ResolvedScenario
+if TYPE_CHECKING:
+    from dsse_ros.search.scenario import ResolvedScenario
 
 S = TypeVar("S", bound=np.generic)
 

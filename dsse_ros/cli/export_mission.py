@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.cli.command_line import Parser, search_of
-from dsse_ros.mission.track_files import write_missions
+from dsse_ros.mission.vehicle_missions import FlightSettings, layers, search_mission, write_missions
 from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.planners import make_planner
 from dsse_ros.search import FieldError, SearchEnv
@@ -19,7 +19,6 @@ from dsse_ros.search.compiler import prepare
 from dsse_ros.search.fields import specs
 from msg_adapters.frames import scenario_frame
 from msg_adapters.mission_files import Home
-from msg_adapters.track_missions import FlightSettings, layers, search_mission
 
 LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
 """Parameters of the flight that are options of the same name."""

@@ -8,6 +8,7 @@ still in it. What must be known of that when the program is started again is its
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.fence import Fence, check_mission, check_place
@@ -20,7 +21,7 @@ from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mavlink_items import mission_fields
 from msg_adapters.mission_items import NAV_WAYPOINT, Mission
 from msg_adapters.result import Accepted, Rejected, Result
-from msg_adapters.track_missions import FlightSettings, Leg, acceptance_radius_m
+from msg_adapters.track_missions import Leg, acceptance_radius_m
 
 TRIES = 3
 """How often an order is given that fails."""
@@ -46,7 +47,23 @@ class FlightRecord:
     taken_over: bool = False
 
 
-def leg_task(leg: Leg, frame: GridFrame, settings: FlightSettings, fence: Fence) -> Result[Task]:
+class LegSettings(Protocol):
+    """How legs are flown."""
+
+    @property
+    def acceptance_radius(self) -> float:
+        """Distance from the centre of a cell, m."""
+
+    @property
+    def search_altitude(self) -> float:
+        """Altitude above home of a search, m."""
+
+    @property
+    def search_hold(self) -> float:
+        """How long it holds there, s."""
+
+
+def leg_task(leg: Leg, frame: GridFrame, settings: LegSettings, fence: Fence) -> Result[Task]:
     """Return what a vehicle has to do for a leg, or why it may not.
 
     Args:
@@ -61,7 +78,7 @@ def leg_task(leg: Leg, frame: GridFrame, settings: FlightSettings, fence: Fence)
         checked = check_place(lat_deg, lon_deg, alt_m, fence)
         if isinstance(checked, Rejected):
             return checked
-    radius_m = acceptance_radius_m(frame, settings)
+    radius_m = acceptance_radius_m(frame, settings.acceptance_radius)
     if leg.searched:
         return Accepted(
             Search(lat_deg, lon_deg, frame.alt_m, search_alt_m, settings.search_hold, radius_m)

@@ -30,7 +30,7 @@ from dsse_ros.flight.vehicle_follower import (
     takes_off_yet,
 )
 from dsse_ros.mission.followed_search import FollowedSearch, News
-from dsse_ros.mission.track_files import write_missions
+from dsse_ros.mission.vehicle_missions import layers, search_mission, write_missions
 from dsse_ros.nodes.bridge_publishers import BridgePublishers, shown_order
 from dsse_ros.nodes.flight_records import FlightRecords, default_directory
 from dsse_ros.nodes.parameters import declare, take_overrides
@@ -45,7 +45,7 @@ from msg_adapters.mission_items import Home
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
-from msg_adapters.track_missions import Leg, layers, search_mission
+from msg_adapters.track_missions import Leg
 
 TURN_S = 0.1
 """Wall time between looks at the vehicles."""

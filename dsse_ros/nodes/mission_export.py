@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.track_files import write_missions
+from dsse_ros.mission.vehicle_missions import layers, search_mission, write_missions
 from dsse_ros.nodes.settings import SimSettings
 from dsse_ros.search import FieldError
 from msg_adapters.frames import GridFrame
-from msg_adapters.track_missions import layers, search_mission
 from msg_adapters.tracks import steps
 
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
+from dsse_ros.mission.vehicle_missions import FlightSettings
 from dsse_ros.planners import PLANNERS
 from dsse_ros.search.fields import FieldError, check_all, field
 from dsse_ros.search.rules import PROFILES
 from msg_adapters.agents import MAX_ID
-from msg_adapters.track_missions import FlightSettings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -285,7 +285,7 @@ class SimNode(AlarmNode):
         mission = self.mission
         if not self.settings.wait_for_vehicles or mission.done:
             return []
-        radius_m = acceptance_radius_m(self.frame, self.settings)
+        radius_m = acceptance_radius_m(self.frame, self.settings.acceptance_radius)
         return self._vehicles.late(mission.live, mission.result.cells, radius_m)
 
     def _advance(self) -> None:

@@ -35,6 +35,7 @@ from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of  # noqa: E402
 from dsse_ros.cli.run_mission import MissionFailed, check_running, process  # noqa: E402
+from dsse_ros.mission.vehicle_missions import FlightSettings  # noqa: E402
 from dsse_ros.nodes.exit_codes import fail  # noqa: E402
 from dsse_ros.nodes.qos import COMPLETE, LATCHED  # noqa: E402
 from dsse_ros.nodes.runtime import new_executor  # noqa: E402
@@ -44,7 +45,6 @@ from msg_adapters.frames import GridFrame, cell_to_map, scenario_frame  # noqa: 
 from msg_adapters.geodesy import map_to_geodetic  # noqa: E402
 from msg_adapters.images import image_to_probability  # noqa: E402
 from msg_adapters.step_report import step_report_from_message  # noqa: E402
-from msg_adapters.track_missions import FlightSettings  # noqa: E402
 
 RADIUS_M = 10.0
 HOMES_APART_M = 20.0

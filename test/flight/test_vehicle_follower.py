@@ -26,12 +26,12 @@ from dsse_ros.flight.vehicle_follower import (
     mission_task,
 )
 from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.mission.vehicle_missions import search_mission
 from dsse_ros.nodes.settings import BridgeSettings
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mission_files import Home
 from msg_adapters.result import Accepted, Rejected
-from msg_adapters.track_missions import search_mission
 
 FRAME = GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0)
 SETTINGS = BridgeSettings()

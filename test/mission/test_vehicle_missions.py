@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.mission.vehicle_missions import FlightSettings, layers
 from dsse_ros.search import FieldError
 from msg_adapters.frames import GridFrame
-from msg_adapters.track_missions import FlightSettings, layers
 
 FRAME = GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0)
 

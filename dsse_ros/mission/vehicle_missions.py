@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Searches as missions of vehicles, and their files: how they are flown, and in which layers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from dsse_ros.search.fields import FieldError, check_all, field
+from msg_adapters.frames import GridFrame
+from msg_adapters.mission_files import Home, Mission, plan_text, qgc_wpl, track_mission
+from msg_adapters.mission_items import FIRMWARES
+from msg_adapters.track_missions import acceptance_radius_m
+
+ALTITUDE_STEP_M = 5.0
+"""Between the altitudes of two vehicles, where there is room for it."""
+LOWEST_LAYER_M = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSettings:
+    """How a drone's moves and searches are flown.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    autopilot: str = field("str", "Which autopilots the vehicles have.", "ardupilot",
+        choices=tuple(FIRMWARES),
+    )  # fmt: skip
+    acceptance_radius: float = field(
+        "float", "Distance from the centre of a cell at which a vehicle is there; in cells that "
+        "are too small for it half their side.", 10.0, low=1, high=255, unit="m",
+    )  # fmt: skip
+    search_altitude: float = field(
+        "float", "Altitude above home to which a vehicle descends to search a cell; flight "
+        "altitude where that is lower.", 30.0, low=1, high=20000, unit="m",
+    )  # fmt: skip
+    search_hold: float = field(
+        "float", "How long a vehicle holds there.", 5.0, low=0, high=600, unit="s"
+    )
+    altitude_step: float = field(
+        "float", "How much lower each vehicle flies than the one before it, so that paths do not "
+        "cross; 0 for all at one altitude, negative for 5 or, where there is not room for that, "
+        "less.", -1.0, low=-1, high=1000, unit="m",
+    )  # fmt: skip
+    merge_legs: bool = field(
+        "bool", "Whether missions fly a straight leg in one, without a waypoint in each cell.", True
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self)
+
+
+def search_mission(
+    frame: GridFrame,
+    cells: ArrayLike,
+    searched: ArrayLike,
+    settings: FlightSettings,
+    home: Home | None = None,
+) -> Mission:
+    """Return what one vehicle has to fly: see `track_mission`.
+
+    Args:
+        frame: The grid; vehicles fly at its altitude.
+        cells: (K, 2) of (col, row).
+        searched: (K,) flags of the cells that were searched rather than moved to.
+        settings: How it is flown.
+        home: Where it takes off; if not given, below the first cell.
+    """
+    return track_mission(
+        frame,
+        cells,
+        searched,
+        home=home,
+        merge_legs=settings.merge_legs,
+        acceptance_radius_m=acceptance_radius_m(frame, settings.acceptance_radius),
+        search_alt_m=min(settings.search_altitude, frame.alt_m),
+        search_hold_s=settings.search_hold,
+    )
+
+
+def layers(
+    frame: GridFrame, settings: FlightSettings, vehicles: int, lowest_m: float = LOWEST_LAYER_M
+) -> list[GridFrame]:
+    """Return the grid at each vehicle's altitude, so that paths do not cross.
+
+    Args:
+        frame: The grid at the altitude of the first one, the highest.
+        settings: How it is flown.
+        vehicles: How many there are.
+        lowest_m: Altitude that none may be below.
+
+    Raises:
+        FieldError: If there is not room for all.
+    """
+    room_m = max(frame.alt_m - lowest_m, 0.0) / max(vehicles - 1, 1)
+    step_m = settings.altitude_step
+    if step_m < 0:
+        step_m = min(ALTITUDE_STEP_M, room_m)
+    elif step_m > room_m and vehicles > 1:
+        raise FieldError(
+            f"altitude_step: {step_m:g} is not allowed; {vehicles} vehicles from {frame.alt_m:g} m "
+            f"down to {lowest_m:g} m have room for {math.floor(100 * room_m) / 100:g} m"
+        )
+    return [replace(frame, alt_m=frame.alt_m - i * step_m) for i in range(vehicles)]
+
+
+def write_missions(directory: Path, missions: Mapping[str, Mission], firmware: str) -> list[Path]:
+    """Write missions, by the names of their drones, as `.waypoints` and as `.plan` files.
+
+    Args:
+        directory: Where; made if it is not there.
+        missions: By name.
+        firmware: One of `FIRMWARES`.
+
+    Raises:
+        OSError: If that is not possible.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, mission in missions.items():
+        for suffix, text in (
+            (".waypoints", qgc_wpl(mission.numbered(firmware))),
+            (".plan", plan_text(mission, firmware=firmware)),
+        ):
+            path = directory / f"{name}{suffix}"
+            path.write_text(text, encoding="utf-8")
+            written.append(path)
+    return written
