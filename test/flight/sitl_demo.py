@@ -2,7 +2,7 @@
 """`make sitl-demo`: a search flown by simulated autopilots, each program a process of its own.
 
 It starts the autopilots, `sim_node`, `mavlink_bridge` and `planner_node`, waits until the person is
-found and all vehicles are down again, and checks from what the vehicles said of their places that
+found and all vehicles are down again, and checks from the positions that the vehicles reported that
 each was within the acceptance radius of every cell its drone was in.
 """
 
@@ -213,8 +213,8 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
             name: stack.enter_context(process(name, values, out / f"{name}.log"))
             for name, values in parameters.items()
         }
-        began = heard = time.monotonic()
-        told = -1
+        began = reported_s = time.monotonic()
+        shown = -1
         while not (witness.over and all(flight.down for flight in witness.flights)):
             executor.spin_once(timeout_sec=0.1)
             for name, child in processes.items():
@@ -224,13 +224,13 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
             if any(flight.state.get("lost") for flight in witness.flights):
                 lost = [flight.state.get("lost", "") for flight in witness.flights]
                 raise MissionFailed(f"a vehicle is lost: {lost}")
-            if witness.step > told:
-                told, heard = witness.step, time.monotonic()
+            if witness.step > shown:
+                shown, reported_s = witness.step, time.monotonic()
                 where = ", ".join(
                     f"({c[-1][0]}, {c[-1][1]})" for c in (f.cells for f in witness.flights)
                 )
-                print(f"step {told}: drones in {where}", flush=True)
-            if time.monotonic() - heard > PATIENCE_S:
+                print(f"step {shown}: drones in {where}", flush=True)
+            if time.monotonic() - reported_s > PATIENCE_S:
                 raise MissionFailed(f"nothing happens for {PATIENCE_S:g} s; see {out}")
         took_s = time.monotonic() - began
     title = f"{scenario.name}: {witness.step} steps, {'found' if witness.found else 'not found'}"

@@ -42,9 +42,9 @@ def test_a_defect_fails_the_order_and_the_next_one_is_flown(
         flight.wait(5.0)
         assert flight.outcome == outcome
     assert flight.controller.counts["errors"] == 3
-    # A kind is told once, with its traceback.
-    told = [one for one in caplog.records if one.levelno >= logging.ERROR]
-    assert len(told) == 1 and told[0].exc_info is not None
+    # A kind is logged once, with its traceback.
+    logged = [one for one in caplog.records if one.levelno >= logging.ERROR]
+    assert len(logged) == 1 and logged[0].exc_info is not None
     assert flight.fly(GoTo(*flight.place(20.0, 0.0), 10.0, 3.0)).status == "done"
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Twenty vehicles in one process are all flown, and each hears our heartbeats."""
+"""Twenty vehicles in one process are all flown, and each receives our heartbeats."""
 
 from __future__ import annotations
 

@@ -83,9 +83,9 @@ def test_what_goes_on_without_us_is_not_interrupted(autopilot: str, what: str) -
     if what == "pilot":
         flight.vehicle.pilot_takes_over("POSCTL" if autopilot == "px4" else "LOITER")
         flight.until(lambda: flight.outcome.status == "taken_over")
-    mode, sent = flight.vehicle.mode, len(flight.said)
+    mode, sent = flight.vehicle.mode, len(flight.sent)
     part(flight)
-    assert len(flight.said) == sent
+    assert len(flight.sent) == sent
     flight.wait(5.0)
     assert flight.vehicle.mode is mode
 

@@ -66,7 +66,7 @@ def test_a_speed_that_is_not_supported_is_asked_for_once() -> None:
 
 
 def setpoints_since(flight: VirtualFlight, since_s: float) -> list[SetPositionTarget]:
-    return [m for at_s, m in flight.said if at_s >= since_s and isinstance(m, SetPositionTarget)]
+    return [m for at_s, m in flight.sent if at_s >= since_s and isinstance(m, SetPositionTarget)]
 
 
 def test_each_try_of_a_target_beyond_the_vehicles_own_fence_is_sent_and_names_it() -> None:
@@ -95,7 +95,7 @@ def test_a_target_that_is_taken_up_late_is_flown_by_a_later_try() -> None:
     assert flight.fly(order).status == "done"
 
 
-def test_a_vehicle_that_breaches_its_own_fence_is_taken_over_and_its_words_are_told() -> None:
+def test_a_vehicle_that_breaches_its_own_fence_is_taken_over_and_why_is_reported() -> None:
     flight = VirtualFlight("ardupilot", arm=True, vehicle={"parameters": FENCE})
     assert flight.fly(TakeOff(20.0)).status == "done"
     flight.give(GoTo(*flight.place(140.0, 0.0), 20.0, 3.0))

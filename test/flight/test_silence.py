@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle that falls silent gets nothing but heartbeats, and goes on when it is heard again."""
+"""A vehicle that falls silent gets nothing but heartbeats, and goes on when they come again."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def test_an_order_goes_on_where_it_was(during: str) -> None:
     assert flight.outcome.reason == "no heartbeat for 5 s"
     assert flight.outcome.order == orders[during]
     assert not flight.state.connected and flight.state.mode
-    sent, since_s = len(flight.said), flight.now
+    sent, since_s = len(flight.sent), flight.now
     # An order that is given meanwhile waits too.
     if during == "rest":
         flight.give(GoTo(*flight.place(50.0, 0.0), 15.0, 3.0))
     flight.until(lambda: flight.state.connected)
     assert flight.now - since_s > 10.0
-    said = [message for at_s, message in flight.said[sent:] if at_s < flight.now]
-    assert said == []
+    late = [message for at_s, message in flight.sent[sent:] if at_s < flight.now]
+    assert late == []
     flight.until(lambda: flight.outcome.status != "under_way")
     assert flight.outcome.status == "done"
     if during in ("mission", "return"):

@@ -128,7 +128,7 @@ def test_on_a_signed_link_it_flies_and_others_get_nowhere(tmp_path: Path) -> Non
 def test_ten_thousand_messages_of_wrong_senders_have_no_effect() -> None:
     port, draw = free_udp_port(), random.Random(2)
     with running_autopilot(link="udp", port=port, speedup=10, ready_s=5.0) as autopilot:
-        # They come first, so that nobody else is being heard.
+        # They come first, so that nobody else is the peer yet.
         settings = VehicleSettings(connection=f"udpin:127.0.0.1:{port}", arm=True)
         vehicle = Vehicle(settings)
         sent = 0
@@ -230,7 +230,7 @@ def test_it_waits_for_a_vehicle_that_is_not_there_yet() -> None:
             until(lambda: vehicle.outcome.status == "done")
 
 
-def test_a_port_that_is_taken_is_told_and_tried_again() -> None:
+def test_a_port_that_is_taken_is_reported_and_tried_again() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -238,7 +238,7 @@ def test_a_port_that_is_taken_is_told_and_tried_again() -> None:
         vehicle.start()
         until(lambda: "in use" in vehicle.trouble)
         taken.close()
-        # Nobody is heard, but that is no trouble of the link.
+        # Nobody is connected, but that is no fault of the link.
         until(lambda: vehicle.trouble == "")
         assert vehicle.counts["opened"] == 1
         vehicle.close()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orders are carried out, and believed only when the vehicle has done what they say."""
+"""Orders are carried out, and done only when the vehicle has done what they ask for."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_a_hold_in_flight_stops_where_it_is(autopilot: str) -> None:
 def test_a_hold_on_the_ground_sends_nothing(autopilot: str) -> None:
     flight = VirtualFlight(autopilot, arm=True)
     assert flight.fly(Hold()).status == "done"
-    assert {m.command for _, m in flight.said if isinstance(m, CommandLong)} <= {INTERVAL, 512}
+    assert {m.command for _, m in flight.sent if isinstance(m, CommandLong)} <= {INTERVAL, 512}
 
 
 @both
@@ -163,7 +163,7 @@ def test_a_mission_flown_before_starts_at_its_first_item_again(autopilot: str) -
         assert near_m < 3.0
 
 
-# What is believed, and what is not
+# What counts as done, and what does not
 
 
 @both
@@ -189,7 +189,7 @@ def test_lost_acknowledgements_do_no_harm(autopilot: str) -> None:
     flight = flying(autopilot, vehicle={"faults": (Fault("acks", 0.0),)}, speed_mps=5.0)
     assert flight.fly(go_to(flight, 50.0, 0.0)).status == "done"
     assert flight.fly(Land()).status == "done"
-    assert not [m for m in flight.heard if isinstance(m, CommandAck)]
+    assert not [m for m in flight.received if isinstance(m, CommandAck)]
 
 
 def test_a_setpoint_that_gets_lost_is_sent_again_until_it_is_taken_up() -> None:
@@ -230,10 +230,10 @@ def test_places_and_targets_are_asked_for_at_the_rate_that_is_set() -> None:
     flight.give(go_to(flight, 900.0, 0.0))
     flight.wait(10.0)
     for kind in (GlobalPosition, PositionTarget):
-        before = sum(isinstance(m, kind) for m in flight.heard)
+        before = sum(isinstance(m, kind) for m in flight.received)
         flight.wait(5.0)
-        heard = sum(isinstance(m, kind) for m in flight.heard) - before
-        assert heard == pytest.approx(40, abs=3)
+        received = sum(isinstance(m, kind) for m in flight.received) - before
+        assert received == pytest.approx(40, abs=3)
 
 
 def test_messages_that_stop_to_come_are_asked_for_again() -> None:
@@ -305,13 +305,13 @@ def test_arming_waits_until_the_vehicle_is_ready(autopilot: str) -> None:
     assert len(flight.commands(ARM)) <= 2
 
 
-def test_a_take_off_waits_as_long_as_it_takes_and_says_for_what() -> None:
+def test_a_take_off_waits_as_long_as_it_takes_and_reports_for_what() -> None:
     flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0})
     flight.give(TakeOff(10.0))
     flight.wait(600.0)
     assert (flight.outcome.status, flight.state.has_position) == ("under_way", True)
     complaint = "waiting until it is ready (PreArm: AHRS: waiting for home)"
-    # It says so every 30 s, and is known all the time.
+    # It reports it every 30 s, and is known all the time.
     while not flight.state.ready:
         assert flight.outcome.reason == complaint and flight.state.unready in complaint
         flight.step()
@@ -331,7 +331,7 @@ def test_a_vehicle_that_never_has_a_position_is_waited_for_without_a_word_of_its
     assert not flight.commands(ARM)
 
 
-def test_a_vehicle_without_a_position_says_why_it_is_not_ready() -> None:
+def test_a_vehicle_without_a_position_reports_why_it_is_not_ready() -> None:
     flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0})
     flight.give(TakeOff(10.0))
     flight.wait(100.0)
@@ -440,9 +440,9 @@ def test_a_pilot_who_takes_over_is_left_alone(autopilot: str, during: str) -> No
     flight.vehicle.pilot_takes_over(mode)
     flight.until(lambda: flight.outcome.status == "taken_over", limit_s=4.0)
     assert mode in flight.outcome.reason
-    sent = len(flight.said)
+    sent = len(flight.sent)
     flight.wait(60.0)
-    assert len(flight.said) == sent
+    assert len(flight.sent) == sent
     assert flight.state.mode == mode
 
 
@@ -515,7 +515,7 @@ def test_px4_that_missed_setpoints_gets_them_and_flies_on(action: int, mode: str
     flight = px4_without_setpoints(action, 2.5)
     assert flight.state.mode == mode
     assert (flight.state.failsafe, flight.outcome.status) == ("offboard", "under_way")
-    assert not [m for m in flight.heard if isinstance(m, StatusText)]
+    assert not [m for m in flight.received if isinstance(m, StatusText)]
     modes = len(flight.commands(SET_MODE))
     flight.until(lambda: flight.outcome.status != "under_way")
     assert flight.outcome.status == "done"
@@ -533,9 +533,9 @@ def test_a_restarted_pilot_gives_px4_the_setpoints_that_it_misses(seconds: float
     assert flight.state.mode == "RTL" and flight.state.failsafe == "offboard"
     # Nothing is sent before there is an order.
     modes = len(flight.commands(SET_MODE))
-    said = len(flight.setpoints())
+    sent = len(flight.setpoints())
     flight.wait(1.0)
-    assert len(flight.setpoints()) == said
+    assert len(flight.setpoints()) == sent
     assert flight.fly(go_to(flight, 90.0, 0.0)).status == "done"
     assert flight.off_m(90.0, 0.0) < 4.0
     assert len(flight.commands(SET_MODE)) == modes
@@ -554,9 +554,9 @@ def test_px4_that_does_not_give_offboard_back_has_a_failsafe() -> None:
     assert flight.now - struck_s > 4.0
     assert "RTL, critical failsafe" in flight.outcome.reason
     assert flight.state.failsafe == "critical"
-    sent = len(flight.said)
+    sent = len(flight.sent)
     flight.wait(20.0)
-    assert len(flight.said) == sent
+    assert len(flight.sent) == sent
 
 
 def test_a_return_that_a_pilot_chooses_is_a_take_over_at_once() -> None:
@@ -596,7 +596,7 @@ def test_px4_flies_above_home_wherever_the_origin_of_its_estimate_is() -> None:
     assert flight.vehicle.craft.up_m == pytest.approx(30.0, abs=0.5)
 
 
-def test_who_may_not_arm_says_that_px4_has_to_leave_offboard() -> None:
+def test_who_may_not_arm_reports_that_px4_has_to_leave_offboard() -> None:
     flight = VirtualFlight("px4")
     flight.wait(10.0)
     flight.vehicle.request_mode(6, 0)
@@ -611,15 +611,15 @@ def test_who_may_not_arm_says_that_px4_has_to_leave_offboard() -> None:
 
 
 @both
-def test_a_lost_link_is_told_and_the_vehicle_flown_on_after_it(autopilot: str) -> None:
+def test_a_lost_link_is_reported_and_the_vehicle_flown_on_after_it(autopilot: str) -> None:
     fault = Fault("link", 15.0, since_airborne=True, duration_s=20.0)
     flight = flying(autopilot, vehicle={"faults": (fault,)})
     flight.give(go_to(flight, 150.0, 0.0))
     flight.until(lambda: flight.outcome.status == "silent")
     assert not flight.state.connected
-    sent = len(flight.said)
+    sent = len(flight.sent)
     flight.until(lambda: flight.outcome.status != "silent")
-    assert len(flight.said) - sent < 20
+    assert len(flight.sent) - sent < 20
     flight.until(lambda: flight.outcome.status != "under_way")
     assert flight.outcome.status == "done"
     assert flight.off_m(150.0, 0.0) < 4.0
@@ -632,15 +632,15 @@ def test_taken_over_while_the_link_was_lost_is_seen_after_it() -> None:
     flight.give(go_to(flight, 900.0, 0.0))
     flight.until(lambda: flight.outcome.status == "taken_over")
     assert "silent" in flight.statuses()
-    assert not [m for now, m in flight.said if now > 50.0 and isinstance(m, SetPositionTarget)]
+    assert not [m for now, m in flight.sent if now > 50.0 and isinstance(m, SetPositionTarget)]
 
 
 def test_a_vehicle_that_is_not_there_gets_nothing() -> None:
     controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings(arm=True))
-    said = controller.give(TakeOff(10.0), 0.0)
+    sent = controller.give(TakeOff(10.0), 0.0)
     for tick in range(1000):
-        said += controller.tick(tick * 0.1)
-    assert said == []
+        sent += controller.tick(tick * 0.1)
+    assert sent == []
     assert controller.outcome.status == "under_way"
 
 
@@ -743,21 +743,21 @@ def test_whenever_a_pilot_takes_over_nothing_is_sent_any_more(
         return
     mode = "POSCTL" if autopilot == "px4" else "LOITER"
     for _ in range(5):
-        # A command that was sent before a heartbeat told of it comes after it: then once more.
+        # A command that was sent before a heartbeat showed it comes after it: then once more.
         if flight.vehicle.mode.name != mode:
             flight.vehicle.pilot_takes_over(mode)
         flight.wait(3.0)
     assert flight.vehicle.mode.name == mode
-    sent = len(flight.said)
+    sent = len(flight.sent)
     flight.wait(10.0)
     flight.give(data.draw(any_order(flight)))
     flight.wait(10.0)
-    assert len(flight.said) == sent
+    assert len(flight.sent) == sent
     assert flight.outcome.status == "taken_over"
     assert flight.state.mode == mode
 
 
-def test_no_message_makes_the_pilot_raise_or_believe() -> None:
+def test_no_message_makes_the_controller_raise_or_end_an_order() -> None:
     controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
     controller.give(GoTo(0.0, 0.0, 10.0, 5.0), 0.0)
     for mode, status, base in itertools.product((0, 4, 2**32 - 1), range(0, 256, 51), (0, 255)):

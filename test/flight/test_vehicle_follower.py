@@ -43,7 +43,7 @@ FLYING = replace(ON_GROUND, armed=True, flying=True, alt_m=120.0)
 
 
 class Vehicle:
-    """Does what it is told when it is asked to, and remembers what that was."""
+    """Carries out its order when asked to, and remembers it."""
 
     def __init__(self, follower: VehicleFollower, state: VehicleState = ON_GROUND) -> None:
         self.follower, self.state = follower, state
@@ -63,7 +63,7 @@ class Vehicle:
         return order
 
     def obey(self) -> None:
-        """Carry out what it was told last."""
+        """Carry out the last order."""
         order = self.outcome.order
         if isinstance(order, TakeOff):
             self.state = FLYING
@@ -72,7 +72,7 @@ class Vehicle:
         self.turn(status="done")
 
     def fall_silent(self, seconds: float) -> Order | None:
-        """Have no heartbeat come for some time, and return what it is told then."""
+        """Have no heartbeat come for some time, and return the orders it gets then."""
         ready = self.state.ready
         self.state = replace(self.state, connected=False, ready=False, heard_s=self.now_s)
         self.now_s += seconds
@@ -120,7 +120,7 @@ def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
     assert led.arrived_stamp_ns == 13 and vehicle.turn() is None
 
 
-def test_a_search_is_done_once_for_each_step_that_says_so() -> None:
+def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
     led = follower()
     vehicle = Vehicle(led, FLYING)
     for stamp in (13, 26):
@@ -183,7 +183,7 @@ def test_nobody_is_sent_where_two_drones_have_crashed() -> None:
     assert vehicle.turn() == Return()
 
 
-def test_a_step_that_is_told_again_changes_nothing_but_its_end() -> None:
+def test_a_step_that_is_reported_again_changes_nothing_but_its_end() -> None:
     led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
@@ -211,7 +211,7 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
     assert isinstance(vehicle.turn(), GoTo) and not led.lost
 
 
-def test_a_silent_vehicle_goes_on_when_it_is_heard_again_in_time() -> None:
+def test_a_silent_vehicle_goes_on_when_it_is_connected_again_in_time() -> None:
     led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
@@ -223,7 +223,7 @@ def test_a_silent_vehicle_goes_on_when_it_is_heard_again_in_time() -> None:
     assert led.arrived_stamp_ns == 13
 
 
-def test_a_vehicle_that_is_silent_for_too_long_is_lost_returns_when_heard_and_stays_lost() -> None:
+def test_a_vehicle_silent_for_too_long_is_lost_returns_when_connected_and_stays_lost() -> None:
     led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
@@ -238,7 +238,7 @@ def test_a_vehicle_that_is_silent_for_too_long_is_lost_returns_when_heard_and_st
 
 
 @pytest.mark.parametrize("at_end", ["return", "land", "hold"])
-def test_who_is_lost_before_take_off_is_told_to_stay_even_before_it_is_heard_again(
+def test_who_is_lost_before_take_off_is_ordered_to_stay_even_before_it_is_connected_again(
     at_end: str,
 ) -> None:
     led = follower(at_end=at_end)
@@ -485,7 +485,7 @@ def test_an_order_that_fails_is_given_again_and_then_the_vehicle_is_lost() -> No
     assert led.lost == "failed: no progress"
 
 
-def test_a_vehicle_that_is_never_heard_is_lost_in_the_end() -> None:
+def test_a_vehicle_that_is_never_connected_is_lost_in_the_end() -> None:
     led = follower(join_timeout_s=3.0)
     vehicle = Vehicle(led, VehicleState())
     follow(led, 0, 0, 0)
@@ -496,7 +496,7 @@ def test_a_vehicle_that_is_never_heard_is_lost_in_the_end() -> None:
     assert led.lost == "no heartbeat within 3 s"
 
 
-def test_what_is_wrong_with_the_link_is_told_of_who_is_lost() -> None:
+def test_what_is_wrong_with_the_link_is_reported_of_who_is_lost() -> None:
     led = follower(join_timeout_s=3.0)
     follow(led, 0, 0, 0)
     for now_s in (0.0, 3.1):
@@ -659,7 +659,7 @@ def test_an_order_that_would_fail_again_is_given_once() -> None:
 
 
 @pytest.mark.parametrize("where", [{}, {"lat_deg": math.nan, "lon_deg": math.nan}])
-def test_what_a_vehicle_says_of_its_checks_is_why_it_cannot_take_off(where: Any) -> None:
+def test_what_a_vehicle_reports_of_its_checks_is_why_it_cannot_take_off(where: Any) -> None:
     led = follower()
     said = (("PreArm: GPS 1: Bad fix", 0.0),)
     vehicle = Vehicle(led, replace(ON_GROUND, ready=False, _complaints=said, **where))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The state is what the vehicle has said of itself, and nothing that it has not."""
+"""The state is what the vehicle has reported, and nothing else."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_at_first_nothing_is_known() -> None:
     assert state.home is None and state.mode == "" and state.item_reached == -1
 
 
-def test_a_heartbeat_tells_mode_and_arming() -> None:
+def test_a_heartbeat_has_mode_and_arming() -> None:
     state = after(GUIDED)
     assert (state.connected, state.mode, state.armed, state.heard_s) == (True, "GUIDED", False, 7.0)
     assert after(ARMED).armed
@@ -86,7 +86,7 @@ def test_ready_takes_a_position_and_the_checks(flags: int, health: int, ready: b
 @pytest.mark.parametrize(
     ("landed", "flying"), [(1, False), (2, True), (3, True), (4, True), (0, True)]
 )
-def test_flying_is_what_it_says_of_the_ground(landed: int, flying: bool) -> None:
+def test_flying_is_its_landed_state(landed: int, flying: bool) -> None:
     assert after(ARMED, ExtendedSysState(landed)).flying is flying
     assert not after(GUIDED, ExtendedSysState(landed)).flying
 
@@ -113,7 +113,7 @@ def test_a_battery_that_is_not_measured_is_not_known() -> None:
         ("Reached command #3", ""),
     ],
 )
-def test_a_failsafe_is_named_by_what_the_vehicle_says(text: str, failsafe: str) -> None:
+def test_a_failsafe_is_named_by_what_the_vehicle_reports(text: str, failsafe: str) -> None:
     assert after(ARMED, StatusText(4, text)).failsafe == failsafe
     critical = Heartbeat(2, 3, 129, 6, 5)
     assert after(StatusText(4, text), critical).failsafe == (failsafe or "critical")
@@ -163,7 +163,7 @@ def test_a_failsafe_that_is_cleared_is_none() -> None:
     )
 
 
-def test_progress_home_and_target_are_told() -> None:
+def test_progress_home_and_target_are_known() -> None:
     state = after(
         HERE,
         MissionCurrent(4, 5),
@@ -186,7 +186,7 @@ def test_without_a_link_it_is_neither_connected_nor_ready_but_last_seen_somewher
 
 
 @given(st.data(), st.sampled_from(["ardupilot", "px4"]))
-def test_nothing_a_vehicle_says_makes_it_raise(data: st.DataObject, autopilot: str) -> None:
+def test_no_message_makes_it_raise(data: st.DataObject, autopilot: str) -> None:
     state = VehicleState()
     for kind in data.draw(st.lists(st.sampled_from(PLAIN), max_size=20)):
         values = {

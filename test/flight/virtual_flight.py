@@ -45,8 +45,8 @@ class VirtualFlight:
         settings: Fields of `ControllerSettings`.
 
     Attributes:
-        said: What the controller has sent, with the time.
-        heard: What has reached it.
+        sent: What the controller has sent, with the time.
+        received: What it has received.
         seen: What became of its orders, in turn.
     """
 
@@ -67,8 +67,8 @@ class VirtualFlight:
         self.controller = VehicleController(VEHICLE, OURSELVES, self._settings)
         self.now = 0.0
         self.loss, self.duplicate, self.delay_s = loss, duplicate, delay_s
-        self.said: list[tuple[float, Outgoing]] = []
-        self.heard: list[Incoming] = []
+        self.sent: list[tuple[float, Outgoing]] = []
+        self.received: list[Incoming] = []
         self.seen: list[Outcome] = []
         self._random = random.Random(seed)
         self._codec = Codec(OURSELVES, VEHICLE)
@@ -94,7 +94,7 @@ class VirtualFlight:
                 self.vehicle.receive(self._channel, data)
                 continue
             for message in self._codec.decode(data, self.now, datagram=True):
-                self.heard.append(message)
+                self.received.append(message)
                 self._send(self.controller.receive(message, self.now))
         if self.now >= self.controller.deadline:
             self._send(self.controller.tick(self.now))
@@ -158,19 +158,19 @@ class VirtualFlight:
         craft = self.vehicle.craft
         return math.hypot(craft.north_m - north_m, craft.east_m - east_m)
 
-    # What was said
+    # What was sent
 
     def commands(self, number: int) -> list[CommandLong]:
         """Return the commands of a kind."""
-        return [m for _, m in self.said if isinstance(m, CommandLong) and m.command == number]
+        return [m for _, m in self.sent if isinstance(m, CommandLong) and m.command == number]
 
     def setpoints(self) -> list[SetPositionTarget]:
         """Return all setpoints."""
-        return [message for _, message in self.said if isinstance(message, SetPositionTarget)]
+        return [message for _, message in self.sent if isinstance(message, SetPositionTarget)]
 
-    def _send(self, said: list[Outgoing]) -> None:
-        for message in said:
-            self.said.append((self.now, message))
+    def _send(self, messages: list[Outgoing]) -> None:
+        for message in messages:
+            self.sent.append((self.now, message))
             self._put(self._codec.encode(message), to_vehicle=True)
 
     def _put(self, data: bytes, *, to_vehicle: bool) -> None:

@@ -53,7 +53,7 @@ def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
             first.until(0, flying="true", **({"order": "Hold()"} if search == "over" else {}))
         first.process.kill()
         again = Bridge(rig, vehicles, **at_end)
-        told = again.states[0]
+        states = again.states[0]
         if search == "running":
             if not waits:
                 fly(sim, UP)
@@ -61,7 +61,7 @@ def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
             assert take_off_orders(again) == waits
         else:
             again.until(0, connected="true")
-            rig.until(lambda: len(told) >= 5, "more of its state")
+            rig.until(lambda: len(states) >= 5, "more of its state")
             assert take_off_orders(again) == 0
             state = again.state(0)
             assert state["flying"] == state["armed"] == ("false" if landed else "true")
@@ -101,8 +101,8 @@ def test_a_simulation_started_again_is_a_search_for_all_but_those_a_pilot_has(
         sim = rig.sim(searched | {"drones_positions": [1, 4]})
         if lost:
             rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
-            told = len(bridge.states[0])
-            rig.until(lambda: len(bridge.states[0]) >= told + 4, "more of its state")
+            states = len(bridge.states[0])
+            rig.until(lambda: len(bridge.states[0]) >= states + 4, "more of its state")
             assert bridge.state(0)["mode"] == ("LAND" if landed else "LOITER")
             assert bridge.state(0)["flying"] == ("false" if landed else "true")
             return

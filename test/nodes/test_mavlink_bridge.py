@@ -96,7 +96,7 @@ def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
+def test_who_is_lost_on_the_ground_stays_there_when_it_is_connected_again(
     rig: Rig, autopilot: str
 ) -> None:
     with autopilots((), autopilot=autopilot, ready_s=200.0) as vehicles:
@@ -109,11 +109,11 @@ def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
         bridge.until(0, connected="true", ready="true", order="Return()", status="done")
         seen = len(bridge.states[0])
         rig.until(lambda: len(bridge.states[0]) >= seen + 3, "more of its state")
-        told = [
+        states = [
             {pair.key: pair.value for pair in message.status[0].values}
             for message in bridge.states[0]
         ]
-        assert {(one["armed"], one["flying"]) for one in told} == {("false", "false")}
+        assert {(one["armed"], one["flying"]) for one in states} == {("false", "false")}
         assert bridge.state(0)["lost"]
 
 
@@ -187,7 +187,7 @@ def test_the_bridge_ends_when_its_vehicles_are_home_if_it_is_to(rig: Rig) -> Non
             assert state["lost"] == "" and state["arrived"] == "true"
 
 
-def test_why_a_vehicle_cannot_be_reached_is_told_once_and_of_who_is_lost(rig: Rig) -> None:
+def test_why_a_vehicle_cannot_be_reached_is_logged_once_and_of_who_is_lost(rig: Rig) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -195,16 +195,16 @@ def test_why_a_vehicle_cannot_be_reached_is_told_once_and_of_who_is_lost(rig: Ri
         reasons = ["No such file or directory", "Connection refused", "Address already in use"]
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5]})
         bridge = Bridge(rig, [], connections=connections, join_timeout=3.0)
-        told = rig.listen(DiagnosticArray, "drone0/vehicle_state", LATCHED)
+        states = rig.listen(DiagnosticArray, "drone0/vehicle_state", LATCHED)
         lost = f"lost: no heartbeat within 3 s: {connections[0]}: {reasons[0]}"
-        rig.until(lambda: told and told.last.status[0].message == lost, lost)
+        rig.until(lambda: states and states.last.status[0].message == lost, lost)
         lines = bridge.process.output
         for i, (connection, reason) in enumerate(zip(connections, reasons, strict=True)):
             assert f"drone{i}: waiting for system {i + 1} on {connection}" in lines
             assert lines.count(f"drone{i}: {connection}: {reason}") == 1
 
 
-def test_who_is_not_heard_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> None:
+def test_who_has_no_heartbeat_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> None:
     start = {"drones_positions": [0, 5, 1, 5]}
     with autopilots((), ()) as vehicles:
         sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
@@ -339,7 +339,7 @@ def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
         assert sorted({item.alt_m for item in items[1:-1]}) == ([30.0, 115.0] if i else [120.0])
 
 
-def test_messages_that_make_no_sense_are_told_once_and_end_nothing(rig: Rig) -> None:
+def test_messages_that_make_no_sense_are_logged_once_and_end_nothing(rig: Rig) -> None:
     bridge = rig.start("mavlink_bridge", {"mode": "export"})
     agents, report = (
         rig.talk(kind, topic, LATCHED)
