@@ -68,7 +68,7 @@ ALL = QoSProfile(
 )
 """Every report from the last one on: what waits is not overtaken by what comes."""
 
-# By default whoever missed the first announcements, or a message, waits 3 s for the next try.
+# By default a node that missed the first announcements, or a message, waits 3 s for the next try.
 _PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com">
   <participant profile_name="quick" is_default_profile="true">
@@ -101,7 +101,7 @@ ENVIRONMENT = _environment()
 
 _locks: deque[IO[bytes]] = deque()
 _MOST_LOCKS = 40
-"""Whoever came before the last of these has ended, or holds the port of its domain."""
+"""Those that came before the last of these have ended, or holds the port of its domain."""
 
 
 def free_domain() -> int:
@@ -403,7 +403,7 @@ class Sim:
         """Hold the mission, or let it go on."""
         assert self.call(SetBool, "pause", data=paused).success
 
-    def settle(self) -> None:
+    def wait_until_quiet(self) -> None:
         """Return when the node has dealt with every message sent so far."""
         self.rig.deliver()
         # It is asked after them, so it answers after them.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whoever is started again, the bridge or the simulation: nobody takes off who is not to."""
+"""After a restart of the bridge or of the simulation no vehicle takes off that must not."""
 
 from __future__ import annotations
 
@@ -101,8 +101,8 @@ def test_a_simulation_started_again_is_a_search_for_all_but_those_a_pilot_has(
         sim = rig.sim(searched | {"drones_positions": [1, 4]})
         if lost:
             rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
-            states = len(bridge.states[0])
-            rig.until(lambda: len(bridge.states[0]) >= states + 4, "more of its state")
+            count = len(bridge.states[0])
+            rig.until(lambda: len(bridge.states[0]) >= count + 4, "more of its state")
             assert bridge.state(0)["mode"] == ("LAND" if landed else "LOITER")
             assert bridge.state(0)["flying"] == ("false" if landed else "true")
             return

@@ -59,7 +59,7 @@ def test_a_signal_ends_a_program_wherever_it_is(
     assert output == "cleaned up\n"
 
 
-def test_whoever_takes_the_signals_over_has_them() -> None:
+def test_another_handler_can_take_the_signals_over() -> None:
     done = subprocess.run(
         [sys.executable, "-c", HANDED_OVER], capture_output=True, text=True, timeout=30
     )

@@ -187,7 +187,7 @@ def test_the_bridge_ends_when_its_vehicles_are_home_if_it_is_to(rig: Rig) -> Non
             assert state["lost"] == "" and state["arrived"] == "true"
 
 
-def test_why_a_vehicle_cannot_be_reached_is_logged_once_and_of_who_is_lost(rig: Rig) -> None:
+def test_why_a_vehicle_cannot_be_reached_is_reported_once_and_for_the_lost(rig: Rig) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -258,10 +258,10 @@ def test_signed_links_fly_and_keys_that_differ_do_not(rig: Rig) -> None:
         key.chmod(0o600)
     with autopilots((), key_file=keys[0]) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5]})
-        stranger = Bridge(rig, vehicles, signing_key_file=str(keys[1]))
-        rig.until(lambda: int(stranger.state(0).get("count.forged", 0)) > 0, "a forged message")
-        assert stranger.state(0)["connected"] == "false"
-        stranger.process.stop()
+        foreign = Bridge(rig, vehicles, signing_key_file=str(keys[1]))
+        rig.until(lambda: int(foreign.state(0).get("count.forged", 0)) > 0, "a forged message")
+        assert foreign.state(0)["connected"] == "false"
+        foreign.process.stop()
         bridge = Bridge(rig, vehicles, signing_key_file=str(keys[0]))
         bridge.until(0, arrived="true", flying="true")
 
@@ -339,7 +339,7 @@ def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
         assert sorted({item.alt_m for item in items[1:-1]}) == ([30.0, 115.0] if i else [120.0])
 
 
-def test_messages_that_make_no_sense_are_logged_once_and_end_nothing(rig: Rig) -> None:
+def test_messages_that_make_no_sense_are_reported_once_and_end_nothing(rig: Rig) -> None:
     bridge = rig.start("mavlink_bridge", {"mode": "export"})
     agents, report = (
         rig.talk(kind, topic, LATCHED)
