@@ -354,7 +354,7 @@ class ModeOwnership:
         return True
 
     def release(self) -> None:
-        """Leave the vehicle to whoever has set its mode."""
+        """Leave the vehicle to those who have set its mode."""
         self.taken_over = True
         self.own = None
         self._expected.clear()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Any message of the dialect with any fields, through codec and vehicle controller.
+"""Any message of ArduPilot's message set with any fields, through codec and vehicle controller.
 
 `python test/flight/fuzz.py 1000000` does it by hand, with a seed of its own if one follows.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No message of the dialect, with any fields, makes the program fail."""
+"""No message of the MAVLink dialect, with any fields, makes the program fail."""
 
 from __future__ import annotations
 

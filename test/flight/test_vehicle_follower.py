@@ -661,8 +661,8 @@ def test_an_order_that_would_fail_again_is_given_once() -> None:
 @pytest.mark.parametrize("where", [{}, {"lat_deg": math.nan, "lon_deg": math.nan}])
 def test_what_a_vehicle_reports_of_its_checks_is_why_it_cannot_take_off(where: Any) -> None:
     led = follower()
-    said = (("PreArm: GPS 1: Bad fix", 0.0),)
-    vehicle = Vehicle(led, replace(ON_GROUND, ready=False, _complaints=said, **where))
+    complaints = (("PreArm: GPS 1: Bad fix", 0.0),)
+    vehicle = Vehicle(led, replace(ON_GROUND, ready=False, _complaints=complaints, **where))
     follow(led, 0, 3, 4)
     vehicle.turn()
     vehicle.turn(reason="")

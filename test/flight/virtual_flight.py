@@ -98,7 +98,7 @@ class VirtualFlight:
                 self._send(self.controller.receive(message, self.now))
         if self.now >= self.controller.deadline:
             self._send(self.controller.tick(self.now))
-            # Whoever drives it would not get any rest.
+            # Its driver would not get any rest.
             assert self.controller.deadline > self.now
         if not self.seen or self.controller.outcome != self.seen[-1]:
             self.seen.append(self.controller.outcome)
