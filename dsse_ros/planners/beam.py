@@ -134,27 +134,26 @@ def credit_plan(path, length, gamma, starts, members, credit):
 
 
 @compiled
-def distance(side, diagonal, i, j):
-    """Return the number of moves between two cells."""
-    dx, dy = abs(i % side - j % side), abs(i // side - j // side)
-    return max(dx, dy) if diagonal else dx + dy
+def seen_from(nearness, i, j):
+    """Return what a scenario in cell j is worth at the end to a drone in cell i."""
+    side = len(nearness)
+    return nearness[abs(i // side - j // side), abs(i % side - j % side)]
 
 
 @compiled
 def plan_drone(
-    moves, side, width, cap, gamma, kappa, powers, starts, members, ends, credits, drone, blocked,
+    moves, width, cap, gamma, kappa, nearness, starts, members, ends, credits, drone, blocked,
     horizon, path,
 ):  # fmt: skip
     """Search a drone's best plan, given those of the others.
 
     Args:
         moves: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
-        side: S.
         width: Nodes kept at each step.
         cap: Nodes kept at each step in one cell.
         gamma: Discount per step.
         kappa: Weight of what is left at the end.
-        powers: (2 S,) float64, what a scenario at this distance at the end is worth.
+        nearness: (S, S) float64, what a scenario left at the end this far away is worth, [y, x].
         starts: Of `index`.
         members: Of `index`.
         ends: (M,) int64, cells of the scenarios at the end.
@@ -167,7 +166,7 @@ def plan_drone(
     Returns:
         Length of the plan; less than the horizon where the others leave no way on.
     """
-    count, diagonal = len(ends), len(moves) > 5
+    count, side = len(ends), len(nearness)
     base = np.zeros(count)
     for n in range(len(credits)):
         if n != drone:
@@ -215,16 +214,13 @@ def plan_drone(
                 if worths[cell] < 0.0:
                     total = 0.0
                     for place in places:
-                        total += left[place] * powers[distance(side, diagonal, cell, place)]
+                        total += left[place] * seen_from(nearness, cell, place)
                     worths[cell] = total
                 rank = worths[cell] - hits
                 at, back = node, h
                 while back > 0:
                     if finds[node, back - 1] > 0.0:
-                        rank -= (
-                            finds[node, back - 1]
-                            * powers[distance(side, diagonal, cell, cells[back, at])]
-                        )
+                        rank -= finds[node, back - 1] * seen_from(nearness, cell, cells[back, at])
                     at = parents[back, at]
                     back -= 1
                 c_cell[found], c_parent[found] = cell, node
@@ -277,7 +273,7 @@ def plan_drone(
         value = 0.0
         for s in range(count):
             if base[s] == 0.0 and alive[node, s >> 6] >> np.uint64(s & 63) & np.uint64(1):
-                value += powers[distance(side, diagonal, cell, ends[s])]
+                value += seen_from(nearness, cell, ends[s])
         value = gains[node] + kappa * value
         if value > best_value:
             best, best_value = node, value

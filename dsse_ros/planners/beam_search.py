@@ -80,7 +80,10 @@ class BeamSearch:
         names = (*STRAIGHT, *(DIAGONAL if actions.diagonal else ()))
         steps = [(0, 0), *(ACTION_VECTORS[name] for name in names)]
         self._moves = np.array([dy * self._side + dx for dx, dy in steps])
-        self._powers = options.closeness ** np.arange(2.0 * self._side)
+        away = np.arange(self._side)
+        across, down = np.meshgrid(away, away)
+        moves = np.maximum(across, down) if actions.diagonal else across + down
+        self._nearness: NDArray[np.float64] = options.closeness ** moves.astype(np.float64)
         self._plans: dict[Hashable, _Plan] = {}
 
     def copy(self) -> BeamSearch:
@@ -119,8 +122,8 @@ class BeamSearch:
             path = np.empty(horizon + 1, np.int64)
             path[0] = self._column(present[n])
             length = beam.plan_drone(
-                self._moves, self._side, options.width, options.cap, options.gamma, options.kappa,
-                self._powers, starts, members, cells[-1], credits, n,
+                self._moves, options.width, options.cap, options.gamma, options.kappa,
+                self._nearness, starts, members, cells[-1], credits, n,
                 self._blocked(n, plans, planned, horizon), horizon, path,
             )  # fmt: skip
             plans[n] = _Plan(path, length)
