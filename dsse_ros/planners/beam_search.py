@@ -19,6 +19,7 @@ from dsse_ros.planners import beam
 from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.belief_kernels import MARGIN
+from dsse_ros.search.rules import Rules
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +28,7 @@ class BeamOptions:
 
     Attributes:
         samples: M, scenarios drawn from the belief.
-        horizon: H, steps planned.
+        horizon: H, steps planned; None: 15 where persons stay about the datum, else 10.
         width: W, nodes kept at each step.
         cap: Nodes kept at each step in one cell.
         gamma: Discount of a find per step.
@@ -42,7 +43,7 @@ class BeamOptions:
     """
 
     samples: int = 4096
-    horizon: int = 10
+    horizon: int | None = None
     width: int = 32
     cap: int = 4
     gamma: float = 0.95
@@ -52,6 +53,12 @@ class BeamOptions:
     warm_start: bool | None = None
     passes: int = 1
     budget_ms: float | None = None
+
+    def horizon_by(self, rules: Rules) -> int:
+        """Return the horizon where these rules hold."""
+        if self.horizon is not None:
+            return self.horizon
+        return {"window": 15, "drift": 10}[rules.person_motion]
 
 
 @dataclass
@@ -65,7 +72,7 @@ class BeamSearch:
     """Plans of the drones of one mission.
 
     Args:
-        forecast: Of at least `options.horizon` steps.
+        forecast: Its horizon is how far plans reach, see `BeamOptions.horizon_by`.
         options: How a plan is searched.
         seed: Of the scenarios.
     """
@@ -106,7 +113,7 @@ class BeamSearch:
         began = time.perf_counter()
         options, forecast = self._options, self._forecast
         left = forecast.scenario.timestep_limit - belief.step
-        horizon = max(1, min(options.horizon, left))
+        horizon = max(1, min(forecast.horizon, left))
         cells, starts, members = self._scenarios(belief, horizon)
         plans = self._last_plans(agents, present, horizon)
         warm = len(agents) <= 4 if options.warm_start is None else options.warm_start
