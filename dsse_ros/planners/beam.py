@@ -134,10 +134,9 @@ def credit_plan(path, length, gamma, starts, members, credit):
 
 
 @compiled
-def seen_from(nearness, i, j):
+def seen_from(nearness, x, y, i, j):
     """Return what a scenario in cell j is worth at the end to a drone in cell i."""
-    side = len(nearness)
-    return nearness[abs(i // side - j // side), abs(i % side - j % side)]
+    return nearness[abs(y[i] - y[j]), abs(x[i] - x[j])]
 
 
 @compiled
@@ -167,6 +166,11 @@ def plan_drone(
         Length of the plan; less than the horizon where the others leave no way on.
     """
     count, side = len(ends), len(nearness)
+    # Divisions would take most of the time.
+    x, y = np.empty(side * side, np.int64), np.empty(side * side, np.int64)
+    for i in range(side):
+        for j in range(side):
+            x[i * side + j], y[i * side + j] = j, i
     base = np.zeros(count)
     for n in range(len(credits)):
         if n != drone:
@@ -182,7 +186,8 @@ def plan_drone(
 
     words = (count + 63) >> 6
     alive, after = np.empty((width, words), np.uint64), np.empty((width, words), np.uint64)
-    alive[0] = ~np.uint64(0)
+    full = ~np.uint64(0)
+    alive[0] = full
     cells = np.empty((horizon + 1, width), np.int64)
     parents = np.empty((horizon + 1, width), np.int64)
     gains, next_gains = np.zeros(width), np.zeros(width)
@@ -199,8 +204,7 @@ def plan_drone(
         for node in range(nodes):
             for a in range(len(moves)):
                 cell = cells[h, node] + moves[a]
-                x, y = cell % side - MARGIN, cell // side - MARGIN
-                if x < 0 or y < 0 or x >= side - 2 * MARGIN or y >= side - 2 * MARGIN:
+                if min(x[cell], y[cell]) < MARGIN or max(x[cell], y[cell]) >= side - MARGIN:
                     continue
                 if blocked[h, cell]:
                     continue
@@ -214,13 +218,15 @@ def plan_drone(
                 if worths[cell] < 0.0:
                     total = 0.0
                     for place in places:
-                        total += left[place] * seen_from(nearness, cell, place)
+                        total += left[place] * seen_from(nearness, x, y, cell, place)
                     worths[cell] = total
                 rank = worths[cell] - hits
                 at, back = node, h
                 while back > 0:
                     if finds[node, back - 1] > 0.0:
-                        rank -= finds[node, back - 1] * seen_from(nearness, cell, cells[back, at])
+                        rank -= finds[node, back - 1] * seen_from(
+                            nearness, x, y, cell, cells[back, at]
+                        )
                     at = parents[back, at]
                     back -= 1
                 c_cell[found], c_parent[found] = cell, node
@@ -270,10 +276,13 @@ def plan_drone(
     best, best_value = 0, -1.0
     for node in range(nodes):
         cell = cells[depth, node]
-        value = 0.0
-        for s in range(count):
-            if base[s] == 0.0 and alive[node, s >> 6] >> np.uint64(s & 63) & np.uint64(1):
-                value += seen_from(nearness, cell, ends[s])
+        value = worths[cell]
+        for word in range(words):
+            if alive[node, word] == full:
+                continue
+            for s in range(64 * word, min(64 * word + 64, count)):
+                if base[s] == 0.0 and not alive[node, word] >> np.uint64(s & 63) & np.uint64(1):
+                    value -= seen_from(nearness, x, y, cell, ends[s])
         value = gains[node] + kappa * value
         if value > best_value:
             best, best_value = node, value
