@@ -36,7 +36,8 @@ class Missions:
     Attributes:
         found: (M,) bool, whether every person was found.
         steps: (M,) int64, steps until the end; the limit where not every person was found.
-        lost: (M,) int64, drones that collided or left the grid.
+        lost: (M,) int64, drones that had collided or left the grid when it ended; of missions in
+            which every person was found, 0.
     """
 
     found: NDArray[np.bool_]
@@ -167,6 +168,8 @@ def play_missions(
     action_set = chosen_rules.action_set
     steps = np.full(count, limit)
     going = np.ones(count, bool)
+    found = np.zeros(count, bool)
+    lost = np.zeros(count, np.int64)
     with ThreadPoolExecutor(threads) as pool:
         for step in range(limit):
             _each(pool, _Group.plan, groups, forecasts)
@@ -177,13 +180,14 @@ def play_missions(
             world.step(actions)
             _each(pool, _Group.learn, groups, forecasts)
             groups = [part for group in groups for part in group.split(world)]
-            ended = going & world.worlds["done"]
-            steps[ended] = step + 1
-            going &= ~ended
+            # A world that goes on after its end does not count any more.
+            now_found = going & (world.worlds["num_missing"] == 0)
+            found |= now_found
+            steps[now_found] = step + 1
+            lost[going] = world.terminated[going].sum(axis=1)
+            lost[found] = 0
+            going &= ~world.worlds["done"]
             if not going.any():
                 break
     world.close()
-    found = world.worlds["num_missing"] == 0
-    steps[~found] = limit
-    lost = world.terminated & ~found[:, None]
-    return Missions(found, steps, lost.sum(axis=1))
+    return Missions(found, steps, lost)
