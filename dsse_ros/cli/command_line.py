@@ -19,7 +19,7 @@ from dsse_ros.nodes.ros_arguments import (
     parameters_for,
     split_ros_arguments,
 )
-from dsse_ros.planners import PLANNERS
+from dsse_ros.planners import PLANNER_NAMES
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
 from dsse_ros.search.fields import Spec, check_known, specs
 from dsse_ros.search.scenario import ResolvedScenario
@@ -29,7 +29,7 @@ SIM_NODE, PLANNER_NODE = "dsse_sim", "dsse_planner"
 _OF_SEARCH = {
     "scenario": ("scenario", Spec("str", "")),
     "rules": ("rules", Spec("str", "", choices=tuple(PROFILES))),
-    "planner": ("planner", Spec("str", "", choices=tuple(PLANNERS))),
+    "planner": ("planner", Spec("str", "", choices=PLANNER_NAMES)),
     "num_drones": ("drones", specs(Scenario)["num_drones"]),
     "seed": ("seed", Spec("int", "", low=0, high=MAX_SEED)),
 }
@@ -50,7 +50,7 @@ class Parser(argparse.ArgumentParser):
         """Add what says which search it is, for `search_of`; the scenario is that by default."""
         self.add("--scenario", default=scenario, help="YAML file or name")
         self.add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
-        self.add("--planner", default="greedy", choices=tuple(PLANNERS), help="planner")
+        self.add("--planner", default="greedy", choices=PLANNER_NAMES, help="planner")
         self.add("--drones", type=int, help="number of drones, by default the scenario's")
         seeded = "random seed of the map, the persons and the planner"
         self.add("--seed", type=int, default=0, help=seeded)

@@ -14,7 +14,7 @@ from dsse_ros.cli.command_line import Parser, search_of
 from dsse_ros.flight.flight_settings import FlightSettings
 from dsse_ros.flight.track_files import layers, search_mission, write_missions
 from dsse_ros.nodes.exit_codes import fail
-from dsse_ros.planners import make_planner
+from dsse_ros.planners import planner_for
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.compiler import prepare
 from dsse_ros.search.fields import specs
@@ -35,7 +35,7 @@ def play(
         and whether everybody was found.
     """
     observations, infos = env.reset(seed=seed)
-    policy = make_planner(planner, env.rules.actions, seed=seed)
+    policy = planner_for(env, planner, seed=seed)
     search = env.rules.action_set.search
     numbers = {name: i for i, name in enumerate(env.possible_agents)}
     cells = [env.positions]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dsse_ros.flight.flight_settings import FlightSettings
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
-from dsse_ros.planners import PLANNERS
+from dsse_ros.planners import PLANNER_NAMES
 from dsse_ros.search.fields import FieldError, check_all, field
 from dsse_ros.search.rules import PROFILES
 from msg_adapters.agents import MAX_ID
@@ -154,7 +154,7 @@ class PlannerSettings:
     """
 
     planner: str = field("str", "Which planner commands the drones.", "greedy",
-        choices=tuple(PLANNERS),
+        choices=PLANNER_NAMES,
     )  # fmt: skip
     seed: int = field("int", "Seed of what the planner draws.", 0, low=0, high=2**62)
     resend_period: float = field(

@@ -241,7 +241,7 @@ class SimNode(AlarmNode):
         return ""
 
     def _publish(self, *, first: bool = False) -> None:
-        """Publish the last step, be it the first of which vehicles may report."""
+        """Publish the last step; `first`: the first one that vehicles may report on."""
         result, stamp, settings = self.mission.result, self.stamp(), self.settings
         self._report_stamp = stamp
         self._vehicles.set_stamp(to_nanoseconds(stamp), first=first)
@@ -271,13 +271,13 @@ class SimNode(AlarmNode):
             # It goes on from step to step, or it would never ring at a high step_rate.
             self._odom_alarm.repeat(1.0 / self.settings.odom_rate)
         else:
-            self._idle_alarm.repeat(IDLE_S)
+            self._idle_alarm.set(IDLE_S)
             self._odom_alarm.cancel()
         self._step_alarm.set(scheduler.wait_s(time.monotonic(), ready=self._ready()))
 
     def _ready(self) -> bool:
         """Return whether every live drone has commanded and every vehicle has arrived."""
-        # Nothing is looked for where nothing waits for it.
+        # Not computed where nothing waits for it.
         return self._scheduler.running and not (self.mission.missing or self._late())
 
     def _late(self) -> list[int]:
@@ -344,6 +344,7 @@ class SimNode(AlarmNode):
         if not self._idle and self.settings.step_mode == "lockstep" and self._awaited():
             self.get_logger().info(f"step {self.mission.result.step}: {self._awaited()}")
         self._idle = True
+        self._idle_alarm.set(IDLE_S)
 
     def _awaited(self) -> str:
         return status.awaited(self.mission, self._scheduler, self._late())

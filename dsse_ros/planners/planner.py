@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.search.actions import Cell
 from dsse_ros.search.observation import AgentObservation, Observation
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import Scenario
 
 
 class Planner(Protocol):
@@ -28,6 +30,20 @@ class Planner(Protocol):
             infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid.
         """
         ...
+
+
+class Search(Protocol):
+    """What a planner may know of a search besides the observations.
+
+    An environment is one. It may have `mission_scenario`, the scenario with the options of the
+    mission under way, and `steps_done`.
+    """
+
+    @property
+    def rules(self) -> Rules: ...  # noqa: D102
+
+    @property
+    def scenario(self) -> Scenario: ...  # noqa: D102
 
 
 PlannerFactory: TypeAlias = Callable[..., Planner]

@@ -4,8 +4,8 @@
 The map is a closed form of (datum, circle, spread): two tables of exponentials, one per axis, and
 a normaliser from their tail sums. A cell costs two look-ups, a whole map one streaming write.
 
-Everything that a world remembers stands in three structured arrays, `worlds` (B,), `drones`
-(B, N) and `persons` (B, P); `constants` (1,) is shared and never written. x is the column and
+The state of the worlds is in three structured arrays, `worlds` (B,), `drones` (B, N) and `persons`
+(B, P); `constants` (1,) is shared and never written. x is the column and
 grows to the east, y is the row and grows to the south.
 
 The module is longer than others: Numba's cache is renewed when the file of a function changes, not
@@ -405,13 +405,17 @@ def map_step(c, w, gauss, tails, circle):
     normalise(c, w, gauss, tails, circle)
 
 
+FACTORS = 100
+"""A cell of a person's window is weighted by U{1..100} / 100."""
+
+
 @part
 def person_to_best_cell(c, w, gauss, person):
     """Move a person to the best of the 3 x 3 window, each cell weighted by U{1..100} / 100."""
     best, best_dx, best_dy = 0.0, 0, 0
     for dy in range(-1, 2):
         for dx in range(-1, 2):
-            factor = (1 + draw_below(w, 100)) / 100.0
+            factor = (1 + draw_below(w, FACTORS)) / np.float64(FACTORS)
             weight = cell_probability(c, w, gauss, person.x + dx, person.y + dy) * factor
             if weight > best:
                 best, best_dx, best_dy = weight, dx, dy
@@ -421,21 +425,42 @@ def person_to_best_cell(c, w, gauss, person):
     person.y += best_dy
 
 
+DRIFT_RANGES = 4
+"""Ranges of angles that a person's own drift is drawn from; see `own_drift`."""
+
 DRIFT_WEIGHT = 0.05
 """Added to the probability of the cell that a person drifts to (DSSE 1.1.9)."""
 
 
 @part
-def person_with_drift(c, w, gauss, person):
-    """Draw a person's step from the 3 x 3 window when its own drift has gathered a cell."""
-    moves = abs(person.remainder_x) >= 1 or abs(person.remainder_y) >= 1
+def gather_drift(person):
+    """Add a step to a person's remainder; returns whether it had reached a cell before."""
+    reached = abs(person.remainder_x) >= 1 or abs(person.remainder_y) >= 1
     person.remainder_x += person.drift_x
     person.remainder_y += person.drift_y
-    if not moves:
-        return
+    return reached
+
+
+@part
+def drift_direction(person):
+    """Return the step (dx, dy) that a person's drift has gathered."""
     # np.round rounds halves to even.
-    drift_dx = np.sign(np.round(person.remainder_x))
-    drift_dy = np.sign(np.round(person.remainder_y))
+    return np.sign(np.round(person.remainder_x)), np.sign(np.round(person.remainder_y))
+
+
+@part
+def spend_drift(person):
+    """Take the cell that a person's drift has gathered off its remainder."""
+    person.remainder_x = less_one(person.remainder_x)
+    person.remainder_y = less_one(person.remainder_y)
+
+
+@part
+def person_with_drift(c, w, gauss, person):
+    """Draw a person's step from the 3 x 3 window when its own drift has gathered a cell."""
+    if not gather_drift(person):
+        return
+    drift_dx, drift_dy = drift_direction(person)
     total = DRIFT_WEIGHT
     for dy in range(-1, 2):
         for dx in range(-1, 2):
@@ -454,8 +479,7 @@ def person_with_drift(c, w, gauss, person):
         person.x += step_x
     if 0 <= person.y + step_y < c.grid_size:
         person.y += step_y
-    person.remainder_x = less_one(person.remainder_x)
-    person.remainder_y = less_one(person.remainder_y)
+    spend_drift(person)
 
 
 @kernel
@@ -482,22 +506,26 @@ def drift_per_step(c, x, y):
 
 
 @part
-def draw_own_drift(c, w, person):
-    """Draw a person's drift: the mean of the vector and of a turned and scaled copy of it.
+def own_drift(c, w, k, share):
+    """Return the drift (x, y) of a person whose angle is `share` of the way along range k of 4.
 
-    The angle comes from one of four ranges, the scale falls with its distance from a right angle
-    (measured on DSSE 1.1.9).
+    The mean of the vector and of a turned and scaled copy of it: the scale falls with the angle's
+    distance from a right angle (measured on DSSE 1.1.9).
     """
-    k = draw_below(w, 4)
     low = (0.0, 20.0, 300.0, 315.0)[k]
     high = (45.0, 55.0, 360.0, 360.0)[k]
-    angle = np.radians(low + draw_unit(w) * (high - low))
+    angle = np.radians(low + share * (high - low))
     scale = 0.5 + np.exp(-abs(angle - np.pi / 2) / np.pi)
     turned_x = scale * (np.cos(angle) * w.vector_x - np.sin(angle) * w.vector_y)
     turned_y = scale * (np.sin(angle) * w.vector_x + np.cos(angle) * w.vector_y)
-    person.drift_x, person.drift_y = drift_per_step(
-        c, (w.vector_x + turned_x) / 2, (w.vector_y + turned_y) / 2
-    )
+    return drift_per_step(c, (w.vector_x + turned_x) / 2, (w.vector_y + turned_y) / 2)
+
+
+@part
+def draw_own_drift(c, w, person):
+    """Draw a person's drift: each range of angles, and each angle in it, is as likely."""
+    k = draw_below(w, DRIFT_RANGES)
+    person.drift_x, person.drift_y = own_drift(c, w, k, draw_unit(w))
 
 
 @part
@@ -655,7 +683,7 @@ def step_drones(c, w, drones, persons, gauss, occupied, actions):
     """Do the actions in index order against the map of the last observation.
 
     Returns:
-        Whether active drones may share a cell, and whether any has found somebody or got a
+        Whether active drones may share a cell, and whether any has found a person or got a
         flag.
     """
     # Read once: the compiler must expect that what is written to the drones changes them.

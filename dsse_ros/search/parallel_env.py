@@ -18,7 +18,7 @@ from dsse_ros.search.fields import FieldError, Spec, shown
 from dsse_ros.search.observation import AgentObservation
 from dsse_ros.search.options import check_options, check_seed
 from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
+from dsse_ros.search.scenario import ResolvedScenario, Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
 
@@ -82,6 +82,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         self._no_flags: dict[str, bool] = {}
         self._known_actions = bytes(range(len(rules.actions)))
         self._track: list[NDArray[np.int64]] = []
+        self._start_options: dict[str, Any] = {}
         self._bind()
 
     def _bind(self) -> None:
@@ -139,6 +140,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             self.world.seed(check_seed(seed))
         self.world.place(**start)
         self.world.reset()
+        self._start_options = start
         self._note_live()
         self._start_track()
         result = self._observe(self.agents, self._live)
@@ -232,6 +234,18 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     def flags(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Terminated and truncated (N,) of all drones."""
         return self._terminated.copy(), self._truncated.copy()
+
+    @property
+    def mission_scenario(self) -> ResolvedScenario:
+        """The scenario with what `options` of the last reset replaced in it."""
+        if not self._start_options:
+            return self.scenario
+        return self.scenario.override(**self._start_options).resolve(self.rules)
+
+    @property
+    def steps_done(self) -> int:
+        """Steps of the mission that are done."""
+        return int(self.world.worlds["t"][0])
 
     @property
     def positions(self) -> NDArray[np.int64]:

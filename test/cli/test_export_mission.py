@@ -105,6 +105,6 @@ def test_ros_arguments_count_as_the_options_of_their_names(tmp_path: Path) -> No
     ],
 )
 def test_what_is_not_allowed_gets_one_line(arguments: tuple[str, ...], line: str) -> None:
-    said = export("--scenario", SCENARIO, *arguments, code=2)
-    assert said.startswith("export_mission: ") and said.count("\n") == 1
-    assert line in said
+    printed = export("--scenario", SCENARIO, *arguments, code=2)
+    assert printed.startswith("export_mission: ") and printed.count("\n") == 1
+    assert line in printed

@@ -176,12 +176,12 @@ def test_whatever_else_is_missing_is_named_on_one_line(
     output, _ = child.communicate(timeout=TIMEOUT_S)
     (line,) = output.splitlines()
     assert line.startswith(f"run_mission: {says}")
-    # A name on PyPI would be whoever's.
+    # A name on PyPI could be anybody's.
     assert "install" not in line or f"pip install '{start.clone()}[viz]'" in line
     assert child.returncode == start.MISSING
 
 
-def test_a_ros_2_of_another_python_is_told_on_one_line(tmp_path: Path) -> None:
+def test_a_ros_2_of_another_python_is_reported_on_one_line(tmp_path: Path) -> None:
     (tmp_path / "rclpy").mkdir()
     (tmp_path / "rclpy" / "__init__.py").write_text(
         "raise ImportError('The C extension is\\nnot there', name='rclpy')"

@@ -14,7 +14,7 @@ from typing import IO
 
 _locks: deque[IO[bytes]] = deque()
 _MOST_LOCKS = 8
-"""Whoever came before the last of these has ended, or holds the port of its domain."""
+"""Those that came before the last of these have ended, or hold the port of their domain."""
 
 
 def free_domain() -> int:

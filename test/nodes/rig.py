@@ -68,7 +68,7 @@ ALL = QoSProfile(
 EVERY = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
 """Every message from now on, however slowly the test takes them."""
 
-# By default whoever missed the first announcements, or a message, waits 3 s for the next try.
+# By default a node that missed the first announcements, or a message, waits 3 s for the next try.
 _PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com">
   <participant profile_name="quick" is_default_profile="true">
@@ -392,7 +392,7 @@ class Sim:
         """Hold the mission, or let it go on."""
         assert self.call(SetBool, "pause", data=paused).success
 
-    def settle(self) -> None:
+    def wait_until_quiet(self) -> None:
         """Return when the node has dealt with every message sent so far."""
         self.rig.deliver()
         # It is asked after them, so it answers after them.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whoever is started again, the bridge or the simulation: nobody takes off who is not to."""
+"""After a restart of the bridge or of the simulation no vehicle takes off that must not."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
             first.until(0, flying="true", **({"order": "Hold()"} if search == "over" else {}))
         first.process.kill()
         again = Bridge(rig, vehicles, **at_end)
-        told = again.states[0]
+        states = again.states[0]
         if search == "running":
             if not waits:
                 fly(sim, UP)
@@ -68,8 +68,8 @@ def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
             if lost:
                 rig.until(lambda: again.state(0)["lost"].startswith("taken over"), "the loss")
                 again.until(0, mode="LAND" if landed else "LOITER")
-            seen = len(told)
-            rig.until(lambda: len(told) >= seen + 5, "more of its state")
+            seen = len(states)
+            rig.until(lambda: len(states) >= seen + 5, "more of its state")
             assert take_off_orders(again) == 0
             state = again.state(0)
             assert state["flying"] == state["armed"] == flying
@@ -108,8 +108,8 @@ def test_a_simulation_started_again_is_a_search_for_all_but_those_a_pilot_has(
         sim = rig.sim(searched | {"drones_positions": [1, 4]})
         if lost:
             rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
-            told = len(bridge.states[0])
-            rig.until(lambda: len(bridge.states[0]) >= told + 4, "more of its state")
+            count = len(bridge.states[0])
+            rig.until(lambda: len(bridge.states[0]) >= count + 4, "more of its state")
             assert bridge.state(0)["mode"] == ("LAND" if landed else "LOITER")
             assert bridge.state(0)["flying"] == ("false" if landed else "true")
             return

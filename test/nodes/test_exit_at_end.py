@@ -67,7 +67,7 @@ def test_a_reset_in_time_keeps_the_node(rig: Rig) -> None:
     sim.set(exit_at_end=False)
     while sim.flying:
         sim.fly(4, 4)
-    sim.settle()
+    sim.wait_until_quiet()
     assert sim.process.running
     sim.set(exit_at_end=True)
     assert sim.process.wait() == 0

@@ -110,11 +110,11 @@ def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
         bridge.until(0, connected="true", ready="true", order="Return()", status="done")
         seen = len(bridge.states[0])
         rig.until(lambda: len(bridge.states[0]) >= seen + 3, "more of its state")
-        told = [
+        states = [
             {pair.key: pair.value for pair in message.status[0].values}
             for message in bridge.states[0]
         ]
-        assert {(one["armed"], one["flying"]) for one in told} == {("false", "false")}
+        assert {(one["armed"], one["flying"]) for one in states} == {("false", "false")}
         assert bridge.state(0)["lost"]
 
 
@@ -188,7 +188,7 @@ def test_the_bridge_ends_when_its_vehicles_are_home_if_it_is_to(rig: Rig) -> Non
             assert state["lost"] == "" and state["arrived"] == "true"
 
 
-def test_why_a_vehicle_cannot_be_reached_is_told_once_and_of_who_is_lost(rig: Rig) -> None:
+def test_why_a_vehicle_cannot_be_reached_is_reported_once_and_for_the_lost(rig: Rig) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -196,9 +196,9 @@ def test_why_a_vehicle_cannot_be_reached_is_told_once_and_of_who_is_lost(rig: Ri
         reasons = ["No such file or directory", "Connection refused", "Address already in use"]
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5]})
         bridge = Bridge(rig, [], connections=connections, join_timeout=3.0)
-        told = rig.listen(DiagnosticArray, "drone0/vehicle_state", LATCHED)
+        states = rig.listen(DiagnosticArray, "drone0/vehicle_state", LATCHED)
         lost = f"lost: not heard within 3 s: {connections[0]}: {reasons[0]}"
-        rig.until(lambda: told and told.last.status[0].message == lost, lost)
+        rig.until(lambda: states and states.last.status[0].message == lost, lost)
         lines = bridge.process.output
         for i, (connection, reason) in enumerate(zip(connections, reasons, strict=True)):
             assert f"drone{i}: waiting for system {i + 1} on {connection}" in lines
@@ -261,10 +261,10 @@ def test_signed_links_fly_and_keys_that_differ_do_not(rig: Rig) -> None:
         key.chmod(0o600)
     with autopilots((), key_file=keys[0]) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5]})
-        stranger = Bridge(rig, vehicles, signing_key_file=str(keys[1]))
-        rig.until(lambda: int(stranger.state(0).get("count.forged", 0)) > 0, "a forged message")
-        assert stranger.state(0)["connected"] == "false"
-        stranger.process.stop()
+        foreign = Bridge(rig, vehicles, signing_key_file=str(keys[1]))
+        rig.until(lambda: int(foreign.state(0).get("count.forged", 0)) > 0, "a forged message")
+        assert foreign.state(0)["connected"] == "false"
+        foreign.process.stop()
         bridge = Bridge(rig, vehicles, signing_key_file=str(keys[0]))
         bridge.until(0, arrived="true", flying="true")
 
@@ -342,7 +342,7 @@ def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
         assert sorted({item.alt_m for item in items[1:-1]}) == ([30.0, 115.0] if i else [120.0])
 
 
-def test_messages_that_make_no_sense_are_told_once_and_end_nothing(rig: Rig) -> None:
+def test_messages_that_make_no_sense_are_reported_once_and_end_nothing(rig: Rig) -> None:
     bridge = rig.start("mavlink_bridge", {"mode": "export"})
     agents, report = (
         rig.talk(kind, topic, LATCHED)

@@ -190,7 +190,7 @@ def test_nobody_is_commanded_when_the_mission_is_over(quiet: Stage) -> None:
     quiet.answer(flown)
     flown.command_all([0, 2, 2])
     flown.advance("hold")
-    assert flown.over
+    assert flown.done
     quiet.show(flown)
     other = mission(drones=2)
     other.advance("hold")
@@ -309,7 +309,7 @@ def test_a_planner_that_was_restarted_goes_on_with_the_mission(rig: Rig) -> None
         process = rig.start("planner_node", {"planner": planner}, "-r", "__ns:=/restart")
         rig.until(lambda until=until: sim.step_number >= until, f"step {until}")  # type: ignore[misc]
         process.stop()
-        sim.settle()
+        sim.wait_until_quiet()
         step = sim.step_number
         if sim.flying:
             # Its last command may still be waiting for the rate.
@@ -342,7 +342,7 @@ sys.exit(planner_node.main())
 
 
 @pytest.mark.parametrize("level", ["info", "debug"])
-def test_a_planner_that_fails_is_told_on_a_line_and_asked_again(
+def test_a_planner_that_fails_is_reported_on_a_line_and_asked_again(
     rig: Rig, level: str, tmp_path: Path
 ) -> None:
     script = tmp_path / "failing.py"

@@ -183,7 +183,7 @@ def test_by_hand_each_call_is_one_step(sim: Sim) -> None:
     sim.set(step_mode="manual")
     sim.reset()
     sim.command(0, RIGHT)
-    sim.settle()
+    sim.wait_until_quiet()
     seen = len(sim.reports)
     sim.health()
     sim.health()
@@ -202,7 +202,7 @@ def test_a_mission_can_pass_from_one_mode_to_the_other(sim: Sim) -> None:
     seen = len(sim.reports)
     sim.set(step_mode="manual")
     sim.joint(DOWN)
-    sim.settle()
+    sim.wait_until_quiet()
     assert len(sim.reports) == seen
     # What was commanded is waited for no longer.
     sim.set(step_mode="lockstep")

@@ -210,7 +210,7 @@ def test_the_qos_is_that_of_the_interface_but_where_it_is_overridden(sim: Sim) -
     assert sim.parameters()[name].read_only and sim.parameters()[name].description
 
 
-def test_tracks_go_to_whoever_listens_and_to_whoever_comes(sim: Sim) -> None:
+def test_tracks_go_to_listeners_and_to_late_joiners(sim: Sim) -> None:
     def track(message: Path) -> list[tuple[float, float]]:
         return [(p.pose.position.x / CELL_M, p.pose.position.y / CELL_M) for p in message.poses]
 
@@ -297,7 +297,7 @@ def test_an_export_of_what_is_planned_goes_to_the_goals_that_are_left(sim: Sim) 
         pose.pose.position.y = (GRID - 1 - row + 0.5) * CELL_M
         path.poses.append(pose)
     sim.talk(Path, "drone0/command_path").publish(path)
-    sim.settle()
+    sim.wait_until_quiet()
     folder = sim.rig.folder / "tracks"
     sim.set(export_tracks="planned", merge_legs=False)
     assert sim.trigger("export_mission")[0]

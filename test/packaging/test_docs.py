@@ -360,7 +360,10 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     assert options == set(re.findall(r"\$\(if \$\(([A-Z]+)\),--\w+ '", makefile))
     assert {name for _, given in made for name in re.findall(r"\b([A-Z]+)=", given)} <= options
 
-    assert set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text)) - {"python"} <= SCRIPTS
+    assert (
+        set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text)) - {"pytest", "python"}
+        <= SCRIPTS
+    )
     known = {name for node in interface.values() for name in node["parameters"]}
     assert set(re.findall(r"-p (\w+):=", text)) <= known
     for flags in re.findall(r"\brun_mission( --.*)", text):
@@ -402,16 +405,16 @@ def test_every_profile_has_its_row_and_its_column() -> None:
         assert [name.strip("`") for name in row][1:] == list(PROFILES)
 
 
-def test_the_golden_traces_are_as_many_as_told() -> None:
-    told = table(RULES, "How they are held to the packages", "What")
+def test_the_golden_traces_are_as_many_as_stated() -> None:
+    stated = table(RULES, "How they are held to the packages", "What")
     for version in ("v1", "v2"):
         data = ROOT / "test" / "oracles" / "data"
         with np.load(data / f"{version}_maps.npz") as stored:
             cases = len(json.loads(str(stored["meta"]))["cases"])
         episodes = len(json.loads((data / f"{version}_episodes.json").read_text())["episodes"])
         column = f"`{version}`"
-        assert told["Maps over 60 steps"][column].startswith(f"{cases} cases")
-        assert told["Scripted episodes"][column].startswith(f"{episodes}:")
+        assert stated["Maps over 60 steps"][column].startswith(f"{cases} cases")
+        assert stated["Scripted episodes"][column].startswith(f"{episodes}:")
 
 
 def test_every_dependency_is_explained() -> None:

@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled parts of the planner `belief`: sampled futures of the persons, and a beam search.
+
+M scenarios are drawn systematically from the belief and rolled H steps by the exact law of the
+persons' motion. A drone's plan is worth what it finds in them; a plan is a path of H + 1 cells,
+the present one first, and staying in a cell searches it. Cells are the columns of a belief, see
+`belief_kernels`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from dsse_ros.search.belief_kernels import MARGIN, ROW, STAND_STILL, STEPS, look_up, offset_of
+
+compiled = njit(cache=True, nogil=True)
+
+GOLDEN = 0.6180339887498949
+"""Multiples of it fill [0, 1) evenly: neighbours in a sample draw different steps."""
+
+
+@compiled
+def sample(density, count, offset, rows, cells):
+    """Draw scenarios systematically: each cell has its share of them, rounded up or down.
+
+    Args:
+        density: (C K, S S) float64, sums to about 1.
+        count: M.
+        offset: In [0, 1).
+        rows: (M,) int64 out, the row of the belief.
+        cells: (M,) int64 out, the column.
+    """
+    drawn, total, last_row, last_cell = 0, 0.0, 0, 0
+    for k in range(density.shape[0]):
+        for i in range(density.shape[1]):
+            if density[k, i] <= 0.0:
+                continue
+            total += density[k, i]
+            last_row, last_cell = k, i
+            while drawn < count and drawn + offset < total * count:
+                rows[drawn], cells[drawn] = k, i
+                drawn += 1
+    for s in range(drawn, count):
+        rows[s], cells[s] = last_row, last_cell
+
+
+@compiled
+def roll(constants, chances, tables, directions, slots, offsets, rows, cells):
+    """Let the persons of all scenarios take their steps.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        chances: (R, S S), of a `Forecast`.
+        tables: (R, S S, 9), of a `Forecast`.
+        directions: (R, K), of a `Forecast`.
+        slots: (H,) int64, where the forecast has the steps.
+        offsets: (H,) float64 in [0, 1), of the draws.
+        rows: (M,) of `sample`.
+        cells: (H + 1, M) int64, the first row given, the others out.
+    """
+    c = constants[0]
+    side = c.grid_size + 2 * MARGIN
+    row = np.empty(ROW)
+    for h in range(len(slots)):
+        slot = slots[h]
+        now, after = cells[h], cells[h + 1]
+        seen_cell, seen_direction = -1, -1
+        for s in range(len(rows)):
+            i, direction = now[s], directions[slot, rows[s] % directions.shape[1]]
+            x, y = i % side, i // side
+            if direction == STAND_STILL or x == 0 or y == 0 or x == side - 1 or y == side - 1:
+                after[s] = i
+                continue
+            if i != seen_cell or direction != seen_direction:
+                look_up(c, chances[slot], tables[slot], i, direction, row)
+                seen_cell, seen_direction = i, direction
+            left = (offsets[h] + s * GOLDEN) % 1.0
+            step = 0
+            while step < STEPS - 1 and left >= row[step]:
+                left -= row[step]
+                step += 1
+            after[s] = i + offset_of(c, step)
+
+
+@compiled
+def index(cells, detected, starts, members):
+    """Sort the scenarios of each step by cell, those that a search would detect.
+
+    Args:
+        cells: (H + 1, M) of `roll`.
+        detected: (H, M) bool, or (0, 0) where a search detects for certain.
+        starts: (H, S S + 1) int64 out.
+        members: (H, M) int64 out: those in cell i at step h are
+            members[h, starts[h, i] : starts[h, i + 1]].
+    """
+    certain = len(detected) == 0
+    for h in range(len(starts)):
+        start = starts[h]
+        start[:] = 0
+        for s in range(cells.shape[1]):
+            if certain or detected[h, s]:
+                start[cells[h, s] + 1] += 1
+        for i in range(1, len(start)):
+            start[i] += start[i - 1]
+        place = start[:-1].copy()
+        for s in range(cells.shape[1]):
+            if certain or detected[h, s]:
+                members[h, place[cells[h, s]]] = s
+                place[cells[h, s]] += 1
+
+
+@compiled
+def credit_plan(path, length, gamma, starts, members, credit):
+    """Write what a plan gets for each scenario: gamma ** (the step of its first find), or 0.
+
+    Args:
+        path: (H + 1,) int64.
+        length: Steps of it that are planned.
+        gamma: Discount per step.
+        starts: Of `index`.
+        members: Of `index`.
+        credit: (M,) float64 out.
+    """
+    credit[:] = 0.0
+    worth = 1.0
+    for h in range(length):
+        if path[h] == path[h + 1]:
+            for j in range(starts[h, path[h]], starts[h, path[h] + 1]):
+                s = members[h, j]
+                credit[s] = max(credit[s], worth)
+        worth *= gamma
+
+
+@compiled
+def distance(side, diagonal, i, j):
+    """Return the number of moves between two cells."""
+    dx, dy = abs(i % side - j % side), abs(i // side - j // side)
+    return max(dx, dy) if diagonal else dx + dy
+
+
+@compiled
+def plan_drone(
+    moves, side, width, cap, gamma, kappa, powers, starts, members, ends, credits, drone, blocked,
+    horizon, path,
+):  # fmt: skip
+    """Search a drone's best plan, given those of the others.
+
+    Args:
+        moves: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
+        side: S.
+        width: Nodes kept at each step.
+        cap: Nodes kept at each step in one cell.
+        gamma: Discount per step.
+        kappa: Weight of what is left at the end.
+        powers: (2 S,) float64, what a scenario at this distance at the end is worth.
+        starts: Of `index`.
+        members: Of `index`.
+        ends: (M,) int64, cells of the scenarios at the end.
+        credits: (N, M) float64, of all plans; the drone's own is not looked at.
+        drone: Its number.
+        blocked: (H, S S) bool, cells that it must not be in after step h + 1.
+        horizon: Steps to plan.
+        path: (H + 1,) int64 out, the first cell given.
+
+    Returns:
+        Length of the plan; less than the horizon where the others leave no way on.
+    """
+    count, diagonal = len(ends), len(moves) > 5
+    base = np.zeros(count)
+    for n in range(len(credits)):
+        if n != drone:
+            for s in range(count):
+                base[s] = max(base[s], credits[n, s])
+    # What is left at the end, by cell, and its worth seen from a cell, when it is first asked for.
+    left = np.zeros(side * side)
+    for s in range(count):
+        if base[s] == 0.0:
+            left[ends[s]] += 1.0
+    places = np.flatnonzero(left)
+    worths = np.full(side * side, -1.0)
+
+    words = (count + 63) >> 6
+    alive, after = np.empty((width, words), np.uint64), np.empty((width, words), np.uint64)
+    alive[0] = ~np.uint64(0)
+    cells = np.empty((horizon + 1, width), np.int64)
+    parents = np.empty((horizon + 1, width), np.int64)
+    gains, next_gains = np.zeros(width), np.zeros(width)
+    tried = width * len(moves)
+    c_cell, c_parent = np.empty(tried, np.int64), np.empty(tried, np.int64)
+    c_gain, c_rank = np.empty(tried), np.empty(tried)
+    in_cell = np.zeros(side * side, np.int64)
+    # The finds of a node's searches so far, to take off what is left.
+    finds, next_finds = np.zeros((width, horizon)), np.zeros((width, horizon))
+    cells[0, 0] = path[0]
+    nodes, depth, discount = 1, 0, 1.0
+    for h in range(horizon):
+        found = 0
+        for node in range(nodes):
+            for a in range(len(moves)):
+                cell = cells[h, node] + moves[a]
+                x, y = cell % side - MARGIN, cell // side - MARGIN
+                if x < 0 or y < 0 or x >= side - 2 * MARGIN or y >= side - 2 * MARGIN:
+                    continue
+                if blocked[h, cell]:
+                    continue
+                gain, hits = gains[node], 0.0
+                if moves[a] == 0:
+                    for j in range(starts[h, cell], starts[h, cell + 1]):
+                        s = members[h, j]
+                        if alive[node, s >> 6] >> np.uint64(s & 63) & np.uint64(1):
+                            gain += max(0.0, discount - base[s])
+                            hits += base[s] == 0.0
+                if worths[cell] < 0.0:
+                    total = 0.0
+                    for place in places:
+                        total += left[place] * powers[distance(side, diagonal, cell, place)]
+                    worths[cell] = total
+                rank = worths[cell] - hits
+                at, back = node, h
+                while back > 0:
+                    if finds[node, back - 1] > 0.0:
+                        rank -= (
+                            finds[node, back - 1]
+                            * powers[distance(side, diagonal, cell, cells[back, at])]
+                        )
+                    at = parents[back, at]
+                    back -= 1
+                c_cell[found], c_parent[found] = cell, node
+                c_gain[found], c_rank[found] = gain, gain + kappa * rank
+                found += 1
+        if found == 0:
+            break
+        order = np.argsort(-c_rank[:found])
+        kept = 0
+        for k in order:
+            cell, node = c_cell[k], c_parent[k]
+            if in_cell[cell] >= cap:
+                continue
+            same = False
+            for other in range(kept):
+                if cells[h + 1, other] == cell and next_gains[other] == c_gain[k]:
+                    same = True
+                    break
+            if same:
+                continue
+            in_cell[cell] += 1
+            cells[h + 1, kept], parents[h + 1, kept] = cell, node
+            next_gains[kept] = c_gain[k]
+            for word in range(words):
+                after[kept, word] = alive[node, word]
+            for back in range(h):
+                next_finds[kept, back] = finds[node, back]
+            hits = 0.0
+            if cell == cells[h, node]:
+                for j in range(starts[h, cell], starts[h, cell + 1]):
+                    s = members[h, j]
+                    bit = np.uint64(1) << np.uint64(s & 63)
+                    if after[kept, s >> 6] & bit:
+                        after[kept, s >> 6] ^= bit
+                        hits += base[s] == 0.0
+            next_finds[kept, h] = hits
+            kept += 1
+            if kept == width:
+                break
+        for k in range(kept):
+            in_cell[cells[h + 1, k]] = 0
+        alive, after = after, alive
+        gains, next_gains = next_gains, gains
+        finds, next_finds = next_finds, finds
+        nodes, depth = kept, h + 1
+        discount *= gamma
+    best, best_value = 0, -1.0
+    for node in range(nodes):
+        cell = cells[depth, node]
+        value = 0.0
+        for s in range(count):
+            if base[s] == 0.0 and alive[node, s >> 6] >> np.uint64(s & 63) & np.uint64(1):
+                value += powers[distance(side, diagonal, cell, ends[s])]
+        value = gains[node] + kappa * value
+        if value > best_value:
+            best, best_value = node, value
+    for h in range(depth, 0, -1):
+        path[h] = cells[h, best]
+        best = parents[h, best]
+    for h in range(depth, len(path) - 1):
+        path[h + 1] = path[h]
+    return depth

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Planners that remember where was searched: they decide on a belief, not on the map.
+
+The drones observe a map that the rules alone draw. These planners know the rules and the scenario,
+so that they know the map in advance; of an observation they use the drones' cells, and from their
+own commands they know what was searched in vain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
+from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
+from dsse_ros.search.belief import Belief, Forecast
+
+
+class Tactic(Protocol):
+    """Chooses on a belief where the drones of one mission go."""
+
+    def __call__(
+        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+    ) -> list[Cell]:
+        """Return the cell that each drone goes to; its own one means that it searches it."""
+        ...
+
+    def copy(self) -> Tactic:
+        """Return one that goes on by itself from here."""
+        ...
+
+
+class TacticFactory(Protocol):
+    """Makes a tactic for each mission.
+
+    Attributes:
+        horizon: Steps that it looks ahead.
+        drift_samples: K of its forecasts, see `Forecast`.
+    """
+
+    @property
+    def horizon(self) -> int: ...  # noqa: D102
+
+    @property
+    def drift_samples(self) -> int: ...  # noqa: D102
+
+    def start(self, forecast: Forecast, seed: int) -> Tactic:
+        """Return the tactic for a mission."""
+        ...
+
+
+class GreedyOnBelief:
+    """Sends each drone to a cell that is likely and near, another one for each.
+
+    Of all drones and cells that are left, the pair goes together whose probability times
+    `closeness` to the power of the distance is greatest. A drone whose next cell is another
+    drone's present or already chosen cell searches where it is.
+    """
+
+    horizon = 0
+    drift_samples = 16
+    closeness = 0.7
+
+    def start(self, forecast: Forecast, seed: int) -> GreedyOnBelief:
+        """Return the tactic for a mission; it draws nothing."""
+        self._actions = forecast.rules.action_set.with_moves()
+        return self
+
+    def copy(self) -> GreedyOnBelief:
+        """Return itself: it remembers nothing."""
+        return self
+
+    def __call__(
+        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+    ) -> list[Cell]:
+        """Return the cell that each drone goes to; see `Tactic`."""
+        taken = set(present)
+        ends = []
+        for cell, goal in zip(present, self._goals(belief.cells(), present), strict=True):
+            end = self._actions.towards(cell, goal)
+            if end in taken:
+                end = cell
+            taken.add(end)
+            ends.append(end)
+        return ends
+
+    def _goals(self, likely: NDArray[np.float64], present: Sequence[Cell]) -> list[Cell]:
+        """Return a goal for each drone."""
+        size = len(likely)
+        line = np.arange(size)
+        away = np.abs(line - np.array(present)[..., None])
+        across, down = away[:, 0, None, :], away[:, 1, :, None]
+        moves = np.maximum(across, down) if self._actions.diagonal else across + down
+        worth = likely * self.closeness**moves
+        goals = list(present)
+        for _ in range(min(len(present), size * size)):
+            drone, row, col = np.unravel_index(int(np.argmax(worth)), worth.shape)
+            goals[drone] = (int(col), int(row))
+            worth[drone] = -1.0
+            worth[:, row, col] = -1.0
+        return goals
+
+
+class BeliefPlanner:
+    """Keeps the belief of a mission and commands what a tactic chooses; a `Planner`.
+
+    A new mission makes it start anew: a step of it that is not later than the last one, or, where
+    nothing tells the step, drones that are not where they can be or everything as at the start.
+
+    Args:
+        search: What it may know: rules and scenario.
+        tactic: Chooses.
+        seed: Of what the tactic draws.
+
+    Attributes:
+        belief: The belief at the last observation, None before the first.
+
+    Raises:
+        ValueError: If search or a straight move is missing in the rules.
+    """
+
+    def __init__(self, search: Search, tactic: TacticFactory, *, seed: int = 0) -> None:
+        self._search = search
+        self._factory = tactic
+        self._seed = seed
+        self._actions = search.rules.action_set.with_moves()
+        self._forecast: Forecast | None = None
+        self._tactic: Tactic | None = None
+        self._commanded: dict[str, tuple[Cell, Cell]] = {}
+        self._first: tuple[list[Cell], NDArray[np.float32]] | None = None
+        self.belief: Belief | None = None
+
+    def __call__(
+        self,
+        observations: Mapping[str, AgentObservation],
+        infos: Mapping[str, Mapping[str, Any]],
+    ) -> dict[str, int]:
+        """Return an action number for every observed drone; see `Planner`."""
+        if not observations:
+            return {}
+        agents, present = list(observations), cells_of(observations)
+        step = self._step(infos[agents[0]])
+        if self._is_new_mission(agents, present, probability_of(observations), step):
+            self._start(present, probability_of(observations))
+        else:
+            assert self.belief is not None
+            self.belief.observe_failed_searches(
+                self._searched(dict(zip(agents, present, strict=True)), infos)
+            )
+            self.belief.advance()
+        assert self.belief is not None and self._tactic is not None
+        while step is not None and self.belief.step < step:
+            # Nothing is known of what was done in a step that was not observed.
+            self.belief.advance()
+        ends = self._tactic(self.belief, agents, present)
+        self._commanded = dict(zip(agents, zip(present, ends, strict=True), strict=True))
+        return {
+            agent: self._actions.action(cell, end) for agent, (cell, end) in self._commanded.items()
+        }
+
+    def _step(self, info: Mapping[str, Any]) -> int | None:
+        """Return the steps done, if anything tells them."""
+        step = info.get("step", getattr(self._search, "steps_done", None))
+        return None if step is None else int(step)
+
+    def _is_new_mission(
+        self,
+        agents: Sequence[str],
+        present: list[Cell],
+        probability: NDArray[np.float32],
+        step: int | None,
+    ) -> bool:
+        if self.belief is None or self._first is None:
+            return True
+        if step is not None:
+            return step <= self.belief.step
+        if not all(
+            cell in self._commanded.get(agent, ())
+            for agent, cell in zip(agents, present, strict=True)
+        ):
+            return True
+        cells, first_map = self._first
+        return self.belief.step > 0 and present == cells and np.array_equal(probability, first_map)
+
+    def _start(self, present: list[Cell], probability: NDArray[np.float32]) -> None:
+        scenario = getattr(self._search, "mission_scenario", self._search.scenario)
+        scenario = scenario.resolve(self._search.rules)
+        if self._forecast is None or self._forecast.scenario != scenario:
+            self._forecast = Forecast(
+                scenario,
+                self._search.rules,
+                horizon=self._factory.horizon,
+                drift_samples=self._factory.drift_samples,
+            )
+            self.belief = Belief(self._forecast)
+        else:
+            assert self.belief is not None
+            self.belief.reset()
+        self._tactic = self._factory.start(self._forecast, self._seed)
+        self._first = present, probability.copy()
+
+    def _searched(
+        self, present: Mapping[str, Cell], infos: Mapping[str, Mapping[str, Any]]
+    ) -> list[Cell]:
+        """Return the cells that were searched in the last step, without a find that ended it.
+
+        What a drone has done is what its info says, else what it was commanded. One that is no
+        longer there has done nothing: it was withdrawn.
+        """
+        search = self._actions.search
+        return [
+            cell
+            for agent, cell in present.items()
+            if agent in self._commanded
+            and self._commanded[agent][0] == cell
+            and infos[agent].get("action", search if self._commanded[agent][1] == cell else None)
+            == search
+        ]
+
+
+class BeamOnBelief:
+    """Makes `BeamSearch` for each mission.
+
+    Args:
+        options: How a plan is searched.
+    """
+
+    def __init__(self, options: BeamOptions) -> None:
+        self._options = options
+        self.horizon = options.horizon
+        self.drift_samples = options.drift_samples
+
+    def start(self, forecast: Forecast, seed: int) -> BeamSearch:
+        """Return the tactic for a mission."""
+        return BeamSearch(forecast, self._options, seed=seed)
+
+
+def make_belief(search: Search, *, seed: int = 0, **options: Any) -> BeliefPlanner:
+    """Return the planner `belief`: beam search on the belief.
+
+    Args:
+        search: What it may know: rules and scenario.
+        seed: Of the scenarios it draws.
+        options: Fields of `BeamOptions`.
+    """
+    return BeliefPlanner(search, BeamOnBelief(BeamOptions(**options)), seed=seed)
+
+
+def make_belief_greedy(search: Search, *, seed: int = 0) -> BeliefPlanner:
+    """Return the planner `belief_greedy`: each drone goes to a likely cell near it.
+
+    Args:
+        search: What it may know: rules and scenario.
+        seed: Not used, it draws nothing.
+    """
+    return BeliefPlanner(search, GreedyOnBelief(), seed=seed)

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What can be known of where the persons are: the exact filter of the search.
+
+The map that drones observe says the same before and after a hundred searches that found nobody.
+A belief learns from them: each failed search takes the probability of detection (POD) off its cell
+and the rest counts for more (Koopman, "Search and Screening", 1946; Stone, "Theory of Optimal
+Search", 1975, chapter 8 for moving targets). Between searches it moves as persons do.
+
+It knows the scenario and the rules, no person and no random state. The filter is exact but for two
+things that do not show: a person's own drift (`v2`) is one of `drift_samples` angles, and cells of
+less than 1e-13 of the whole count as empty.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.search import belief_kernels, kernels
+from dsse_ros.search.actions import Cell
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import Scenario
+from dsse_ros.search.world import constants_of
+
+KEPT_BYTES = 1 << 28
+"""Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
+
+
+class Forecast:
+    """How map and persons will move: known in advance, the same for every mission of a scenario.
+
+    Steps of the sea are counted from the start of its drift: the first `first_step` of them are
+    done when a mission begins.
+
+    Args:
+        scenario: Resolved or not; it is resolved with the rules.
+        rules: The rules of the search.
+        horizon: How many steps after the present one can be looked at.
+        drift_samples: K, how many angles stand for those of a person's own drift; where persons
+            have none (`person_motion: window`), K is 1.
+
+    Attributes:
+        constants: (1,) of `kernels.CONSTANTS`.
+        first_step: Steps of the sea before a mission's first observation.
+        chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
+        tables: (R, S S, 9) float64, see `belief_kernels.look_up`.
+        directions: (R, K) int64, see `belief_kernels.forecast_step`.
+    """
+
+    def __init__(
+        self, scenario: Scenario, rules: Rules, *, horizon: int = 0, drift_samples: int = 256
+    ) -> None:
+        self.scenario = resolved = scenario.resolve(rules)
+        self.rules = rules
+        self.horizon = horizon
+        self.constants = constants_of(resolved, rules)
+        self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
+        drifts = drift_samples if rules.person_motion == "drift" else 1
+        g = resolved.grid_size
+        cells = (g + 2 * belief_kernels.MARGIN) ** 2
+        # Only the window's probabilities take longer than to look them up.
+        rows = cells if rules.person_motion == "window" else 0
+        steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
+        if 8 * steps * (cells + belief_kernels.STEPS * rows) > KEPT_BYTES:
+            # Beliefs that share it may be a step apart.
+            steps = horizon + 2
+        self._world = np.zeros(1, kernels.WORLDS)
+        self._world["vector_x"], self._world["vector_y"] = resolved.vector
+        self._world["start_x"], self._world["start_y"] = resolved.person_initial_position
+        self._drifts = np.zeros(drifts, kernels.PERSONS)
+        self._gauss = np.zeros((1, 2, 2 * g + 1))
+        self._tails = np.zeros((1, 2, g + 2))
+        self._circle = np.zeros(g + 1, np.int64)
+        self.chances = np.zeros((steps, cells))
+        self.tables = np.zeros((steps, rows, belief_kernels.STEPS))
+        self.directions = np.zeros((steps, drifts), np.int64)
+        self._start()
+
+    def _start(self) -> None:
+        self._ready = 0
+        belief_kernels.start_sea(self.constants, self._world, self._drifts)
+        kernels.refresh_worlds(
+            self.constants, self._world, self._gauss, self._tails, self._circle,
+            np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32),
+        )  # fmt: skip
+
+    def look(self, step: int) -> int:
+        """Have a step of the sea ready, and the `horizon` steps after it; returns where it is."""
+        slots = len(self.directions)
+        if step < self._ready - slots:
+            self._start()
+        while self._ready <= step + self.horizon:
+            slot = self._ready % slots
+            self.tables[slot] = -1.0
+            belief_kernels.forecast_step(
+                self.constants, self._world, self._gauss[0], self._tails[0], self._circle,
+                self._drifts, self.chances[slot], self.directions[slot],
+            )  # fmt: skip
+            self._ready += 1
+        return step % slots
+
+
+class Belief:
+    """The probability of where the persons are who have not been found.
+
+    Several persons are one intensity (their identities are unknown): the expected share of them in
+    each cell. Persons with the same POD multiplier are one detection class.
+
+    Args:
+        forecast: How map and persons move. Beliefs may share one while they are not more than a
+            step apart.
+
+    Attributes:
+        step: Steps of the mission done.
+        pos: Cumulative probability of success: that searches so far found the person, before
+            anything was known of how they ended; of several persons the expected share of finds.
+        pods: (C,) float64, the POD of each detection class.
+        density: (C K, S S) float64, see `belief_kernels`; sums to 1.
+    """
+
+    def __init__(self, forecast: Forecast) -> None:
+        self.forecast = forecast
+        cells = forecast.chances.shape[1]
+        self._scratch = np.zeros(cells + belief_kernels.ROW)
+        scenario = forecast.scenario
+        multipliers, self._class_of = np.unique(
+            scenario.person_pod_multipliers, return_inverse=True
+        )
+        self.pods = np.minimum(multipliers * scenario.probability_of_detection, 1.0)
+        self._drifts = forecast.directions.shape[1]
+        self.density = np.zeros((len(self.pods) * self._drifts, cells))
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew: what the rules say of where persons are at a mission's first observation."""
+        self.step = -self.forecast.first_step
+        self.pos = 0.0
+        self.density[:] = 0.0
+        self._put_persons()
+        while self.step < 0:
+            self.advance()
+
+    def _put_persons(self) -> None:
+        """Put the first person in the start cell, the others likewise or scattered about it."""
+        scenario, rules = self.forecast.scenario, self.forecast.rules
+        g, reach = scenario.grid_size, rules.person_scatter
+        x0, y0 = scenario.person_initial_position
+        around = [
+            (x, y)
+            for y in range(max(y0 - reach, 0), min(y0 + reach, g - 1) + 1)
+            for x in range(max(x0 - reach, 0), min(x0 + reach, g - 1) + 1)
+            if (x, y) != (x0, y0)
+        ] or [(x0, y0)]
+        persons = scenario.person_amount
+        for person, of_class in enumerate(self._class_of.tolist()):
+            rows = slice(of_class * self._drifts, (of_class + 1) * self._drifts)
+            cells = around if person else [(x0, y0)]
+            for cell in cells:
+                self.density[rows, self._index(cell)] += 1.0 / (persons * self._drifts * len(cells))
+
+    def _index(self, cell: Cell) -> int:
+        side = self.forecast.scenario.grid_size + 2 * belief_kernels.MARGIN
+        return (cell[1] + belief_kernels.MARGIN) * side + cell[0] + belief_kernels.MARGIN
+
+    def copy(self) -> Belief:
+        """Return a belief of its own with the same content; the forecast is shared."""
+        twin = copy.copy(self)
+        twin.density = self.density.copy()
+        return twin
+
+    def advance(self) -> None:
+        """Let the sea do one step, after the searches of this one have been observed."""
+        forecast = self.forecast
+        slot = forecast.look(self.step + forecast.first_step)
+        belief_kernels.predict(
+            forecast.constants, self.density, forecast.chances[slot], forecast.tables[slot],
+            forecast.directions[slot], self._scratch,
+        )  # fmt: skip
+        belief_kernels.normalise(self.density)
+        self.step += 1
+
+    def observe_failed_searches(self, cells: Sequence[Cell]) -> None:
+        """Learn that searches of these cells (col, row) have not found anybody.
+
+        A search detects as the scenario says. Where nothing is left of the belief, as the person
+        cannot be anywhere by the rules, it starts again from the present map.
+        """
+        taken = 0.0
+        for x, y in cells:
+            taken += belief_kernels.search(
+                self.forecast.constants, self.density, self.pods, int(x), int(y)
+            )
+        if taken == 0.0:
+            return
+        left = belief_kernels.normalise(self.density)
+        self.pos += (1.0 - self.pos) * min(taken, 1.0)
+        if left < 1e-9:
+            chances = self.forecast.chances[
+                self.forecast.look(self.step + self.forecast.first_step)
+            ]
+            self.density[:] = chances
+            belief_kernels.normalise(self.density)
+
+    def observe_find(self, cell: Cell) -> None:
+        """Learn that a search of this cell has found a person, and that others are left.
+
+        Where it looks for one person only, the cell keeps its share: others may be there. Where it
+        looks for all, nobody detectable is left in it.
+        """
+        if not self.forecast.rules.one_find_per_search:
+            self.observe_failed_searches([cell])
+
+    def cells(self) -> NDArray[np.float64]:
+        """Return the probability of containment of every cell, (G, G) as [y, x].
+
+        It sums to 1, less the probability that the person has walked off the grid (`v1`).
+        """
+        g = self.forecast.scenario.grid_size
+        out = np.empty((g, g))
+        belief_kernels.write_cells(self.forecast.constants, self.density, out)
+        return out

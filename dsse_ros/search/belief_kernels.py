@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled exact filter: how a belief about persons moves on and learns from searches.
+
+A belief is (C K, S S) float64: row m K + k has the persons of detection class m and drift k, its
+columns are the cells row by row, S = G + 2 `MARGIN` along a side. Off the grid is who walked off
+it (`person_walks_blind`). A step to a neighbour has the number 3 (dy + 1) + dx + 1, 0 to 8.
+
+The sea itself, the drift of a person and what is added for it are those of `kernels`; `transition`
+turns the draw that a person's step is there into its probabilities.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsse_ros.search.kernels import (
+    DRIFT_RANGES,
+    DRIFT_WEIGHT,
+    FACTORS,
+    cell_probability,
+    drift_direction,
+    drift_per_step,
+    gather_drift,
+    kernel,
+    map_step,
+    own_drift,
+    part,
+    spend_drift,
+)
+
+MARGIN = 2
+"""Cells around the grid: one that a person can come back from, one that it cannot."""
+
+STEPS = 9
+STAND_STILL = -1
+"""The direction of a drift that has not gathered a cell: its persons do not step at all."""
+NO_DIRECTION = 4
+
+ROW = STEPS + FACTORS
+"""Length of what `transition` writes to."""
+
+NEGLIGIBLE = 1e-13
+"""Share of a belief below which a cell counts as empty: without it a few cells' belief would
+spread over the whole grid, each cell with a table to compute."""
+
+
+@part
+def index_of(c, x, y):
+    """Return the column of a belief that stands for a cell."""
+    return (y + MARGIN) * (c.grid_size + 2 * MARGIN) + x + MARGIN
+
+
+@part
+def offset_of(c, step):
+    """Return how far the column of a neighbour is from that of a cell."""
+    return (step // 3 - 1) * (c.grid_size + 2 * MARGIN) + step % 3 - 1
+
+
+@part
+def is_lost(c, i):
+    """Return whether a column is so far off the grid that no window reaches it any more."""
+    side = c.grid_size + 2 * MARGIN
+    x, y = i % side, i // side
+    return x == 0 or y == 0 or x == side - 1 or y == side - 1
+
+
+@kernel
+def start_sea(constants, worlds, drifts):
+    """Set map and drifts to where `kernels.reset_world` has them before the first step.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        worlds: (1,) of `kernels.WORLDS`, start and vector set; no draw is made from it.
+        drifts: (K,) of `kernels.PERSONS` out. Where persons have a drift of their own it is the
+            middle of K equally probable parts of its angles.
+    """
+    c, w, count = constants[0], worlds[0], len(drifts)
+    w.t = w.map_steps = 0
+    w.datum_x = w.circle_x = w.start_x
+    w.datum_y = w.circle_y = w.start_y
+    w.remainder_x = w.remainder_y = 0.0
+    w.drift_x, w.drift_y = drift_per_step(c, w.vector_x, w.vector_y)
+    w.scale = 0.0
+    for k in range(count):
+        drifts[k].remainder_x = drifts[k].remainder_y = 0.0
+        if c.person_drifts:
+            place = DRIFT_RANGES * (k + 0.5) / count
+            number = int(place)
+            drifts[k].drift_x, drifts[k].drift_y = own_drift(c, w, number, place - number)
+
+
+@kernel
+def forecast_step(constants, worlds, gauss, tails, circle, drifts, chances, directions):
+    """Advance map and drifts by one step and write what persons step by.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        worlds: (1,) of `kernels.WORLDS`.
+        gauss: (2, 2 G + 1) float64, exponentials along x and y.
+        tails: (2, G + 2) float64, their tail sums.
+        circle: (G + 1,) int64 scratch.
+        drifts: (K,) of `kernels.PERSONS`.
+        chances: (S S,) float64 out, the probability of every cell that persons look at.
+        directions: (K,) int64 out, the number of the step that each drift has gathered,
+            `STAND_STILL`, or `NO_DIRECTION` where persons have no drift of their own.
+    """
+    c, w = constants[0], worlds[0]
+    if not c.person_first:
+        map_step(c, w, gauss, tails, circle)
+    chances[:] = 0.0
+    for y in range(c.grid_size):
+        for x in range(c.grid_size):
+            chances[index_of(c, x, y)] = cell_probability(c, w, gauss, x, y)
+    for k in range(len(drifts)):
+        directions[k] = NO_DIRECTION
+        if c.person_drifts:
+            directions[k] = STAND_STILL
+            if gather_drift(drifts[k]):
+                dx, dy = drift_direction(drifts[k])
+                directions[k] = 3 * (int(dy) + 1) + int(dx) + 1
+                spend_drift(drifts[k])
+    if c.person_first:
+        map_step(c, w, gauss, tails, circle)
+
+
+@part
+def towards_drift(c, chances, i, direction, row):
+    """Write the probabilities of the steps that `kernels.person_with_drift` draws from."""
+    g, side = c.grid_size, c.grid_size + 2 * MARGIN
+    total = DRIFT_WEIGHT
+    for step in range(STEPS):
+        total += chances[i + offset_of(c, step)]
+    for step in range(STEPS):
+        row[step] = chances[i + offset_of(c, step)] / total
+    # An axis that would leave the grid stays.
+    x, y = i % side - MARGIN, i // side - MARGIN
+    dx, dy = direction % 3 - 1, direction // 3 - 1
+    dx = dx if 0 <= x + dx < g else 0
+    dy = dy if 0 <= y + dy < g else 0
+    row[3 * (dy + 1) + dx + 1] += DRIFT_WEIGHT / total
+
+
+@part
+def to_best_cell(c, chances, i, row):
+    """Write the probabilities of the steps that `kernels.person_to_best_cell` can be best.
+
+    A step is best if its weight times its factor exceeds those of all steps before it and is no
+    less than those of all after it: for each factor, as many of the others' factors allow that.
+    """
+    candidates = 0
+    for step in range(STEPS):
+        candidates += chances[i + offset_of(c, step)] > 0.0
+        row[step] = 0.0
+    if candidates == 0:
+        row[0 if c.person_walks_blind else NO_DIRECTION] = 1.0
+        return
+    shares = row[STEPS:]
+    for step in range(STEPS):
+        weight = chances[i + offset_of(c, step)]
+        if weight <= 0.0:
+            continue
+        for k in range(FACTORS):
+            shares[k] = 1.0
+        for other in range(STEPS):
+            rival = chances[i + offset_of(c, other)]
+            if other == step or rival <= 0.0:
+                continue
+            later = other > step
+            for k in range(FACTORS):
+                best = weight * ((k + 1) / np.float64(FACTORS))
+                # A quotient may be one off; the products are those of the draw.
+                guess = np.floor(min(best / rival, 1.0) * FACTORS)
+                guess += (guess < FACTORS) & is_beaten(rival, guess + 1.0, best, later)
+                guess -= (guess > 0.0) & (not is_beaten(rival, guess, best, later))
+                shares[k] *= guess / FACTORS
+        for k in range(FACTORS):
+            row[step] += shares[k] / FACTORS
+
+
+@part
+def is_beaten(rival, factor, best, later):
+    """Return whether a weight times this factor does not take the place of the best."""
+    product = rival * (factor / np.float64(FACTORS))
+    return (product < best) | (later & (product == best))
+
+
+@part
+def transition(c, chances, i, direction, row):
+    """Write the probabilities of a person's steps from a cell: one line for each `person_motion`.
+
+    Args:
+        c: The constants.
+        chances: (S S,) of `forecast_step`.
+        i: Column of the cell.
+        direction: Of `forecast_step`.
+        row: (`ROW`,) float64 out, the first 9; the rest is scratch.
+    """
+    if c.person_drifts:
+        towards_drift(c, chances, i, direction, row)
+    else:
+        to_best_cell(c, chances, i, row)
+
+
+@part
+def look_up(c, chances, table, i, direction, row):
+    """Write the probabilities (9,) of the steps from a cell, from the table if there is one.
+
+    Args:
+        c: The constants.
+        chances: (S S,) of `forecast_step`.
+        table: (S S, 9) float64, negative where nothing is known yet; (0, 9) for no table.
+        i: Column of the cell.
+        direction: Of `forecast_step`.
+        row: (`ROW`,) float64 out, the rest is scratch.
+    """
+    if len(table) == 0:
+        transition(c, chances, i, direction, row)
+    elif table[i, 0] < 0.0:
+        transition(c, chances, i, direction, row)
+        for step in range(STEPS):
+            table[i, step] = row[step]
+    else:
+        for step in range(STEPS):
+            row[step] = table[i, step]
+
+
+@kernel
+def predict(constants, belief, chances, table, directions, scratch):
+    """Let the persons of a belief take their step.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        belief: (C K, S S) float64.
+        chances: (S S,) of `forecast_step`.
+        directions: (K,) of `forecast_step`.
+        table: Of `look_up`.
+        scratch: (S S + `ROW`,) float64.
+    """
+    c = constants[0]
+    count, row = belief.shape[1], scratch[belief.shape[1] :]
+    for k in range(len(belief)):
+        direction = directions[k % len(directions)]
+        if direction == STAND_STILL:
+            continue
+        now = belief[k]
+        total = 0.0
+        for i in range(count):
+            total += now[i]
+            scratch[i] = 0.0
+        least = NEGLIGIBLE * total
+        for i in range(count):
+            here = now[i]
+            if here <= least:
+                continue
+            if is_lost(c, i):
+                scratch[i] += here
+                continue
+            look_up(c, chances, table, i, direction, row)
+            for step in range(STEPS):
+                scratch[i + offset_of(c, step)] += here * row[step]
+        for i in range(count):
+            now[i] = scratch[i]
+
+
+@kernel
+def search(constants, belief, pods, x, y):
+    """Learn that a search of a cell failed.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        belief: (C K, S S) float64.
+        pods: (C,) float64, probability of detection.
+        x: Column of the cell; off the grid nobody is looked for.
+        y: Row of the cell.
+
+    Returns:
+        What was taken away.
+    """
+    c = constants[0]
+    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
+        return 0.0
+    i = index_of(c, x, y)
+    drifts = len(belief) // len(pods)
+    taken = 0.0
+    for k in range(len(belief)):
+        part_taken = belief[k, i] * pods[k // drifts]
+        belief[k, i] -= part_taken
+        taken += part_taken
+    return taken
+
+
+@kernel
+def normalise(belief):
+    """Scale a belief so that it sums to 1; returns what it summed to.
+
+    0 leaves it as it is: so it has none.
+    """
+    total = 0.0
+    for k in range(belief.shape[0]):
+        for i in range(belief.shape[1]):
+            total += belief[k, i]
+    if total > 0.0:
+        scale = 1.0 / total
+        for k in range(belief.shape[0]):
+            for i in range(belief.shape[1]):
+                belief[k, i] *= scale
+    return total
+
+
+@kernel
+def write_cells(constants, belief, out):
+    """Write the probability of every cell, out (G, G) float64 as [y, x]."""
+    c = constants[0]
+    for y in range(c.grid_size):
+        for x in range(c.grid_size):
+            out[y, x] = 0.0
+    for k in range(len(belief)):
+        for y in range(c.grid_size):
+            for x in range(c.grid_size):
+                out[y, x] += belief[k, index_of(c, x, y)]
