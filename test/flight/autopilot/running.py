@@ -79,10 +79,10 @@ def free_udp_port() -> int:
         RuntimeError: If none is free.
     """
     for port in random.sample(_PORTS, len(_PORTS)):
-        # Whoever has the TCP port of this number has the UDP port reserved.
-        reservation = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        # A name of this machine that ends with the process; it is no file.
+        reservation = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
-            reservation.bind(("127.0.0.1", port))
+            reservation.bind(f"\0dsse_ros_test_port_{port}")
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
                 probe.bind(("127.0.0.1", port))
         except OSError:
