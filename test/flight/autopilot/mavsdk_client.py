@@ -24,7 +24,7 @@ from mavsdk.plugins.telemetry import FlightMode, Telemetry
 
 T = TypeVar("T")
 
-TIMEOUT_S = 40.0
+TIMEOUT_S = 100.0
 HOME = (-24.0, -46.3)
 _FRAME_GLOBAL, _FRAME_RELATIVE_INT = 0, 6
 _WAYPOINT, _RETURN, _TAKEOFF = 16, 20, 22
