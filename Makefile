@@ -17,7 +17,7 @@ BIN := $(VENV)/bin
 BASE := $(VENV)/.made-of-$(if $(SOURCED),sourced-$(SOURCED),wheels-$(DISTRO))-$(subst /,_,$(PYTHON))
 SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz scripts \
 	-name __pycache__ -prune -o -print) package.xml
-# Errors only; Python compiles what it imports, a small part of what is installed, unless it is told
+# Errors only; Python compiles what it imports, a small part of what is installed, unless it is set
 # to keep nothing, as in many containers: every node would start a second later.
 PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install \
 	$(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)

@@ -30,20 +30,20 @@ class CommandBuffer:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all commands, goals and what was done before."""
+        """Drop all commands, goals and what was done before."""
         self._actions: dict[int, int] = {}
         self._goals: dict[int, list[Cell]] = {}
         self._last: dict[int, int] = {}
 
-    def memory(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         """Return what outlasts a step, as JSON values: the goals and what was done before."""
         return {"goals": list(self._goals.items()), "last": list(self._last.items())}
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Take up the memory of another buffer; its actions for the next step are cleared."""
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take over the state of another buffer; actions for the next step are cleared."""
         self.clear()
-        self._goals = {drone: [(c, r) for c, r in goals] for drone, goals in memory["goals"]}
-        self._last = dict(memory["last"])
+        self._goals = {drone: [(c, r) for c, r in goals] for drone, goals in state["goals"]}
+        self._last = dict(state["last"])
 
     def set_action(self, drone: int, action: int) -> None:
         """Set the drone's action for the next step; it replaces any other command."""

@@ -238,7 +238,7 @@ class Mission:
                 "history": self._rows_before(),
             },
             # Through JSON nothing of it stays shared.
-            json.loads(json.dumps({**extra, "commands": self.commands.memory()})),
+            json.loads(json.dumps({**extra, "commands": self.commands.state()})),
         )
 
     def restore(self, snapshot: Snapshot) -> StepResult:
@@ -255,7 +255,7 @@ class Mission:
         for name in _OF_MISSION:
             setattr(self, name, extra[name])
         self.tracks = [[(col, row) for col, row in track] for track in extra["tracks"]]
-        self.commands.remember(extra["commands"])
+        self.commands.restore(extra["commands"])
         self._past = bytearray(arrays["history"].tobytes())
         self._stamp_ns -= self._step_ns
         self.result = self._result(*(arrays[f"result_{name}"] for name in _OF_RESULT))

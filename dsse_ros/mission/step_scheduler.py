@@ -7,8 +7,6 @@ import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from dsse_ros.mission.pace import Pace
-
 _RESOLUTION_S = 1e-9
 """What is left of a wait is a difference of large numbers: less than this is none."""
 
@@ -53,6 +51,52 @@ class Due(Enum):
     """Not all of it is, and the step waits no longer."""
     TICK = auto()
     """Real time: the step does not ask what is there."""
+
+
+class Pace:
+    """The way through one step after the other.
+
+    Times are seconds of any steady clock. The share of a step that is done never shrinks until the
+    next step begins, whatever else changes: mission time follows it and must not run backwards.
+    """
+
+    def __init__(self) -> None:
+        self._share = 0.0
+        self._since_s = 0.0
+        self._period_s = 0.0
+        self._held = False
+
+    def begin(self, now_s: float, *, on_schedule: bool) -> None:
+        """Begin a step, now or, with `on_schedule`, when the last one should have ended.
+
+        A delay of a whole step or more is not caught up.
+        """
+        over = self._unbounded(now_s) - 1.0
+        self._share = over if on_schedule and 0.0 < over < 1.0 else 0.0
+        self._since_s = now_s
+
+    def set_period(self, now_s: float, period_s: float) -> None:
+        """Let a step take this long from now on; 0 lets time stand still."""
+        self._share, self._since_s = self.share(now_s), now_s
+        self._period_s = period_s
+
+    def hold(self, now_s: float, held: bool) -> None:
+        """Let time stand still, or go on from where it was."""
+        self._share, self._since_s = self.share(now_s), now_s
+        self._held = held
+
+    def share(self, now_s: float) -> float:
+        """Return the share of the step that is done, 0 to 1."""
+        return min(self._unbounded(now_s), 1.0)
+
+    def left_s(self, now_s: float) -> float:
+        """Return the wall time until the step is done, if time goes on; 0 without a period."""
+        return (1.0 - self.share(now_s)) * self._period_s
+
+    def _unbounded(self, now_s: float) -> float:
+        if self._held or self._period_s <= 0:
+            return self._share
+        return self._share + max(now_s - self._since_s, 0.0) / self._period_s
 
 
 class StepScheduler:
@@ -109,7 +153,7 @@ class StepScheduler:
 
     @property
     def moving(self) -> bool:
-        """Whether drones are on their way between two cells, be it that they are held there."""
+        """Whether drones are on their way between two cells, or held there."""
         return self.timing.mode == "realtime" and not self.done
 
     def share(self, now_s: float) -> float:

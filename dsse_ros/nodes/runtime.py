@@ -52,6 +52,9 @@ def new_executor() -> Executor:
         from rclpy.experimental import EventsExecutor
     except ImportError:
         return SingleThreadedExecutor()
+    # In lockstep with 20 drones a step of sim_node takes 4.1 ms of CPU time with it and alarms, 8.6
+    # ms with a SingleThreadedExecutor and steady timers, which asks all entities each time: 191 and
+    # 91 steps/s, interleaved, where the bare ping-pong did 259 and 168 (rclpy 7.1.6).
     return EventsExecutor()
 
 

@@ -20,7 +20,6 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from std_msgs.msg import Int8, Int32MultiArray, String
 
-from dsse_ros.flight.track_files import acceptance_radius_m
 from dsse_ros.mission import status
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.command_intake import CommandIntake
@@ -44,6 +43,7 @@ from dsse_ros.nodes.sim_parameters import (
 )
 from msg_adapters.result import Rejected
 from msg_adapters.stamps import to_nanoseconds, to_stamp
+from msg_adapters.track_missions import acceptance_radius_m
 from msg_adapters.vehicles import place_from_pose, progress_from_message
 
 HISTORY_PERIOD_S = 0.5
@@ -241,7 +241,7 @@ class SimNode(AlarmNode):
         return ""
 
     def _publish(self, *, first: bool = False) -> None:
-        """Publish the last step, be it the first of which vehicles may report."""
+        """Publish the last step; `first`: the first one that vehicles may report on."""
         result, stamp, settings = self.mission.result, self.stamp(), self.settings
         self._report_stamp = stamp
         self._vehicles.set_stamp(to_nanoseconds(stamp), first=first)
@@ -271,13 +271,13 @@ class SimNode(AlarmNode):
             # It goes on from step to step, or it would never ring at a high step_rate.
             self._odom_alarm.repeat(1.0 / self.settings.odom_rate)
         else:
-            self._idle_alarm.repeat(IDLE_S)
+            self._idle_alarm.set(IDLE_S)
             self._odom_alarm.cancel()
         self._step_alarm.set(scheduler.wait_s(time.monotonic(), ready=self._ready()))
 
     def _ready(self) -> bool:
         """Return whether every live drone has commanded and every vehicle has arrived."""
-        # Nothing is looked for where nothing waits for it.
+        # Not computed where nothing waits for it.
         return self._scheduler.running and not (self.mission.missing or self._late())
 
     def _late(self) -> list[int]:
@@ -285,7 +285,7 @@ class SimNode(AlarmNode):
         mission = self.mission
         if not self.settings.wait_for_vehicles or mission.done:
             return []
-        radius_m = acceptance_radius_m(self.frame, self.settings)
+        radius_m = acceptance_radius_m(self.frame, self.settings.acceptance_radius)
         return self._vehicles.late(mission.live, mission.result.cells, radius_m)
 
     def _advance(self) -> None:
@@ -344,6 +344,7 @@ class SimNode(AlarmNode):
         if not self._idle and self.settings.step_mode == "lockstep" and self._awaited():
             self.get_logger().info(f"step {self.mission.result.step}: {self._awaited()}")
         self._idle = True
+        self._idle_alarm.set(IDLE_S)
 
     def _awaited(self) -> str:
         return status.awaited(self.mission, self._scheduler, self._late())

@@ -4,8 +4,8 @@
 The map is a closed form of (datum, circle, spread): two tables of exponentials, one per axis, and
 a normaliser from their tail sums. A cell costs two look-ups, a whole map one streaming write.
 
-Everything that a world remembers stands in three structured arrays, `worlds` (B,), `drones`
-(B, N) and `persons` (B, P); `constants` (1,) is shared and never written. x is the column and
+The state of the worlds is in three structured arrays, `worlds` (B,), `drones` (B, N) and `persons`
+(B, P); `constants` (1,) is shared and never written. x is the column and
 grows to the east, y is the row and grows to the south.
 
 The module is longer than others: Numba's cache is renewed when the file of a function changes, not
@@ -683,7 +683,7 @@ def step_drones(c, w, drones, persons, gauss, occupied, actions):
     """Do the actions in index order against the map of the last observation.
 
     Returns:
-        Whether active drones may share a cell, and whether any has found somebody or got a
+        Whether active drones may share a cell, and whether any has found a person or got a
         flag.
     """
     # Read once: the compiler must expect that what is written to the drones changes them.

@@ -27,7 +27,7 @@ class MissionView:
     Attributes:
         probability: (G, G) float32, [row, col].
         tracks: (N, K, 2) cells of each drone, from its start to where it is now.
-        alive: (N,) bool, whether the drone is still flying.
+        alive: (N,) bool, whether the drone is still in flight.
         persons: (P, 2) cells; no rows where the persons are not to be shown.
         found: (P,) bool.
         datum: Supposed cell of the person, or None where it is not known.

@@ -39,7 +39,11 @@ def children(process: Process) -> dict[str, int]:
     pid = process.child.pid
     found = {}
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-        line = Path(f"/proc/{child}/cmdline").read_bytes().decode()
+        try:
+            line = Path(f"/proc/{child}/cmdline").read_bytes().decode()
+        except OSError:
+            # It has just ended.
+            continue
         match = re.search(r"import (\w+_node);", line)
         if match:
             found[match[1]] = int(child)
@@ -82,15 +86,15 @@ def test_the_summary_says_what_the_csv_says(flown: list[Path]) -> None:
     for out in flown:
         console, log = (out / "console.log").read_text(), rows(out)
         lines = re.findall(r"^  (\w[\w ]*?) {2,}(.+)$", console, re.MULTILINE)
-        said = dict(reversed(lines))
+        shown = dict(reversed(lines))
         drones = [row for row in log if row["agent"].startswith("drone")]
         last = [row for row in log if row["step"] == log[-1]["step"]]
         found = [row["found"] == "1" for row in last if row["agent"].startswith("person")]
-        assert said["end"].startswith("FOUND by drone" if all(found) else "not found")
-        assert said["steps"] == f"{log[-1]['step']} of 180"
+        assert shown["end"].startswith("FOUND by drone" if all(found) else "not found")
+        assert shown["steps"] == f"{log[-1]['step']} of 180"
         minutes, seconds = divmod(round(float(log[-1]["time_s"])), 60)
-        assert said["time at sea"] == f"{minutes} min {seconds} s"
-        assert said["drones"].startswith("4")
+        assert shown["time at sea"] == f"{minutes} min {seconds} s"
+        assert shown["drones"].startswith("4")
         flown_m: dict[str, float] = {}
         place: dict[str, tuple[float, float]] = {}
         for row in drones:
@@ -99,11 +103,11 @@ def test_the_summary_says_what_the_csv_says(flown: list[Path]) -> None:
             flown_m[row["agent"]] = flown_m.get(row["agent"], 0) + math.dist(before, here)
             place[row["agent"]] = here
         each = ", ".join(f"{metres:.0f}" for metres in flown_m.values())
-        assert said["flown"] == f"{sum(flown_m.values()):.0f} m ({each})"
-        assert said["reward"].startswith(f"{sum(float(row['reward']) for row in drones):.1f} (")
+        assert shown["flown"] == f"{sum(flown_m.values()):.0f} m ({each})"
+        assert shown["reward"].startswith(f"{sum(float(row['reward']) for row in drones):.1f} (")
         effort = float(drones[-1]["search_effort"])
-        assert said["search effort"] == f"{effort:.1%}"
-        assert said["picture"] == str(out / "mission.png")
+        assert shown["search effort"] == f"{effort:.1%}"
+        assert shown["picture"] == str(out / "mission.png")
         assert console.count("Traceback") == 0
 
 

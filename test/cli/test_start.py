@@ -83,11 +83,10 @@ def test_ctrl_c_before_a_program_is_at_work_ends_it_at_once_and_quietly(
     finally:
         child.kill()
     assert child.returncode == 130
-    if moment is compiling:
-        (output,) = output.splitlines()
-        assert output.endswith(COMPILING)
-    else:
-        assert output == ""
+    # One that is interrupted a little later may have said this, and nothing else.
+    lines = output.splitlines()
+    assert all(line.endswith(COMPILING) for line in lines), output
+    assert (moment is compiling) <= len(lines) <= 1
 
 
 def test_a_node_says_that_it_compiles_where_it_does_and_nowhere_else(tmp_path: Path) -> None:
@@ -176,12 +175,12 @@ def test_whatever_else_is_missing_is_named_on_one_line(
     output, _ = child.communicate(timeout=TIMEOUT_S)
     (line,) = output.splitlines()
     assert line.startswith(f"run_mission: {says}")
-    # A name on PyPI would be whoever's.
+    # A name on PyPI could be anybody's.
     assert "install" not in line or f"pip install '{start.clone()}[viz]'" in line
     assert child.returncode == start.MISSING
 
 
-def test_a_ros_2_of_another_python_is_told_on_one_line(tmp_path: Path) -> None:
+def test_a_ros_2_of_another_python_is_reported_on_one_line(tmp_path: Path) -> None:
     (tmp_path / "rclpy").mkdir()
     (tmp_path / "rclpy" / "__init__.py").write_text(
         "raise ImportError('The C extension is\\nnot there', name='rclpy')"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import time
 from typing import Any
@@ -213,7 +214,7 @@ def test_a_message_that_is_not_needed_is_counted_and_not_decoded() -> None:
     assert ours.counts == {"not_needed": 1}
 
 
-def test_a_message_of_another_dialect_is_skipped() -> None:
+def test_a_message_of_another_message_set_is_skipped() -> None:
     ours, frame = codec(), bytearray(heartbeats(1)[0])
     frame[7:10] = (60_000).to_bytes(3, "little")
     messages = ours.decode(bytes(frame) + heartbeats(1)[0], 0.0, datagram=False)
@@ -264,6 +265,14 @@ def test_a_message_is_encoded_with_its_fields(
     assert read.get_type() == kind
     assert {name: getattr(read, name) for name in fields} == fields
     assert (read.get_srcSystem(), read.get_srcComponent()) == OURSELVES
+
+
+@pytest.mark.parametrize(("lat_deg", "lon_deg", "name"), [(math.nan, 0, "lat"), (0, 181, "lon")])
+def test_a_setpoint_that_is_not_allowed_is_refused_by_name(
+    lat_deg: float, lon_deg: float, name: str
+) -> None:
+    with pytest.raises(ValueError, match=f"^{name}_deg: .* is not allowed; -180 to 180"):
+        codec().encode(SetPositionTarget(VEHICLE, lat_deg, lon_deg, 10.0))
 
 
 def test_frames_are_numbered() -> None:

@@ -58,9 +58,9 @@ def test_an_action_is_for_one_step_and_for_drones_in_flight(
     buffer, at = CommandBuffer(ACTIONS, 4), np.zeros((4, 2), np.int64)
     for drone, action in actions.items():
         buffer.set_action(drone, action)
-    flying = sorted(live)
-    assert buffer.missing(flying, at) == [i for i in flying if i not in actions]
-    joint = buffer.take(flying, at, missing_action)
+    active = sorted(live)
+    assert buffer.missing(active, at) == [i for i in active if i not in actions]
+    joint = buffer.take(active, at, missing_action)
     for drone in range(4):
         if drone not in live:
             assert joint[drone] == HOLD
@@ -68,7 +68,7 @@ def test_an_action_is_for_one_step_and_for_drones_in_flight(
             assert joint[drone] == actions[drone]
         else:
             assert joint[drone] == (SEARCH if missing_action == "search" else HOLD)
-    assert buffer.missing(flying, at) == flying
+    assert buffer.missing(active, at) == active
 
 
 @given(st.integers(0, len(ACTIONS) - 1))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.mission.pace import Pace
+from dsse_ros.mission.step_scheduler import Pace
 
 delays = st.floats(0, 20)
 periods = st.sampled_from([0.0, 0.05, 1.0, 13.0, 1000.0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What planners are told of the search."""
+"""What planners receive about the search."""
 
 import dataclasses
 import json

@@ -32,23 +32,23 @@ STAMPS = st.integers(-1, 2**62)
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=30)
 
 
-def told(progress: Progress, **values: object) -> DiagnosticArray:
+def state_message(progress: Progress, **values: object) -> DiagnosticArray:
     return vehicle_state_message(
         "drone1", "udp", STAMP, progress, level=DiagnosticStatus.OK, message="flies", values=values
     )
 
 
 @given(STAMPS, STAMPS, TEXTS)
-def test_the_progress_that_is_told_is_read(report: int, arrived: int, lost: str) -> None:
+def test_the_progress_that_is_published_is_read(report: int, arrived: int, lost: str) -> None:
     progress = Progress(report, arrived, lost)
-    message = told(progress, mode="GUIDED")
+    message = state_message(progress, mode="GUIDED")
     assert progress_from_message(message, "drone1") == Accepted(progress)
     assert message.status[0].message == "flies" and message.header.stamp == STAMP
 
 
 @given(st.dictionaries(st.sampled_from(["report_stamp_ns", "arrived_stamp_ns", "lost"]), TEXTS))
 def test_any_other_text_is_refused_or_read_but_never_raises(values: dict[str, str]) -> None:
-    message = told(Progress())
+    message = state_message(Progress())
     for pair in message.status[0].values:
         pair.value = values.get(pair.key, pair.value)
     read = progress_from_message(message, "drone1")
@@ -56,7 +56,7 @@ def test_any_other_text_is_refused_or_read_but_never_raises(values: dict[str, st
 
 
 def test_the_state_of_another_drone_is_none() -> None:
-    read = progress_from_message(told(Progress()), "drone2")
+    read = progress_from_message(state_message(Progress()), "drone2")
     assert isinstance(read, Rejected) and read.code == "bad_state"
     assert isinstance(progress_from_message(DiagnosticArray(), "drone1"), Rejected)
 

@@ -15,6 +15,7 @@ import pytest
 from rig import ENVIRONMENT, free_domain
 
 from dsse_ros.nodes import planner_node, sim_node
+from dsse_ros.search.compiler import prepare
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,13 @@ def signal_handlers() -> Iterator[None]:
         signal.signal(number, handler)
 
 
-@pytest.mark.usefixtures("signal_handlers")
+@pytest.fixture(scope="module")
+def compiled() -> None:
+    """Have the search compiled, which a node would say."""
+    prepare(lambda _: None)
+
+
+@pytest.mark.usefixtures("compiled", "signal_handlers")
 @pytest.mark.parametrize("name", CASES)
 def test_bad_input_is_refused_on_one_clear_line(
     name: str,

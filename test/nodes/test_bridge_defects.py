@@ -63,6 +63,6 @@ def test_a_defect_of_one_vehicle_ends_neither_the_bridge_nor_the_others(
     seen = len(states[0])
     rig.until(lambda: len(states[0]) >= seen + 3, "news of the other one")
     assert lost(0) == "" and bridge.running
-    # It is told once, not at every turn.
+    # It is reported once, not at every turn.
     assert bridge.output.count("one that nobody knew of") <= 3
     assert sim.process.running

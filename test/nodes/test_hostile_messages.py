@@ -131,7 +131,7 @@ def test_a_thousand_hostile_messages_change_nothing_and_each_is_counted(
     in_flight: Counter[str] = Counter()
     for topic, message, _ in messages:
         if in_flight[topic] == 4:
-            sim.settle()
+            sim.wait_until_quiet()
             in_flight.clear()
         in_flight[topic] += 1
         sim.talk(type(message), topic).publish(message)
@@ -193,7 +193,7 @@ def test_bytes_that_are_no_message_are_dropped(sim: Sim) -> None:
         (names, begin + b"\x06\x00\x00\x00up\x00up\x00"),
     ):
         publisher.publish(raw)
-        sim.settle()
+        sim.wait_until_quiet()
     health = sim.health()
     assert health["step"] == "0" and int(health["rejected"]) == before + 1
     # What follows a zero in a text is no part of it.

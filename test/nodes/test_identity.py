@@ -44,13 +44,13 @@ def assert_is_what_was_reported(report: Any, sim: Sim) -> None:
     """Hold a mission report to the step reports of the mission, the last of each step."""
     steps = {}
     for message in sim.reports:
-        told = step_report_from_message(message)
-        if int(told["mission"][0]) == sim.search[1]:
-            steps[int(told["step"][0])] = told
+        published = step_report_from_message(message)
+        if int(published["mission"][0]) == sim.search[1]:
+            steps[int(published["step"][0])] = published
     assert sorted(steps) == list(range(len(report)))
-    for step, told in steps.items():
+    for step, published in steps.items():
         for name in report.dtype.names:
-            assert report[step][name].tobytes() == told[name].tobytes(), (step, name)
+            assert report[step][name].tobytes() == published[name].tobytes(), (step, name)
 
 
 def test_every_start_is_a_run_of_its_own_and_the_steps_are_the_same(rig: Rig) -> None:
@@ -61,8 +61,8 @@ def test_every_start_is_a_run_of_its_own_and_the_steps_are_the_same(rig: Rig) ->
     assert one.search[0] != other.search[0] and min(one.search[0], other.search[0]) > 0
     assert one.search[1] == other.search[1] == 1
     for sim in (one, other):
-        told = agents(sim)
-        assert (told.run_id, told.mission) == sim.search
+        info = agents(sim)
+        assert (info.run_id, info.mission) == sim.search
         assert sim.health()["run_id"] == str(sim.search[0])
     assert steps_of(one.reports) == steps_of(other.reports)
 
@@ -87,9 +87,9 @@ def test_a_resend_that_comes_after_a_reset_is_no_command_of_the_next_mission(rig
     rig.until(lambda: sim.step_number == 1, "the step that is commanded by mission")
 
 
-def test_a_mission_that_ends_is_told_whole_however_it_ends(rig: Rig) -> None:
+def test_a_mission_that_ends_is_reported_whole_however_it_ends(rig: Rig) -> None:
     sim = rig.sim(FIELDS, namespace="/ends")
-    told = rig.listen(PointCloud2, "/ends/mission_report", ALL)
+    reports = rig.listen(PointCloud2, "/ends/mission_report", ALL)
     # Out of time.
     while sim.flying:
         sim.fly(RIGHT if sim.step_number < 5 else SEARCH, SEARCH)
@@ -103,14 +103,14 @@ def test_a_mission_that_ends_is_told_whole_however_it_ends(rig: Rig) -> None:
     for _ in range(4):
         if sim.flying:
             sim.fly(UP, UP)
-    rig.until(lambda: len(told) == 2, "the second report")
+    rig.until(lambda: len(reports) == 2, "the second report")
     assert_is_what_was_reported(mission_report(sim), sim)
     # Aborted.
     sim.reset()
     sim.fly(RIGHT, DOWN)
     sim.set(missing_action="abort")
     sim.set(command_timeout=0.05)
-    rig.until(lambda: len(told) == 3, "the third report")
+    rig.until(lambda: len(reports) == 3, "the third report")
     sim.set(command_timeout=0.0)
     report = mission_report(sim)
     assert len(report) == 2 and not report["terminated"].any()
@@ -118,11 +118,11 @@ def test_a_mission_that_ends_is_told_whole_however_it_ends(rig: Rig) -> None:
     # A mission that a reset cuts short has not ended.
     sim.reset()
     sim.reset()
-    sim.settle()
-    assert len(told) == 3
+    sim.wait_until_quiet()
+    assert len(reports) == 3
 
 
-def test_a_mission_that_is_resumed_at_its_end_is_told_whole_as_another_run(
+def test_a_mission_that_is_resumed_at_its_end_is_reported_whole_as_another_run(
     rig: Rig, tmp_path: Path
 ) -> None:
     files = {"snapshot_file": f"{tmp_path}/end", "snapshot_every": 1}

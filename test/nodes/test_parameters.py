@@ -75,7 +75,7 @@ def test_the_range_of_a_descriptor_is_what_the_field_allows(name: str) -> None:
             return value + int(math.copysign(1, towards))
         return math.nextafter(value, towards)
 
-    # The range of ROS includes its ends; "greater than 0" cannot be said in it.
+    # The range of ROS includes its ends; it cannot express "greater than 0".
     first = limits.from_value
     if first == spec.above:
         assert not allowed(first)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The same seed is the same mission, byte for byte, whoever commands it."""
+"""The same seed is the same mission, byte for byte, under any planner."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class Simulator(SimNode):
         return handler(kind.Request(**fields), kind.Response())
 
     def state(self) -> int:
-        """Return the state that the service tells."""
+        """Return the state that the service returns."""
         response = self.call("get_simulation_state")
         assert response.result.result == OK
         return int(response.state.state)

@@ -48,7 +48,7 @@ def test_a_restored_mission_has_the_same_steps_times_goals_and_tracks(
         assert results_equal(twin.advance("repeat"), mission.advance("repeat"))
         assert twin.tracks == mission.tracks and twin.unsearched == mission.unsearched
     assert np.array_equal(twin.history, mission.history)
-    assert twin.over and (twin.seed, twin.number) == (4, 2)
+    assert twin.done and (twin.seed, twin.number) == (4, 2)
     assert results_equal(twin.reset(5), mission.reset(5))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""sim_node waits for vehicles, which are told of by somebody who has none."""
+"""sim_node waits for vehicles, whose states the test publishes."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ def pose(sim: Sim, drone: int, col: float, row: float, frame: str = "map") -> No
     sim.talk(PoseStamped, f"drone{drone}/vehicle_pose").publish(message)
 
 
-def tell(sim: Sim, drone: int, *, arrived: bool = False, lost: str = "", report: int = 0) -> None:
+def publish_state(
+    sim: Sim, drone: int, *, arrived: bool = False, lost: str = "", report: int = 0
+) -> None:
     """Say how far a vehicle has come, with the report that many nanoseconds off the last."""
     stamp = stamp_ns(sim.reports.last) + report
     progress = Progress(stamp, stamp if arrived else -1, lost)
@@ -66,7 +68,7 @@ def tell(sim: Sim, drone: int, *, arrived: bool = False, lost: str = "", report:
 
 def all_there(sim: Sim) -> None:
     for drone, (col, row) in enumerate(sim.cells):
-        tell(sim, drone, arrived=True)
+        publish_state(sim, drone, arrived=True)
         pose(sim, drone, col, row)
 
 
@@ -74,7 +76,7 @@ def test_a_step_waits_until_the_last_vehicle_is_near_the_centre_of_its_cell(sim:
     seen = len(sim.reports)
     sim.joint(RIGHT, RIGHT, LEFT)
     for drone, (col, row) in enumerate(sim.cells):
-        tell(sim, drone, arrived=True)
+        publish_state(sim, drone, arrived=True)
         pose(sim, drone, col, row + (0.13 if drone == 1 else 0.0))
     assert sim.health_when(lambda h: h["awaited_vehicles"] == "drone1")["missing_drones"] == ""
     assert len(sim.reports) == seen
@@ -85,6 +87,7 @@ def test_a_step_waits_until_the_last_vehicle_is_near_the_centre_of_its_cell(sim:
 def test_the_node_says_whose_vehicles_it_waits_for(sim: Sim) -> None:
     all_there(sim)
     pose(sim, 1, 0, 0)
+    sim.settle()
     sim.joint(RIGHT, RIGHT, LEFT)
     sim.health_when(lambda h: "waiting for vehicles of drone1" in h["message"])
     pose(sim, 2, 0, 0)
@@ -100,18 +103,18 @@ def test_a_step_waits_for_the_end_of_a_search_though_the_vehicle_is_there(sim: S
     seen = len(sim.reports)
     sim.joint(RIGHT, RIGHT, LEFT)
     for drone, (col, row) in enumerate(sim.cells):
-        tell(sim, drone, arrived=drone != 2)
+        publish_state(sim, drone, arrived=drone != 2)
         pose(sim, drone, col, row)
     sim.health_when(lambda h: h["awaited_vehicles"] == "drone2")
     assert len(sim.reports) == seen
-    tell(sim, 2, arrived=True)
+    publish_state(sim, 2, arrived=True)
     assert sim.next_report(seen)["step"][0] == 2
 
 
 def test_vehicles_that_are_late_are_not_waited_for_after_the_time_out(sim: Sim) -> None:
     seen = len(sim.reports)
     sim.joint(RIGHT, RIGHT, LEFT)
-    sim.settle()
+    sim.wait_until_quiet()
     sim.set(command_timeout=0.1)
     assert sim.next_report(seen)["action"].tolist() == [RIGHT, RIGHT, LEFT]
     sim.set(command_timeout=0.0)
@@ -120,12 +123,12 @@ def test_vehicles_that_are_late_are_not_waited_for_after_the_time_out(sim: Sim) 
 
 def test_a_lost_drone_is_terminated_and_the_others_go_on_without_it(sim: Sim) -> None:
     all_there(sim)
-    sim.settle()
+    sim.wait_until_quiet()
     seen = len(sim.reports)
-    tell(sim, 1, lost="link lost: no heartbeat for 5 s")
-    told_again = sim.next_report(seen)
-    assert told_again["terminated"].tolist() == [0, 1, 0]
-    assert told_again["step"].tolist() == [0, 0, 0]
+    publish_state(sim, 1, lost="link lost: no heartbeat for 5 s")
+    published_again = sim.next_report(seen)
+    assert published_again["terminated"].tolist() == [0, 1, 0]
+    assert published_again["step"].tolist() == [0, 0, 0]
     assert stamp_ns(sim.reports[seen]) == stamp_ns(sim.reports[seen - 1])
     sim.joint(RIGHT, RIGHT, LEFT)
     report = sim.next_report(seen + 1)
@@ -147,7 +150,7 @@ def test_a_lost_drone_is_shown_as_such_before_the_next_step(sim: Sim) -> None:
 
     with sim.rig.listening(MarkerArray, "markers", LATCHED) as markers:
         sim.rig.until(lambda: markers and not grey(markers))
-        tell(sim, 1, lost="battery failsafe")
+        publish_state(sim, 1, lost="battery failsafe")
         sim.rig.until(lambda: grey(markers) == [1], "a grey drone")
         assert sim.step_number == 0
 
@@ -155,7 +158,7 @@ def test_a_lost_drone_is_shown_as_such_before_the_next_step(sim: Sim) -> None:
 def test_a_second_bridge_on_the_same_vehicles_is_noticed(sim: Sim) -> None:
     topic = "drone0/vehicle_state"
     sim.talk(DiagnosticArray, topic)
-    assert sim.health()[f"publishers.{topic}"] == "1"
+    sim.health_when(lambda h: h[f"publishers.{topic}"] == "1")
     second = sim.rig.node.create_publisher(DiagnosticArray, topic, RELIABLE)
     health = sim.health_when(lambda h: h[f"publishers.{topic}"] == "2")
     assert health["level"] == DiagnosticStatus.WARN
@@ -166,11 +169,11 @@ def test_a_second_bridge_on_the_same_vehicles_is_noticed(sim: Sim) -> None:
 
 
 def test_a_reset_brings_lost_drones_back_and_old_news_does_not_count(sim: Sim) -> None:
-    tell(sim, 0, lost="taken over: in LOITER")
+    publish_state(sim, 0, lost="taken over: in LOITER")
     sim.health_when(lambda h: h["lost_drones"] == "drone0")
     sim.reset()
-    tell(sim, 0, lost="taken over: in LOITER", report=-1)
-    sim.settle()
+    publish_state(sim, 0, lost="taken over: in LOITER", report=-1)
+    sim.wait_until_quiet()
     health = sim.health()
     assert health["lost_drones"] == "" and health["drones_in_flight"] == "3"
 
@@ -178,7 +181,7 @@ def test_a_reset_brings_lost_drones_back_and_old_news_does_not_count(sim: Sim) -
 def test_the_mission_is_over_when_the_last_drone_is_lost(sim: Sim) -> None:
     seen = len(sim.reports)
     for drone in range(3):
-        tell(sim, drone, lost="battery failsafe")
+        publish_state(sim, drone, lost="battery failsafe")
     assert sim.next_report(seen + 2)["terminated"].all()
     assert sim.health()["state"] == "mission over"
     assert not sim.trigger("step")[0]
@@ -189,7 +192,7 @@ def test_a_mission_that_has_lost_all_vehicles_waits_for_a_reset(sim: Sim) -> Non
     sim.set(auto_reset=True)
     seen = len(sim.reports)
     for drone in range(3):
-        tell(sim, drone, lost="battery failsafe")
+        publish_state(sim, drone, lost="battery failsafe")
     mission = sim.health_when(lambda h: h["state"] == "mission over")["mission"]
     assert sim.health()["mission"] == mission and len(sim.reports) == seen + 3
     assert not sim.reset()["terminated"].any()
@@ -199,7 +202,7 @@ def test_the_record_has_the_last_step_once_and_with_its_lost_drones(sim: Sim) ->
     all_there(sim)
     sim.fly(RIGHT, RIGHT, LEFT)
     for drone in range(3):
-        tell(sim, drone, lost="battery failsafe")
+        publish_state(sim, drone, lost="battery failsafe")
     mission = sim.health_when(lambda h: h["state"] == "mission over")["mission"]
     with (sim.rig.folder / "vehicles.csv").open(newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["mission"] == mission]

@@ -3,37 +3,23 @@
 
 from __future__ import annotations
 
+import ast
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
+from tree import ROOT, by_name, files, text
 
-ROOT = Path(__file__).resolve().parents[2]
 LICENCE = "SPDX-License-Identifier: Apache-2.0"
 # A path of somebody's machine; a web address or a longer word before it is none.
 MACHINE_PATH = re.compile(r"(?<![\w./~-])/(?:home|root|Users|work)/")
 UPWARD_PATH = re.compile(r"(?<![\w./])(?:\.\./)+[\w.-]+")
-
-
-def files() -> list[Path]:
-    """Files under version control, or about to be."""
-    command = ["git", "-c", "safe.directory=*", "ls-files", "-z", "--cached", "--others"]
-    listed = subprocess.run(
-        [*command, "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, timeout=60
-    )
-    if listed.returncode:
-        pytest.skip("not a git checkout")
-    paths = (ROOT / name for name in listed.stdout.split("\0") if name)
-    return [path for path in paths if path.is_file()]
-
-
-def text(path: Path) -> str:
-    """Text of a file, or nothing for one that is not text."""
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        return ""
+PACKAGES = ("benchmarks", "dsse_ros", "msg_adapters")
+MAX_LINES = 500
+MAX_FLIGHT_MODULES = 15
+# Too long for a reason that the module's docstring gives.
+LONG = {"dsse_ros/search/kernels.py"}
+MAX_OWN_LINES = {"dsse_ros/nodes/sim_node.py": 450}
 
 
 def inside(path: Path) -> bool:
@@ -69,3 +55,30 @@ def test_scripts_may_be_executed_and_nothing_else_pretends_to() -> None:
     executable = {path for path in files() if path.stat().st_mode & 0o111}
     scripts = {path for path in files() if text(path).startswith("#!")}
     assert executable == scripts
+
+
+def lines(path: Path) -> int:
+    return len(path.read_text(encoding="utf-8").splitlines())
+
+
+def test_a_module_is_short_enough_to_be_read_at_once() -> None:
+    long = {
+        name: lines(path)
+        for name, path in by_name(files()).items()
+        if name.startswith(PACKAGES) and name.endswith(".py") and name not in LONG
+        if lines(path) > MAX_OWN_LINES.get(name, MAX_LINES)
+    }
+    assert long == {}
+
+
+@pytest.mark.parametrize("name", sorted(LONG))
+def test_a_long_module_says_why(name: str) -> None:
+    assert lines(ROOT / name) > MAX_LINES
+    docstring = ast.get_docstring(ast.parse((ROOT / name).read_text(encoding="utf-8"))) or ""
+    assert "The module is longer than others: " in docstring
+
+
+def test_flight_has_few_modules() -> None:
+    found = [name for name in by_name(files()) if name.startswith("dsse_ros/flight/")]
+    modules = [name for name in found if name.endswith(".py") and "__init__" not in name]
+    assert len(modules) <= MAX_FLIGHT_MODULES, modules

@@ -14,7 +14,7 @@ from dsse_ros.search import ActionSet
 
 
 @st.composite
-def crowds(draw: st.DrawFn) -> tuple[list[Cell], list[Cell], list[list[Cell]]]:
+def requests_of_drones(draw: st.DrawFn) -> tuple[list[Cell], list[Cell], list[list[Cell]]]:
     """Drones in different cells, the neighbour or own cell each requests, and its neighbours."""
     size = draw(st.integers(1, 6))
     action_set = ActionSet(draw(st.sampled_from([STRAIGHT, DIAGONAL])))
@@ -28,7 +28,7 @@ def crowds(draw: st.DrawFn) -> tuple[list[Cell], list[Cell], list[list[Cell]]]:
 
 
 @settings(deadline=None)
-@given(crowds())
+@given(requests_of_drones())
 def test_two_drones_never_get_one_cell(
     drones: tuple[list[Cell], list[Cell], list[list[Cell]]],
 ) -> None:
@@ -38,7 +38,7 @@ def test_two_drones_never_get_one_cell(
 
 
 @settings(deadline=None)
-@given(crowds())
+@given(requests_of_drones())
 def test_a_drone_is_held_back_only_from_a_cell_that_another_gets(
     drones: tuple[list[Cell], list[Cell], list[list[Cell]]],
 ) -> None:
@@ -76,7 +76,7 @@ def test_drones_move_at_the_same_time(
 
 
 @settings(deadline=None)
-@given(crowds(), st.data())
+@given(requests_of_drones(), st.data())
 def test_making_room_never_ends_in_one_cell(
     drones: tuple[list[Cell], list[Cell], list[list[Cell]]], data: st.DataObject
 ) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rules of profile `paper`, written down plainly and slowly, cell by cell.
 
-Nothing here is shared with the package. The person's own draw is not repeated: whoever compares
+Nothing here is shared with the package. The person's own draw is not repeated: a test that compares
 says where the persons are, and `may_move` and `move_chances` say where they may go.
 """
 
@@ -141,7 +141,7 @@ class PaperWorld:
 
     def __post_init__(self) -> None:
         self.drones = list(self.starts)
-        self.flying = set(range(len(self.starts)))
+        self.active = set(range(len(self.starts)))
         self.persons = [self.lkp] * self.person_amount
         self.found: set[int] = set()
         self.steps = 0
@@ -160,7 +160,7 @@ class PaperWorld:
         """Do one step of the drones in flight; the persons are still to be moved after it."""
         result = Outcome()
         late = self.steps >= self.limit
-        for drone in sorted(self.flying):
+        for drone in sorted(self.active):
             if late:
                 result.rewards[drone] = -100000.0
                 result.truncated.add(drone)
@@ -172,8 +172,8 @@ class PaperWorld:
         self.drift()
         self._collide(result)
         if self.all_found:
-            result.terminated |= self.flying
-        self.flying -= result.terminated | result.truncated
+            result.terminated |= self.active
+        self.active -= result.terminated | result.truncated
         return result
 
     def _search(self, drone: int, result: Outcome) -> None:
@@ -198,10 +198,10 @@ class PaperWorld:
             result.terminated.add(drone)
 
     def _collide(self, result: Outcome) -> None:
-        flying = self.flying - result.terminated
-        crowd = Counter(self.drones[drone] for drone in flying)
-        for drone in flying:
-            if crowd[self.drones[drone]] > 1:
+        active = self.active - result.terminated
+        drones_in_cell = Counter(self.drones[drone] for drone in active)
+        for drone in active:
+            if drones_in_cell[self.drones[drone]] > 1:
                 result.rewards[drone] = -100000.0
                 result.searched.pop(drone, None)
                 result.terminated.add(drone)

@@ -86,9 +86,9 @@ def assert_same_step(env: SearchEnv, reference: PaperWorld, choices: tuple[int, 
     hidden = [p for i, p in enumerate(reference.persons) if i not in reference.found]
     actions = {
         drone: decide(choices[drone % len(choices)], reference.drones[drone], hidden)
-        for drone in sorted(reference.flying)
+        for drone in sorted(reference.active)
     }
-    flying_before = sorted(reference.flying)
+    active_before = sorted(reference.active)
     found_before = set(reference.found)
     expected = reference.step(actions)
     observations, rewards, terminated, truncated, infos = env.step(
@@ -98,7 +98,7 @@ def assert_same_step(env: SearchEnv, reference: PaperWorld, choices: tuple[int, 
     assert_same_rewards(rewards, expected)
     assert terminated == flags(expected.terminated, expected)
     assert truncated == flags(expected.truncated, expected)
-    assert env.agents == [f"drone{i}" for i in sorted(reference.flying)]
+    assert env.agents == [f"drone{i}" for i in sorted(reference.active)]
     assert env.positions.tolist() == [list(cell) for cell in reference.drones]
     assert np.flatnonzero(env.world.found[0]).tolist() == sorted(expected.finders)
     assert persons_found(env) == reference.found >= found_before
@@ -111,12 +111,12 @@ def assert_same_step(env: SearchEnv, reference: PaperWorld, choices: tuple[int, 
             assert may_move(reference.probability, old, new)
     reference.persons = person_cells(env)
 
-    assert list(observations) == list(infos) == [f"drone{i}" for i in flying_before]
-    for drone in flying_before:
+    assert list(observations) == list(infos) == [f"drone{i}" for i in active_before]
+    for drone in active_before:
         cell = reference.drones[drone]
         position, probability = observations[f"drone{drone}"]
         assert tuple(position.tolist()) == cell
-        assert probability is observations[f"drone{flying_before[0]}"][1]
+        assert probability is observations[f"drone{active_before[0]}"][1]
         info = infos[f"drone{drone}"]
         assert info["Found"] is reference.all_found
         assert info["action_mask"].tolist() == [
@@ -151,7 +151,7 @@ SCRIPTS = st.lists(CHOICES, min_size=1, max_size=10)
     1,
 )
 @example(
-    # A full grid: whoever moves inside it collides.
+    # A full grid: a drone that moves inside it collides.
     {
         "grid_size": 3,
         "num_drones": 9,

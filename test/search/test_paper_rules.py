@@ -50,7 +50,7 @@ def test_the_defaults_are_a_zone_of_a_square_kilometre_one_drone_and_a_hundred_s
     assert env.rules.actions == ("left", "right", "up", "down", "search")
 
 
-def test_drones_start_row_by_row_unless_told_otherwise() -> None:
+def test_drones_start_row_by_row_by_default() -> None:
     env = started(grid_size=3, num_drones=5)
     assert env.positions.tolist() == [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1]]
     env = started(grid_size=3, drones_positions=[[2, 1], [0, 2]])

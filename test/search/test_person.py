@@ -214,7 +214,7 @@ def searched(chance: float, multipliers: NDArray[np.float64] | None = None, **fi
     return world
 
 
-def test_a_search_finds_for_certain_unless_told_otherwise() -> None:
+def test_a_search_finds_for_certain_by_default() -> None:
     world = worlds(50, drones_positions=[(3, 3)], person_initial_position=(3, 3))
     advance(world, SEARCH)
     assert world.persons["found"].all()

@@ -137,19 +137,19 @@ def try_out(scenario: Scenario) -> None:
 @example(value=1e-200)
 @example(value=1e-9)
 def test_any_value_of_a_scenario_s_field_is_accepted_or_refused(field: str, value: Any) -> None:
-    told = refusal(lambda: try_out(Scenario(**{field: value})))
-    if told is not None and field != "name":
-        assert field in told or field in ("altitude", "field_of_view", "current_speed"), told
+    message = refusal(lambda: try_out(Scenario(**{field: value})))
+    if message is not None and field != "name":
+        assert field in message or field in ("altitude", "field_of_view", "current_speed"), message
 
 
 @pytest.mark.parametrize("field", RULE_FIELDS)
 @settings(deadline=None, max_examples=25)
 @given(value=junk)
 def test_any_value_of_a_rule_is_accepted_or_refused(field: str, value: Any) -> None:
-    told = refusal(lambda: profile("paper", **{field: value}))
-    if told is not None:
-        assert field in told
-    assert (refusal(lambda: PAPER.override(**{field: value})) is None) == (told is None)
+    message = refusal(lambda: profile("paper", **{field: value}))
+    if message is not None:
+        assert field in message
+    assert (refusal(lambda: PAPER.override(**{field: value})) is None) == (message is None)
 
 
 @settings(deadline=None, max_examples=300)
@@ -168,7 +168,7 @@ def test_fields_that_are_sound_alone_are_accepted_or_refused_together(
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "message"),
     [
         ({"num_drones": 0}, ("num_drones", "0", ">= 1")),
         ({"num_drones": 65}, ("num_drones", "65", "64")),
@@ -196,11 +196,11 @@ def test_fields_that_are_sound_alone_are_accepted_or_refused_together(
     ],
 )
 def test_a_refusal_names_field_value_and_what_is_allowed(
-    fields: dict[str, Any], told: tuple[str, ...]
+    fields: dict[str, Any], message: tuple[str, ...]
 ) -> None:
     text = refusal(lambda: parallel_env(**fields))
     assert text is not None
-    for part in told:
+    for part in message:
         assert part in text
 
 
@@ -228,8 +228,8 @@ def test_a_number_too_long_to_print_is_refused_everywhere() -> None:
 @example([])
 def test_any_rules_render_mode_or_scenario_is_accepted_or_refused(value: Any) -> None:
     for name in ("rules", "render_mode"):
-        told = refusal(lambda name=name: parallel_env(**{name: value}))  # type: ignore[misc]
-        assert told is None or name in told
+        message = refusal(lambda name=name: parallel_env(**{name: value}))  # type: ignore[misc]
+        assert message is None or name in message
     refusal(lambda: parallel_env(value))
 
 
@@ -251,12 +251,12 @@ def test_a_path_that_leads_to_no_file_is_refused(value: str) -> None:
 def test_any_action_is_obeyed_or_refused_with_nothing_changed(value: Any) -> None:
     env = started(drones_positions=[(3, 3), (5, 5)])
     before = env.world.state_bytes()
-    told = refusal(lambda: env.step({"drone0": 0, "drone1": value}))
-    if told is None:
+    message = refusal(lambda: env.step({"drone0": 0, "drone1": value}))
+    if message is None:
         assert env.action_space("drone1").contains(int(value))
         assert env.world.worlds["t"][0] == 1
     else:
-        assert "drone1" in told and "search" in told
+        assert "drone1" in message and "search" in message
         assert env.world.state_bytes() == before
         assert env.agents == ["drone0", "drone1"]
 
@@ -283,9 +283,9 @@ def test_actions_that_are_not_one_per_live_agent_are_refused_with_nothing_change
 def test_any_seed_is_taken_or_refused_with_nothing_changed(value: Any) -> None:
     env = started()
     before = env.world.state_bytes()
-    told = refusal(lambda: env.reset(seed=value))
-    if told is not None:
-        assert "seed" in told
+    message = refusal(lambda: env.reset(seed=value))
+    if message is not None:
+        assert "seed" in message
         assert env.world.state_bytes() == before
     else:
         assert value is None or value >= 0
@@ -299,9 +299,9 @@ def test_any_seed_is_taken_or_refused_with_nothing_changed(value: Any) -> None:
 def test_any_reset_option_is_taken_or_refused_with_nothing_changed(name: str, value: Any) -> None:
     env = started()
     before = env.world.state_bytes()
-    told = refusal(lambda: env.reset(options={name: value}))
-    if told is not None:
-        assert name in told
+    message = refusal(lambda: env.reset(options={name: value}))
+    if message is not None:
+        assert name in message
         assert env.world.state_bytes() == before
 
 

@@ -156,7 +156,7 @@ def test_the_image_shows_the_track() -> None:
     assert (pictures[0] != pictures[1]).any(axis=2).sum() > 100
 
 
-def test_the_image_tells_a_person_found_from_one_still_at_sea() -> None:
+def test_the_image_shows_a_person_found_otherwise_than_one_still_at_sea() -> None:
     env = started(drones_positions=[(2, 2)], person_amount=2, render_mode="rgb_array", **FAR)
     put_person(env, (2, 2), 0)
     put_person(env, (6, 6), 1)

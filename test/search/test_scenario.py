@@ -279,7 +279,7 @@ def test_the_spread_may_differ_along_the_axes() -> None:
     assert (scenario.sigma_x, scenario.sigma_y) == (3, 1.5)
 
 
-def test_the_person_is_in_the_centre_unless_told_otherwise() -> None:
+def test_the_person_is_in_the_centre_by_default() -> None:
     assert resolved(grid_size=8).person_initial_position == (4, 4)
     assert resolved(grid_size=7).person_initial_position == (3, 3)
     assert resolved(grid_size=1).person_initial_position == (0, 0)

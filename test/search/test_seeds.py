@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A seed settles everything, hidden state included, in every process."""
+"""A seed determines everything, hidden state included, in every process."""
 
 from __future__ import annotations
 

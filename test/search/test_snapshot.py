@@ -89,9 +89,9 @@ def test_a_copied_environment_goes_on_alike_and_alone(
     drawn = [twin.action_space("drone0").sample() for _ in range(9)]
     assert drawn == [env.action_space("drone0").sample() for _ in range(9)]
     script = [some_actions(env, generator, careful=True) for _ in range(12)]
-    told = [twin.step(actions)[1:4] for actions in script]
+    outcomes = [twin.step(actions)[1:4] for actions in script]
     assert env.world.state_bytes() == before
-    assert told == [env.step(actions)[1:4] for actions in script]
+    assert outcomes == [env.step(actions)[1:4] for actions in script]
     assert twin.world.state_bytes() == env.world.state_bytes()
     assert np.array_equal(twin.probability, env.probability)
     assert twin.render() == env.render()

@@ -303,7 +303,7 @@ def test_gymnasium_sees_one_agent_per_world_who_commands_the_swarm() -> None:
 
 
 @pytest.mark.parametrize("rules", PROFILES)
-def test_gymnasium_is_told_of_time_and_of_nothing_else_as_truncation(rules: str) -> None:
+def test_gymnasium_gets_a_truncation_for_the_time_alone(rules: str) -> None:
     if rules != "v2":
         crashing = JointVectorEnv(vector_env(1, rules=rules, grid_size=5))
         crashing.reset(seed=0)
@@ -394,7 +394,7 @@ def test_seeds_that_are_none_are_refused_and_nothing_is_seeded(seed: Any) -> Non
     assert env.world.state_bytes() == before
 
 
-def test_every_info_has_a_mask_of_the_worlds_it_tells_of() -> None:
+def test_every_info_has_a_mask_of_the_worlds_it_holds_for() -> None:
     for env in (vector_env(4, **MISSION), JointVectorEnv(vector_env(4, **MISSION))):
         for infos in (env.reset(seed=0)[1], env.step(np.zeros((4, DRONES), np.int8))[-1]):
             names = {name for name in infos if not name.startswith("_")}
