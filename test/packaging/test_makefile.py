@@ -27,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
 def make(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     env = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
     return subprocess.run(
-        ["make", *arguments], cwd=folder, env=env, capture_output=True, text=True, timeout=60
+        ["make", *arguments], cwd=folder, env=env, capture_output=True, text=True, timeout=180
     )
 
 
