@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
+from dsse_ros.search.rules import Rules, profile
+from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
 from msg_adapters.frames import GridFrame
 from msg_adapters.json_keys import Keys, parse_json
 
@@ -24,6 +26,14 @@ class Origin:
     lat_deg: float
     lon_deg: float
     alt_m: float
+
+
+@dataclass(frozen=True)
+class SearchDefinition:
+    """What is searched and by which rules: all that is public of it, values overridden included."""
+
+    rules: Rules
+    scenario: ResolvedScenario
 
 
 @dataclass(frozen=True)
@@ -65,6 +75,7 @@ class AgentsInfo:
     alt_m: float
     mission: int
     run_id: int
+    definition: SearchDefinition | None = None
     area: tuple[str, ...] | None = None
 
     @property
@@ -98,7 +109,35 @@ def area_rows(mask: NDArray[np.bool_] | None) -> tuple[str, ...] | None:
 
 def agents_message(info: AgentsInfo) -> String:
     """Return the message for `agents`; the same information gives the same bytes."""
-    return String(data=json.dumps(asdict(info), sort_keys=True, allow_nan=False))
+    values = asdict(replace(info, definition=None))
+    values["definition"] = None
+    if info.definition is not None:
+        rules, scenario = info.definition.rules, info.definition.scenario
+        fields = {name: getattr(scenario, name) for name in SPECS}
+        if scenario.area is not None:
+            fields["area"] = json.loads(scenario.area.to_geojson())
+        values["definition"] = {"rules": asdict(rules), "scenario": fields}
+    return String(data=json.dumps(values, sort_keys=True, allow_nan=False))
+
+
+def _definition(keys: Keys) -> SearchDefinition:
+    """Return the rules and the scenario that a message states.
+
+    Raises:
+        ValueError: If a value is not allowed or a field is missing.
+    """
+    parts = {name: keys.value(name) for name in ("rules", "scenario")}
+    for name, value in parts.items():
+        if not isinstance(value, dict):
+            keys.refuse(name, "an object")
+    # Whoever sends a message does not name files for us to read.
+    if not isinstance(parts["scenario"].get("area"), dict | None):
+        keys.inner("scenario").refuse("area", "a GeoJSON object or null")
+    try:
+        rules = profile("paper", **parts["rules"])
+        return SearchDefinition(rules, Scenario.from_dict(parts["scenario"]).resolve(rules))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"agents.definition: {error}") from None
 
 
 def agents_from_message(message: String) -> AgentsInfo:
@@ -130,6 +169,9 @@ def agents_from_message(message: String) -> AgentsInfo:
         alt_m=keys.number("alt_m"),
         mission=keys.integer("mission", 0, MAX_ID),
         run_id=keys.integer("run_id", 1, MAX_ID),
+        definition=(
+            None if keys.value("definition") is None else _definition(keys.inner("definition"))
+        ),
         area=_area_of(keys),
     )
     try:

@@ -16,12 +16,12 @@ from dsse_ros.nodes.qos import Endpoints
 from dsse_ros.nodes.runtime import AlarmNode
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
 from dsse_ros.search import FieldError, Scenario, SearchEnv, profile
-from dsse_ros.search.compiler import prepare
+from dsse_ros.search.compiler import prepared_env
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
 from msg_adapters.agents import MAX_ID
-from msg_adapters.frames import GridFrame
+from msg_adapters.frames import GridFrame, scenario_frame
 
 SCENARIO_SPECS = specs(Scenario)
 RULES_SPECS = {
@@ -53,8 +53,7 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
     rules = profile(settings.rules, **of(RULES_SPECS))
     path = find_scenario(settings.scenario) if settings.scenario else None
     scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
-    prepare(node.get_logger().info)
-    env = SearchEnv(scenario, rules)
+    env = prepared_env(scenario, rules, node.get_logger().info)
     declare(node, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
     declare(node, SCENARIO_SPECS, _in_force(env.scenario))
     declare(node, RULES_SPECS, vars(rules))
@@ -63,14 +62,8 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
 
 def grid_frame(scenario: ResolvedScenario, settings: SimSettings) -> GridFrame:
     """Return where the grid of a scenario lies."""
-    assert scenario.grid_size and scenario.cell_size
-    return GridFrame(
-        grid_size=scenario.grid_size,
-        cell_size_m=scenario.cell_size,
-        origin_lat_deg=scenario.origin_lat,
-        origin_lon_deg=scenario.origin_lon,
-        origin_alt_m=scenario.origin_alt,
-        alt_m=scenario.altitude,
+    return scenario_frame(
+        scenario,
         map_frame=settings.frame_prefix + settings.map_frame,
         frame_prefix=settings.frame_prefix,
     )

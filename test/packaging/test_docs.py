@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import functools
 import json
 import os
 import re
@@ -20,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from domains import free_domain
 
 from dsse_ros.cli.run_mission import parse, summary
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
@@ -95,13 +97,19 @@ def anchors(page: Path) -> set[str]:
 # Processes
 
 
+@functools.cache
+def domain() -> int:
+    """ROS domain of all processes here, and of no other tests."""
+    return free_domain()
+
+
 def environment() -> dict[str, str]:
     """Environment of a process: the package that is tested, this machine, a domain of its own."""
     paths = [os.path.abspath(p) for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p]
     return os.environ | {
         "PYTHONPATH": os.pathsep.join(paths),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_DOMAIN_ID": str(domain()),
     }
 
 
