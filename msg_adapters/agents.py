@@ -182,12 +182,12 @@ def agents_from_message(message: String) -> AgentsInfo:
 
 
 def _area_of(keys: Keys) -> tuple[str, ...] | None:
-    """Return the area, None where the key is missing too: a version before had none.
+    """Return the area, None for all of the grid.
 
     Raises:
         ValueError: If it is none of a grid of this size.
     """
-    if keys.optional("area") is None:
+    if keys.value("area") is None:
         return None
     size = keys.integer("grid_size", 1)
     rows = keys.entries("area", size)

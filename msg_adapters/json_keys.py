@@ -43,10 +43,6 @@ class Keys:
             raise ValueError(f"{self._where}.{key}: missing")
         return self._document[key]
 
-    def optional(self, key: str) -> Any:
-        """Return the value of a key, None where it is missing."""
-        return self._document.get(key)
-
     def inner(self, key: str) -> Keys:
         """Return access to an object in this one."""
         return Keys(self.value(key), f"{self._where}.{key}")
