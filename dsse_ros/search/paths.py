@@ -30,7 +30,9 @@ class Paths:
     def _distances(self, goal: Cell) -> NDArray[np.int32]:
         """Return the number of moves from each cell to the goal, (G, G); -1 where none lead."""
         distances = np.full(self._area.shape, -1, np.int32)
-        _flood(self._area, self._steps, *goal, distances)
+        size = len(distances)
+        if 0 <= goal[0] < size and 0 <= goal[1] < size and self._area[goal[1], goal[0]]:
+            _flood(self._area, self._steps, *goal, distances)
         return distances
 
     def next_cell(self, start: Cell, goal: Cell, preferred: Cell) -> Cell:

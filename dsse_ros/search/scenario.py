@@ -52,8 +52,8 @@ class Scenario:
     )
     area: Area | None = field(
         "area",
-        "What is searched, cells by their centres: a GeoJSON file of polygons, or a list of "
-        "[lat, lon], but as a ROS parameter; by default the whole grid.",
+        "Polygons that are searched: a GeoJSON file or, in YAML and Python, a list of [lat, lon]. "
+        "A cell is in them if its centre is. By default the whole grid.",
         None,
     )
     land: bool = field(
