@@ -184,6 +184,20 @@ def test_a_drone_that_would_leave_the_area_is_treated_as_at_the_edge_of_the_grid
         assert env.positions.tolist() == [[1, 1]]
 
 
+def test_a_person_that_walks_blindly_stays_before_a_cell_outside_the_area() -> None:
+    for masked, wanted in ((True, (7, 7)), (False, (6, 6))):
+        mask = np.ones((9, 9), bool)
+        mask[6, 6], mask[0, 0] = not masked, False
+        given = {"area": geojson_of(mask), "grid_size": 9, "vector": (0, 0), **PLACE}
+        env = parallel_env(given, rules="v1", person_initial_position=(2, 2))
+        env.reset(seed=0)
+        person = env.world.persons[0]
+        person["x"] = person["y"] = 7
+        assert not env.probability[6:, 6:].any()
+        env.advance(np.array([-1], np.int8))
+        assert (person["x"][0], person["y"][0]) == wanted
+
+
 def test_drones_start_row_by_row_in_the_area() -> None:
     env = parallel_env(
         area=SQUARE, grid_size=20, num_drones=12, person_initial_position=(8, 8), **PLACE
