@@ -95,14 +95,14 @@ def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
         assert lost in sim.health()["lost.drone1"]
 
 
-@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
-def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
-    rig: Rig, dialect: str
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_who_is_lost_on_the_ground_stays_there_when_it_is_connected_again(
+    rig: Rig, autopilot: str
 ) -> None:
     rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
     # It is to be ready some time after the order.
-    with autopilots((), dialect=dialect, ready_s=400.0) as vehicles:
-        bridge = Bridge(rig, vehicles, dialect=dialect, link_timeout=4.0, lost_timeout=4.0)
+    with autopilots((), autopilot=autopilot, ready_s=400.0) as vehicles:
+        bridge = Bridge(rig, vehicles, autopilot=autopilot, link_timeout=4.0, lost_timeout=4.0)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
         os.kill(vehicles[0].pid, signal.SIGSTOP)
         bridge.until(0, connected="false", lost="link lost: no heartbeat for 4 s")
@@ -197,7 +197,7 @@ def test_why_a_vehicle_cannot_be_reached_is_reported_once_and_for_the_lost(rig: 
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5]})
         bridge = Bridge(rig, [], connections=connections, join_timeout=3.0)
         states = rig.listen(DiagnosticArray, "drone0/vehicle_state", LATCHED)
-        lost = f"lost: not heard within 3 s: {connections[0]}: {reasons[0]}"
+        lost = f"lost: no heartbeat within 3 s: {connections[0]}: {reasons[0]}"
         rig.until(lambda: states and states.last.status[0].message == lost, lost)
         lines = bridge.process.output
         for i, (connection, reason) in enumerate(zip(connections, reasons, strict=True)):
@@ -205,7 +205,7 @@ def test_why_a_vehicle_cannot_be_reached_is_reported_once_and_for_the_lost(rig: 
             assert lines.count(f"drone{i}: {connection}: {reason}") == 1
 
 
-def test_who_is_not_heard_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> None:
+def test_who_has_no_heartbeat_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> None:
     start = {"drones_positions": [0, 5, 1, 5]}
     with autopilots((), ()) as vehicles:
         sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
@@ -222,7 +222,7 @@ def test_nothing_is_armed_unless_that_is_allowed(rig: Rig) -> None:
     with autopilots(()) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5]})
         bridge = Bridge(rig, vehicles, arm=False)
-        state = bridge.until(0, reason="waits for GUIDED: it is in STABILIZE")
+        state = bridge.until(0, reason="waiting for GUIDED: it is in STABILIZE")
         assert state["armed"] == "false" and state["ready"] == "true"
 
 
@@ -240,11 +240,11 @@ def test_without_a_planner_the_vehicles_hold_until_it_goes_on(rig: Rig) -> None:
 def test_px4_flies_cells_and_searches_too(rig: Rig) -> None:
     # A busy machine may keep the bridge from sending for a while.
     patient = ("--param", "COM_OF_LOSS_T=80")
-    with autopilots((), dialect="px4", speedup=8.0, options=patient) as vehicles:
+    with autopilots((), autopilot="px4", speedup=8.0, options=patient) as vehicles:
         sim = rig.sim(
             SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1, "wait_for_vehicles": True}
         )
-        bridge = Bridge(rig, vehicles, dialect="px4", set_point_rate=50.0)
+        bridge = Bridge(rig, vehicles, autopilot="px4", setpoint_rate=50.0)
         fly(sim, SEARCH)
         fly(sim, UP)
         state = bridge.until(0, arrived="true", flying="false", armed="false")
@@ -280,11 +280,11 @@ def test_an_open_loop_goes_after_the_latest_step(rig: Rig) -> None:
         rig.until(lambda: away_m(bridge.poses[0].last, (1, 3)) <= 10.0, "the vehicle's pose")
 
 
-@pytest.mark.parametrize(("dialect", "mode"), [("ardupilot", "AUTO"), ("px4", "MISSION")])
-def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, dialect: str, mode: str) -> None:
-    with autopilots((), dialect=dialect) as vehicles:
+@pytest.mark.parametrize(("autopilot", "mode"), [("ardupilot", "AUTO"), ("px4", "MISSION")])
+def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, autopilot: str, mode: str) -> None:
+    with autopilots((), autopilot=autopilot) as vehicles:
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 3})
-        bridge = Bridge(rig, vehicles, mode="mission", dialect=dialect)
+        bridge = Bridge(rig, vehicles, mode="mission", autopilot=autopilot)
         bridge.until(0, ready="true")
         for action in (UP, UP, SEARCH, SEARCH):
             assert bridge.state(0)["armed"] == "false"

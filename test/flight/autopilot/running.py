@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from .settings import Dialect
+from .settings import AutopilotName
 
 FOLDER = Path(__file__).resolve().parent
 TIMEOUT_S = 60.0
@@ -95,7 +95,7 @@ def free_udp_port() -> int:
 
 @contextlib.contextmanager
 def running_autopilot(
-    dialect: Dialect = "ardupilot",
+    autopilot: AutopilotName = "ardupilot",
     *,
     link: Link = "udpin",
     port: int = 0,
@@ -112,7 +112,7 @@ def running_autopilot(
     """Run an autopilot; it is stopped at the end, and must not have failed.
 
     Args:
-        dialect: Whose behaviour it has.
+        autopilot: Whose behaviour it has.
         link: `udpin` listens, `udp` sends first, with `tcp` vehicle time starts when a client
             connects.
         port: Of the link; 0 takes a free one. With `udp` it is the client's.
@@ -131,7 +131,7 @@ def running_autopilot(
     """
     if link == "udp" and not port:
         port = free_udp_port()
-    command = [f"--dialect={dialect}", f"--{link}={port}", f"--sysid={system}"]
+    command = [f"--autopilot={autopilot}", f"--{link}={port}", f"--sysid={system}"]
     command += [f"--speedup={speedup}", f"--seed={seed}", *(f"--fault={fault}" for fault in faults)]
     if home is not None:
         command.append("--home={},{},{}".format(*home))
