@@ -136,7 +136,7 @@ MISSION: Mapping[str, Argument] = {
     "rules": Argument("str", "Profile of the rules.", "paper", _SIM, choices=("paper", "v1", "v2")),
     "planner": Argument(
         "str", "Which planner commands the drones.", "greedy", _PLANNER,
-        choices=("sweep", "expanding_square", "greedy", "random"),
+        choices=("sweep", "expanding_square", "greedy", "random", "belief", "belief_greedy"),
     ),
     "num_drones": Argument("int", "Number of drones; by default the scenario's.", "", _SIM, low=1,
         high=10**8,
