@@ -242,7 +242,9 @@ class BeamOnBelief:
 
     def horizon(self, rules: Rules) -> int:
         """Return how many steps it looks ahead."""
-        return self._options.horizon_by(rules)
+        horizon = self._options.completed(rules).horizon
+        assert horizon is not None
+        return horizon
 
     def start(self, forecast: Forecast, seed: int) -> BeamSearch:
         """Return the tactic for a mission."""

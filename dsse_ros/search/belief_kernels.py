@@ -43,8 +43,8 @@ ROW = STEPS + FACTORS
 """Length of what `transition` writes to."""
 
 NEGLIGIBLE = 1e-13
-"""Share of a belief below which a cell counts as empty: without it a few cells' belief would
-spread over the whole grid, each cell with a table to compute."""
+"""Probability below which a cell counts as empty: without it a few cells' belief would spread over
+the whole grid, each cell with a table to compute."""
 
 
 @part
@@ -252,14 +252,11 @@ def predict(constants, area, belief, chances, table, directions, scratch):
         if direction == STAND_STILL:
             continue
         now = belief[k]
-        total = 0.0
         for i in range(count):
-            total += now[i]
             scratch[i] = 0.0
-        least = NEGLIGIBLE * total
         for i in range(count):
             here = now[i]
-            if here <= least:
+            if here <= NEGLIGIBLE:
                 continue
             if is_lost(c, i):
                 scratch[i] += here
