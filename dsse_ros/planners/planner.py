@@ -47,7 +47,7 @@ class Search(Protocol):
 
 
 PlannerFactory: TypeAlias = Callable[..., Planner]
-"""Called with the names of the actions and the keyword `seed`."""
+"""Called with a `Search`, the keyword `seed` and, as keywords, the planner's own options."""
 
 
 def cells_of(observations: Mapping[str, AgentObservation]) -> list[Cell]:
