@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from std_msgs.msg import String
 
+from dsse_ros.search.rules import Rules, profile
+from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
 from msg_adapters.frames import GridFrame
 from msg_adapters.json_keys import Keys, parse_json
 
@@ -22,6 +24,14 @@ class Origin:
     lat_deg: float
     lon_deg: float
     alt_m: float
+
+
+@dataclass(frozen=True)
+class SearchDefinition:
+    """What is searched and by which rules: all that is public of it, values overridden included."""
+
+    rules: Rules
+    scenario: ResolvedScenario
 
 
 @dataclass(frozen=True)
@@ -61,6 +71,7 @@ class AgentsInfo:
     alt_m: float
     mission: int
     run_id: int
+    definition: SearchDefinition | None = None
 
     @property
     def frame(self) -> GridFrame:
@@ -79,7 +90,32 @@ class AgentsInfo:
 
 def agents_message(info: AgentsInfo) -> String:
     """Return the message for `agents`; the same information gives the same bytes."""
-    return String(data=json.dumps(asdict(info), sort_keys=True, allow_nan=False))
+    values = asdict(replace(info, definition=None))
+    values["definition"] = None
+    if info.definition is not None:
+        rules, scenario = info.definition.rules, info.definition.scenario
+        values["definition"] = {
+            "rules": asdict(rules),
+            "scenario": {name: getattr(scenario, name) for name in SPECS},
+        }
+    return String(data=json.dumps(values, sort_keys=True, allow_nan=False))
+
+
+def _definition(keys: Keys) -> SearchDefinition:
+    """Return the rules and the scenario that a message states.
+
+    Raises:
+        ValueError: If a value is not allowed or a field is missing.
+    """
+    parts = {name: keys.value(name) for name in ("rules", "scenario")}
+    for name, value in parts.items():
+        if not isinstance(value, dict):
+            keys.refuse(name, "an object")
+    try:
+        rules = profile("paper", **parts["rules"])
+        return SearchDefinition(rules, Scenario.from_dict(parts["scenario"]).resolve(rules))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"agents.definition: {error}") from None
 
 
 def agents_from_message(message: String) -> AgentsInfo:
@@ -111,6 +147,9 @@ def agents_from_message(message: String) -> AgentsInfo:
         alt_m=keys.number("alt_m"),
         mission=keys.integer("mission", 0, MAX_ID),
         run_id=keys.integer("run_id", 1, MAX_ID),
+        definition=(
+            None if keys.value("definition") is None else _definition(keys.inner("definition"))
+        ),
     )
     try:
         _ = info.frame

@@ -19,7 +19,7 @@ from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
-from dsse_ros.planners import Planner, make_planner
+from dsse_ros.planners import PLANNERS, Planner, make_planner, planner_for
 from dsse_ros.search import HOLD, Observation
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo, agents_from_message
@@ -138,8 +138,7 @@ class PlannerNode(AlarmNode):
         if live.any():
             try:
                 if last is None or step[:2] != last[:2] or step[2] < last[2]:
-                    settings = self.settings
-                    self._planner = make_planner(settings.planner, info.actions, seed=settings.seed)
+                    self._planner = self._make_planner(info)
                 assert self._planner is not None
                 actions = _ask(self._planner, info, report, probability, live)
                 answer = joint_action_message(step[2], actions, mission=step[1])
@@ -152,6 +151,19 @@ class PlannerNode(AlarmNode):
         self._send()
         self._answered, self._map_used = step, self._map
         self._answered_s = time.monotonic()
+
+    def _make_planner(self, info: AgentsInfo) -> Planner:
+        """Return a planner for a mission.
+
+        Raises:
+            ValueError: If it needs to know more than `agents` tells.
+        """
+        name, seed = self.settings.planner, self.settings.seed
+        if name in PLANNERS:
+            return make_planner(name, info.actions, seed=seed)
+        if info.definition is None:
+            raise ValueError("agents.definition: missing; this planner needs it")
+        return planner_for(info.definition, name, seed=seed)
 
     def _report_failure(self, step: Step, error: Exception) -> None:
         """Log that the planner has failed, once for each step."""
@@ -223,7 +235,15 @@ def _ask(
     masks = report["action_mask"].astype(np.int8)
     actions = planner(
         {name: Observation(cells[i], probability) for name, i in agents.items()},
-        {name: {"Found": False, "action_mask": masks[i]} for name, i in agents.items()},
+        {
+            name: {
+                "Found": False,
+                "action_mask": masks[i],
+                "step": int(report["step"][i]),
+                "action": int(report["action"][i]),
+            }
+            for name, i in agents.items()
+        },
     )
     joint = [HOLD] * len(report)
     for name, action in actions.items():

@@ -21,7 +21,7 @@ from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.status import Health, Level
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
 from dsse_ros.search import kernels
-from msg_adapters.agents import AgentsInfo, Origin, agents_message
+from msg_adapters.agents import AgentsInfo, Origin, SearchDefinition, agents_message
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
@@ -134,6 +134,7 @@ class MissionPublishers:
             alt_m=frame.alt_m,
             mission=self._mission.number,
             run_id=self.run_id,
+            definition=SearchDefinition(env.rules, env.mission_scenario),
         )
         self._agents.publish(agents_message(info))
 

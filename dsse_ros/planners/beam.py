@@ -134,27 +134,25 @@ def credit_plan(path, length, gamma, starts, members, credit):
 
 
 @compiled
-def distance(side, diagonal, i, j):
-    """Return the number of moves between two cells."""
-    dx, dy = abs(i % side - j % side), abs(i // side - j // side)
-    return max(dx, dy) if diagonal else dx + dy
+def seen_from(nearness, x, y, i, j):
+    """Return what a scenario in cell j is worth at the end to a drone in cell i."""
+    return nearness[abs(y[i] - y[j]), abs(x[i] - x[j])]
 
 
 @compiled
 def plan_drone(
-    moves, side, width, cap, gamma, kappa, powers, starts, members, ends, credits, drone, blocked,
+    moves, width, cap, gamma, kappa, nearness, starts, members, ends, credits, drone, blocked,
     horizon, path,
 ):  # fmt: skip
     """Search a drone's best plan, given those of the others.
 
     Args:
         moves: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
-        side: S.
         width: Nodes kept at each step.
         cap: Nodes kept at each step in one cell.
         gamma: Discount per step.
         kappa: Weight of what is left at the end.
-        powers: (2 S,) float64, what a scenario at this distance at the end is worth.
+        nearness: (S, S) float64, what a scenario left at the end this far away is worth, [y, x].
         starts: Of `index`.
         members: Of `index`.
         ends: (M,) int64, cells of the scenarios at the end.
@@ -167,7 +165,12 @@ def plan_drone(
     Returns:
         Length of the plan; less than the horizon where the others leave no way on.
     """
-    count, diagonal = len(ends), len(moves) > 5
+    count, side = len(ends), len(nearness)
+    # Divisions would take most of the time.
+    x, y = np.empty(side * side, np.int64), np.empty(side * side, np.int64)
+    for i in range(side):
+        for j in range(side):
+            x[i * side + j], y[i * side + j] = j, i
     base = np.zeros(count)
     for n in range(len(credits)):
         if n != drone:
@@ -183,7 +186,8 @@ def plan_drone(
 
     words = (count + 63) >> 6
     alive, after = np.empty((width, words), np.uint64), np.empty((width, words), np.uint64)
-    alive[0] = ~np.uint64(0)
+    full = ~np.uint64(0)
+    alive[0] = full
     cells = np.empty((horizon + 1, width), np.int64)
     parents = np.empty((horizon + 1, width), np.int64)
     gains, next_gains = np.zeros(width), np.zeros(width)
@@ -200,8 +204,7 @@ def plan_drone(
         for node in range(nodes):
             for a in range(len(moves)):
                 cell = cells[h, node] + moves[a]
-                x, y = cell % side - MARGIN, cell // side - MARGIN
-                if x < 0 or y < 0 or x >= side - 2 * MARGIN or y >= side - 2 * MARGIN:
+                if min(x[cell], y[cell]) < MARGIN or max(x[cell], y[cell]) >= side - MARGIN:
                     continue
                 if blocked[h, cell]:
                     continue
@@ -215,15 +218,14 @@ def plan_drone(
                 if worths[cell] < 0.0:
                     total = 0.0
                     for place in places:
-                        total += left[place] * powers[distance(side, diagonal, cell, place)]
+                        total += left[place] * seen_from(nearness, x, y, cell, place)
                     worths[cell] = total
                 rank = worths[cell] - hits
                 at, back = node, h
                 while back > 0:
                     if finds[node, back - 1] > 0.0:
-                        rank -= (
-                            finds[node, back - 1]
-                            * powers[distance(side, diagonal, cell, cells[back, at])]
+                        rank -= finds[node, back - 1] * seen_from(
+                            nearness, x, y, cell, cells[back, at]
                         )
                     at = parents[back, at]
                     back -= 1
@@ -274,10 +276,13 @@ def plan_drone(
     best, best_value = 0, -1.0
     for node in range(nodes):
         cell = cells[depth, node]
-        value = 0.0
-        for s in range(count):
-            if base[s] == 0.0 and alive[node, s >> 6] >> np.uint64(s & 63) & np.uint64(1):
-                value += powers[distance(side, diagonal, cell, ends[s])]
+        value = worths[cell]
+        for word in range(words):
+            if alive[node, word] == full:
+                continue
+            for s in range(64 * word, min(64 * word + 64, count)):
+                if base[s] == 0.0 and not alive[node, word] >> np.uint64(s & 63) & np.uint64(1):
+                    value -= seen_from(nearness, x, y, cell, ends[s])
         value = gains[node] + kappa * value
         if value > best_value:
             best, best_value = node, value

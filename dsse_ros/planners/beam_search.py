@@ -19,6 +19,7 @@ from dsse_ros.planners import beam
 from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.belief_kernels import MARGIN
+from dsse_ros.search.rules import Rules
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +28,7 @@ class BeamOptions:
 
     Attributes:
         samples: M, scenarios drawn from the belief.
-        horizon: H, steps planned.
+        horizon: H, steps planned; None: 15 where persons stay about the datum, else 10.
         width: W, nodes kept at each step.
         cap: Nodes kept at each step in one cell.
         gamma: Discount of a find per step.
@@ -42,7 +43,7 @@ class BeamOptions:
     """
 
     samples: int = 4096
-    horizon: int = 10
+    horizon: int | None = None
     width: int = 32
     cap: int = 4
     gamma: float = 0.95
@@ -52,6 +53,12 @@ class BeamOptions:
     warm_start: bool | None = None
     passes: int = 1
     budget_ms: float | None = None
+
+    def horizon_by(self, rules: Rules) -> int:
+        """Return the horizon where these rules hold."""
+        if self.horizon is not None:
+            return self.horizon
+        return {"window": 15, "drift": 10}[rules.person_motion]
 
 
 @dataclass
@@ -65,7 +72,7 @@ class BeamSearch:
     """Plans of the drones of one mission.
 
     Args:
-        forecast: Of at least `options.horizon` steps.
+        forecast: Its horizon is how far plans reach, see `BeamOptions.horizon_by`.
         options: How a plan is searched.
         seed: Of the scenarios.
     """
@@ -80,7 +87,10 @@ class BeamSearch:
         names = (*STRAIGHT, *(DIAGONAL if actions.diagonal else ()))
         steps = [(0, 0), *(ACTION_VECTORS[name] for name in names)]
         self._moves = np.array([dy * self._side + dx for dx, dy in steps])
-        self._powers = options.closeness ** np.arange(2.0 * self._side)
+        away = np.arange(self._side)
+        across, down = np.meshgrid(away, away)
+        moves = np.maximum(across, down) if actions.diagonal else across + down
+        self._nearness: NDArray[np.float64] = options.closeness ** moves.astype(np.float64)
         self._plans: dict[Hashable, _Plan] = {}
 
     def copy(self) -> BeamSearch:
@@ -103,7 +113,7 @@ class BeamSearch:
         began = time.perf_counter()
         options, forecast = self._options, self._forecast
         left = forecast.scenario.timestep_limit - belief.step
-        horizon = max(1, min(options.horizon, left))
+        horizon = max(1, min(forecast.horizon, left))
         cells, starts, members = self._scenarios(belief, horizon)
         plans = self._last_plans(agents, present, horizon)
         warm = len(agents) <= 4 if options.warm_start is None else options.warm_start
@@ -119,8 +129,8 @@ class BeamSearch:
             path = np.empty(horizon + 1, np.int64)
             path[0] = self._column(present[n])
             length = beam.plan_drone(
-                self._moves, self._side, options.width, options.cap, options.gamma, options.kappa,
-                self._powers, starts, members, cells[-1], credits, n,
+                self._moves, options.width, options.cap, options.gamma, options.kappa,
+                self._nearness, starts, members, cells[-1], credits, n,
                 self._blocked(n, plans, planned, horizon), horizon, path,
             )  # fmt: skip
             plans[n] = _Plan(path, length)

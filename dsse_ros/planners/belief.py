@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
 from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.search.rules import Rules
 
 
 class Tactic(Protocol):
@@ -37,15 +38,15 @@ class TacticFactory(Protocol):
     """Makes a tactic for each mission.
 
     Attributes:
-        horizon: Steps that it looks ahead.
         drift_samples: K of its forecasts, see `Forecast`.
     """
 
     @property
-    def horizon(self) -> int: ...  # noqa: D102
-
-    @property
     def drift_samples(self) -> int: ...  # noqa: D102
+
+    def horizon(self, rules: Rules) -> int:
+        """Return how many steps it looks ahead."""
+        ...
 
     def start(self, forecast: Forecast, seed: int) -> Tactic:
         """Return the tactic for a mission."""
@@ -60,9 +61,12 @@ class GreedyOnBelief:
     drone's present or already chosen cell searches where it is.
     """
 
-    horizon = 0
     drift_samples = 16
     closeness = 0.7
+
+    def horizon(self, rules: Rules) -> int:
+        """Return 0: it looks at the present."""
+        return 0
 
     def start(self, forecast: Forecast, seed: int) -> GreedyOnBelief:
         """Return the tactic for a mission; it draws nothing."""
@@ -192,7 +196,7 @@ class BeliefPlanner:
             self._forecast = Forecast(
                 scenario,
                 self._search.rules,
-                horizon=self._factory.horizon,
+                horizon=self._factory.horizon(self._search.rules),
                 drift_samples=self._factory.drift_samples,
             )
             self.belief = Belief(self._forecast)
@@ -230,8 +234,11 @@ class BeamOnBelief:
 
     def __init__(self, options: BeamOptions) -> None:
         self._options = options
-        self.horizon = options.horizon
         self.drift_samples = options.drift_samples
+
+    def horizon(self, rules: Rules) -> int:
+        """Return how many steps it looks ahead."""
+        return self._options.horizon_by(rules)
 
     def start(self, forecast: Forecast, seed: int) -> BeamSearch:
         """Return the tactic for a mission."""

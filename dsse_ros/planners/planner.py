@@ -27,7 +27,8 @@ class Planner(Protocol):
 
         Args:
             observations: By live agent, in the fixed order of the agents.
-            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid.
+            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid. Over
+                ROS also `step`, the steps done, and `action`, what the drone has done last.
         """
         ...
 
