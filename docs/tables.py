@@ -16,10 +16,9 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
-from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.parameters import descriptor
-from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings, SimSettings
+from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, BridgeSettings, PlannerSettings, SimSettings
 from dsse_ros.search import PROFILES, Rules, Scenario
 from dsse_ros.search.fields import Spec, specs
 

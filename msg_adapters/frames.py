@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from dsse_ros.search.scenario import ResolvedScenario
 
 S = TypeVar("S", bound=np.generic)
 
@@ -65,6 +68,28 @@ class GridFrame:
                 raise ValueError(f"{name}: {value!r} is not allowed; from {-limit} to {limit}")
         if not self.map_frame:
             raise ValueError("map_frame: '' is not allowed; a name")
+
+
+def scenario_frame(
+    scenario: ResolvedScenario, *, map_frame: str = "map", frame_prefix: str = ""
+) -> GridFrame:
+    """Return where the grid of a scenario lies.
+
+    Args:
+        scenario: The scenario.
+        map_frame: Name of the frame.
+        frame_prefix: What the names of the drones' frames begin with.
+    """
+    return GridFrame(
+        grid_size=scenario.grid_size,
+        cell_size_m=scenario.cell_size,
+        origin_lat_deg=scenario.origin_lat,
+        origin_lon_deg=scenario.origin_lon,
+        origin_alt_m=scenario.origin_alt,
+        alt_m=scenario.altitude,
+        map_frame=map_frame,
+        frame_prefix=frame_prefix,
+    )
 
 
 @overload

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from msg_adapters.mission_items import Firmware, Home, Mission, MissionItem
+from msg_adapters.mission_items import FIRMWARES, Home, Mission, MissionItem
 from msg_adapters.plan_files import Plan, parse_plan, plan_text
 from msg_adapters.track_missions import track_items, track_mission
 from msg_adapters.waypoint_files import parse_qgc_wpl, qgc_wpl
 
 __all__ = [
-    "Firmware",
+    "FIRMWARES",
     "Home",
     "Mission",
     "MissionItem",

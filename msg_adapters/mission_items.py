@@ -6,8 +6,9 @@ Commands and frames: https://mavlink.io/en/messages/common.html.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 NAV_WAYPOINT = 16
 NAV_LOITER_TIME = 19
@@ -22,8 +23,24 @@ FRAME_MISSION = 2
 FRAME_GLOBAL_RELATIVE_ALT = 3
 """Altitude above home."""
 
-Firmware = Literal["ardupilot", "px4"]
-"""Whose missions: with ArduPilot item 0 is home, with PX4 it is the first to fly."""
+
+class Firmware(NamedTuple):
+    """How the missions of an autopilot's firmware are written.
+
+    Attributes:
+        home_first: Whether item 0 is home; else it is the first to fly.
+        mav_autopilot: Its number in MAV_AUTOPILOT.
+    """
+
+    home_first: bool
+    mav_autopilot: int
+
+
+FIRMWARES: Mapping[str, Firmware] = {
+    "ardupilot": Firmware(home_first=True, mav_autopilot=3),
+    "px4": Firmware(home_first=False, mav_autopilot=12),
+}
+"""By the names of the autopilots: see `dsse_ros.flight.autopilots`."""
 
 
 class Home(NamedTuple):
@@ -73,9 +90,9 @@ class Mission:
     home: Home
     items: tuple[MissionItem, ...]
 
-    def numbered(self, firmware: Firmware) -> list[MissionItem]:
-        """Return the items as a vehicle numbers them: with ArduPilot item 0 is home."""
-        if firmware == "px4":
+    def numbered(self, firmware: str) -> list[MissionItem]:
+        """Return the items as vehicles with one of `FIRMWARES` number them."""
+        if not FIRMWARES[firmware].home_first:
             return list(self.items)
         lat_deg, lon_deg, alt_m = self.home
         home = MissionItem(

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from msg_adapters.json_keys import Keys, parse_json
-from msg_adapters.mission_items import Firmware, Home, Mission, MissionItem, check_place
+from msg_adapters.mission_items import FIRMWARES, Home, Mission, MissionItem, check_place
 
 MAV_TYPE_QUADROTOR = 2
 
-_FIRMWARE_TYPES: dict[Firmware, int] = {"ardupilot": 3, "px4": 12}
-"""MAV_AUTOPILOT."""
 _ALTITUDE_ABOVE_HOME = 1
 _PLAN_VERSION = 1
 _MISSION_VERSION = 2
@@ -31,13 +29,13 @@ class Plan:
 
     Attributes:
         mission: The mission.
-        firmware: Whose autopilot it is for; None for one that is not known here.
+        firmware: One of `FIRMWARES`; None for one that is not known here.
         cruise_speed_mps: Speed of winged vehicles, for estimates.
         hover_speed_mps: Speed of the others, for estimates.
     """
 
     mission: Mission
-    firmware: Firmware | None
+    firmware: str | None
     cruise_speed_mps: float
     hover_speed_mps: float
 
@@ -45,7 +43,7 @@ class Plan:
 def plan_text(
     mission: Mission,
     *,
-    firmware: Firmware = "ardupilot",
+    firmware: str = "ardupilot",
     cruise_speed_mps: float = 10.0,
     hover_speed_mps: float = 10.0,
 ) -> str:
@@ -53,7 +51,7 @@ def plan_text(
 
     Args:
         mission: The mission.
-        firmware: Whose autopilot it is for.
+        firmware: One of `FIRMWARES`.
         cruise_speed_mps: Speed of winged vehicles, for estimates.
         hover_speed_mps: Speed of the others, for estimates.
 
@@ -68,7 +66,7 @@ def plan_text(
         "groundStation": "QGroundControl",
         "mission": {
             "cruiseSpeed": cruise_speed_mps,
-            "firmwareType": _FIRMWARE_TYPES[firmware],
+            "firmwareType": FIRMWARES[firmware].mav_autopilot,
             "globalPlanAltitudeMode": _ALTITUDE_ABOVE_HOME,
             "hoverSpeed": hover_speed_mps,
             "items": [_simple_item(number, item) for number, item in enumerate(mission.items, 1)],
@@ -109,7 +107,7 @@ def parse_plan(text: str) -> Plan:
             ),
         ),
         firmware=next(
-            (name for name, number in _FIRMWARE_TYPES.items() if number == firmware_type), None
+            (name for name, one in FIRMWARES.items() if one.mav_autopilot == firmware_type), None
         ),
         cruise_speed_mps=keys.number("cruiseSpeed"),
         hover_speed_mps=keys.number("hoverSpeed"),

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missions from the cells that a drone visits and searches."""
+"""What vehicles fly for drones: a leg for each step, and whole tracks as missions."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,25 @@ from msg_adapters.mission_items import (
     MissionItem,
 )
 from msg_adapters.tracks import stops
+
+
+@dataclass(frozen=True)
+class Leg:
+    """What a step asks of one drone's vehicle.
+
+    Attributes:
+        stamp_ns: Stamp of the step's report.
+        cell: (col, row) where the drone is now.
+        searched: Whether it has searched there in this step.
+        over: Whether its search is over.
+        crashed: Whether that is because another drone is in its cell: no vehicle follows it there.
+    """
+
+    stamp_ns: int
+    cell: tuple[int, int]
+    searched: bool = False
+    over: bool = False
+    crashed: bool = False
 
 
 def track_mission(
@@ -118,3 +138,8 @@ def track_items(
         acceptance_radius_m=acceptance_radius_m,
     )
     return mission.numbered("ardupilot")
+
+
+def acceptance_radius_m(frame: GridFrame, most_m: float) -> float:
+    """Return the distance from a cell's centre at which a vehicle is there, in no other cell."""
+    return min(most_m, frame.cell_size_m / 2)

@@ -77,7 +77,7 @@ def vehicle_fix(
         drone_name: Name of the drone.
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
-        alt_amsl_m: Altitude above mean sea level, which is what autopilots tell: it differs from
+        alt_amsl_m: Altitude above mean sea level, which is what autopilots report: it differs from
             the height above the ellipsoid by the geoid's, up to 100 m.
         stamp: Time of the fix.
     """

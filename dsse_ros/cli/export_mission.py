@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.cli.command_line import Parser, search_of
-from dsse_ros.flight.flight_settings import FlightSettings
-from dsse_ros.flight.track_files import layers, search_mission, write_missions
+from dsse_ros.mission.vehicle_missions import FlightSettings, layers, search_mission, write_missions
 from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.planners import planner_for
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.compiler import prepare
 from dsse_ros.search.fields import specs
-from msg_adapters.frames import GridFrame
+from msg_adapters.frames import scenario_frame
 from msg_adapters.mission_files import Home
 
 LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
@@ -78,15 +77,15 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         metavar="LAT,LON,ALT",
         help="where all take off, by default where each starts; --home=-24,-46,0 if south",
     )
-    add("--dialect", default=defaults.dialect, choices=of_flight["dialect"].choices,
-        help="whose missions")  # fmt: skip
+    add("--autopilot", default=defaults.autopilot, choices=of_flight["autopilot"].choices,
+        help="which autopilot the missions are for")  # fmt: skip
     add("--every-cell", dest="merge_legs", action="store_false",
         help="a waypoint in each cell of a straight leg")  # fmt: skip
     for name in LENGTHS:
         spec = of_flight[name]
         add(f"--{name.replace('_', '-')}", type=float, default=getattr(defaults, name),
             help=f"{spec.doc.rstrip('.')}, {spec.unit}")  # fmt: skip
-    options = {name: (name, of_flight[name]) for name in ("dialect", "merge_legs", *LENGTHS)}
+    options = {name: (name, of_flight[name]) for name in ("autopilot", "merge_legs", *LENGTHS)}
     return parser.parse_with_ros(argv, options)
 
 
@@ -95,7 +94,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parse(argv)
     try:
         settings = FlightSettings(
-            dialect=arguments.dialect,
+            autopilot=arguments.autopilot,
             merge_legs=arguments.merge_legs,
             acceptance_radius=arguments.acceptance_radius,
             search_altitude=arguments.search_altitude,
@@ -108,17 +107,8 @@ def main(argv: list[str] | None = None) -> int:
         env = SearchEnv(scenario, rules)
     except FieldError as error:
         return fail("export_mission", error)
-    resolved = env.scenario
-    frame = GridFrame(
-        grid_size=resolved.grid_size,
-        cell_size_m=resolved.cell_size,
-        origin_lat_deg=resolved.origin_lat,
-        origin_lon_deg=resolved.origin_lon,
-        origin_alt_m=resolved.origin_alt,
-        alt_m=resolved.altitude,
-    )
     try:
-        frames = layers(frame, settings, len(env.possible_agents))
+        frames = layers(scenario_frame(env.scenario), settings, len(env.possible_agents))
     except FieldError as error:
         return fail("export_mission", error)
     cells, searched, found = play(env, arguments.planner, arguments.seed)
@@ -127,7 +117,7 @@ def main(argv: list[str] | None = None) -> int:
         for i, name in enumerate(env.possible_agents)
     }
     try:
-        written = write_missions(arguments.out, missions, arguments.dialect)
+        written = write_missions(arguments.out, missions, arguments.autopilot)
     except OSError as error:
         return fail("export_mission", f"out: {str(arguments.out)!r}: {error.strerror}")
     end = "found" if found else "not found"

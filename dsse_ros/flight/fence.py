@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import geodetic_to_map, on_near_side
 from msg_adapters.mission_items import (
+    FIRMWARES,
     FRAME_GLOBAL,
     FRAME_GLOBAL_RELATIVE_ALT,
     FRAME_MISSION,
@@ -21,7 +22,6 @@ from msg_adapters.mission_items import (
     NAV_RETURN_TO_LAUNCH,
     NAV_TAKEOFF,
     NAV_WAYPOINT,
-    Firmware,
     Home,
     MissionItem,
 )
@@ -111,7 +111,7 @@ def check_item(item: MissionItem, fence: Fence) -> Result[MissionItem]:
 
 
 def check_mission(
-    items: Sequence[MissionItem], fence: Fence, firmware: Firmware
+    items: Sequence[MissionItem], fence: Fence, firmware: str
 ) -> Result[tuple[MissionItem, ...]]:
     """Return a mission, numbered as its vehicle does, of which every item may be sent.
 
@@ -119,7 +119,7 @@ def check_mission(
         The mission, or what `check_item` says of the first item that is refused.
     """
     for index, item in enumerate(items):
-        is_home = firmware == "ardupilot" and index == 0
+        is_home = index == 0 and FIRMWARES[firmware].home_first
         checked = _check_home(item, fence) if is_home else check_item(item, fence)
         if isinstance(checked, Rejected):
             return Rejected(checked.code, f"item {index}: {checked.reason}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Upload of a mission to a vehicle, and its verification by reading the mission back."""
+"""Missions to a vehicle and back: upload, download, and an upload verified by a download."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ import dataclasses
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.download import Download
+from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.mission_messages import (
     MISSION_FAULTS,
     Address,
@@ -21,12 +20,11 @@ from dsse_ros.flight.mission_messages import (
     MissionMessage,
     MissionRequest,
     MissionRequestInt,
+    MissionRequestList,
     MissionResult,
     WireItem,
 )
 from dsse_ros.flight.transfer import Done, Failed, Timeouts, Transfer
-
-Dialect = Literal["ardupilot", "px4"]
 
 _FINAL_RESULTS = MISSION_FAULTS | {MissionResult.OPERATION_CANCELLED}
 """Results after which a vehicle waits for no more items."""
@@ -44,8 +42,6 @@ _MAX_DEGREES = 1
 """1e-7 degrees, which are lost when they are stored as floating point."""
 _MAX_ALTITUDE_M = 0.02
 """ArduPilot stores centimetres."""
-_MAX_PARAMETER: dict[Dialect, float] = {"ardupilot": 1.0, "px4": 1e-3}
-"""ArduPilot stores whole seconds and metres."""
 
 
 class Upload(Transfer):
@@ -58,7 +54,7 @@ class Upload(Transfer):
         items: The mission, numbered as the vehicle does; an empty one clears it.
         target: The vehicle's autopilot.
         source: Ourselves.
-        dialect: Whose autopilot it is. ArduPilot does not process a cancellation: after a failure
+        autopilot: Which autopilot it is. ArduPilot does not process a cancellation: after a failure
             the exchange waits until its own time-out.
         mission_type: MAV_MISSION_TYPE, which the items must have.
         timeouts: Timeouts and retries.
@@ -77,13 +73,13 @@ class Upload(Transfer):
         target: Address,
         source: Address,
         *,
-        dialect: Dialect,
+        autopilot: Autopilot,
         mission_type: int = 0,
         timeouts: Timeouts | None = None,
     ) -> None:
         super().__init__(target, source, mission_type=mission_type, timeouts=timeouts)
         self._items = tuple(items)
-        self._dialect = dialect
+        self._autopilot = autopilot
         self._requested: set[int] = set()
         self._vehicle_ended = False
         for index, item in enumerate(self._items):
@@ -158,7 +154,7 @@ class Upload(Transfer):
         if self._vehicle_ended or not isinstance(self._conclusion, Failed):
             return self.timeouts.settle_s
         # It may still wait for the items of this mission, and take those of the next one instead.
-        if self._dialect == "ardupilot":
+        if not self._autopilot.upload_can_be_cancelled:
             return self.timeouts.stall_s
         return 2 * self.timeouts.settle_s
 
@@ -188,6 +184,62 @@ class Upload(Transfer):
         return [MissionItemInt(self.target, self._items[seq])]
 
 
+class Download(Transfer):
+    """Requests the number of items, then one after the other: see `Transfer`.
+
+    PX4 aborts a download when a request arrives late, after two others. Each attempt after the
+    first therefore sends its requests more slowly, until no request can be overtaken like that.
+    """
+
+    name = "download"
+    changes_vehicle = False
+
+    _count: int | None = None
+    _items: tuple[WireItem, ...] = ()
+
+    def _begin(self, now: float) -> list[MissionMessage]:
+        self._count, self._items = None, ()
+        request = MissionRequestList(self.target, self.mission_type)
+        return self._send(request, self.timeouts.reply_s, now)
+
+    def _take(self, message: MissionMessage, now: float) -> list[MissionMessage]:
+        if isinstance(message, MissionCount) and self._count is None:
+            self._count = message.count
+            return self._go_on(now)
+        if isinstance(message, MissionItemInt) and self._count is not None:
+            if message.item.seq != len(self._items):
+                return self._ignore("out_of_sequence")
+            self._items += (message.item,)
+            return self._go_on(now)
+        if isinstance(message, MissionAck) and message.type != MissionResult.ACCEPTED:
+            if self._count is None:
+                return self._refused(message, now)
+            if message.type in MISSION_FAULTS:
+                return self._fail(self._refusal(message), now)
+            return self._fail_attempt("stalled", "aborted by the vehicle", now)
+        return self._ignore("unexpected")
+
+    def _exhausted(self, now: float) -> list[MissionMessage]:
+        if self._count is None:
+            return self._no_reply(now)
+        reason = f"stalled after {len(self._items)} of {self._count} items"
+        return self._fail_attempt("stalled", reason, now)
+
+    def _go_on(self, now: float) -> list[MissionMessage]:
+        seq = len(self._items)
+        if seq == self._count:
+            acknowledgement = MissionAck(self.target, MissionResult.ACCEPTED, self.mission_type)
+            return self._settle(Done(self._items), now, [acknowledgement])
+        request = MissionRequestInt(self.target, seq, self.mission_type)
+        return self._send(request, self.timeouts.item_s, now, pause_s=self._pause_s())
+
+    def _pause_s(self) -> float:
+        timeouts = self.timeouts
+        if self.attempts_left == timeouts.upload_retries:
+            return 0.0
+        return timeouts.settle_s / 2**self.attempts_left
+
+
 class VerifiedUpload:
     """Uploads a mission, downloads it and compares, until they agree: an `Exchange`.
 
@@ -197,7 +249,7 @@ class VerifiedUpload:
         items: The mission, numbered as the vehicle does.
         target: The vehicle's autopilot.
         source: Ourselves.
-        dialect: Whose autopilot it is.
+        autopilot: Which autopilot it is.
         mission_type: MAV_MISSION_TYPE, which the items must have.
         timeouts: Timeouts and retries; the number of uploads is 1 + `upload_retries`.
 
@@ -211,7 +263,7 @@ class VerifiedUpload:
         target: Address,
         source: Address,
         *,
-        dialect: Dialect,
+        autopilot: Autopilot,
         mission_type: int = 0,
         timeouts: Timeouts | None = None,
     ) -> None:
@@ -219,7 +271,7 @@ class VerifiedUpload:
         self.counts: Counter[str] = Counter()
         self._items = tuple(items)
         self._address = target, source
-        self._dialect = dialect
+        self._autopilot = autopilot
         self._mission_type = mission_type
         self._timeouts = timeouts or Timeouts()
         self._attempts_left = self._timeouts.upload_retries
@@ -254,7 +306,7 @@ class VerifiedUpload:
         stage = Upload(
             self._items,
             *self._address,
-            dialect=self._dialect,
+            autopilot=self._autopilot,
             mission_type=self._mission_type,
             timeouts=dataclasses.replace(self._timeouts, upload_retries=self._attempts_left),
         )
@@ -283,7 +335,7 @@ class VerifiedUpload:
     def _verify(self, read: Done | Failed, now: float) -> list[MissionMessage]:
         """End with the mission that was read back, or upload again."""
         if isinstance(read, Done):
-            differs = difference(self._items, read.items, self._dialect)
+            differs = difference(self._items, read.items, self._autopilot)
             if differs is None:
                 self.result = read
                 return []
@@ -299,7 +351,9 @@ class VerifiedUpload:
         return self._stage.start(now)
 
 
-def difference(sent: Sequence[WireItem], read: Sequence[WireItem], dialect: Dialect) -> str | None:
+def difference(
+    sent: Sequence[WireItem], read: Sequence[WireItem], autopilot: Autopilot
+) -> str | None:
     """Return what differs between two missions in one line, or None if they agree.
 
     Autopilots store less than the messages hold, so a mission that was stored correctly comes back
@@ -309,12 +363,12 @@ def difference(sent: Sequence[WireItem], read: Sequence[WireItem], dialect: Dial
     Args:
         sent: The mission that was uploaded.
         read: The mission that was downloaded.
-        dialect: Whose autopilot it is.
+        autopilot: Which autopilot it is.
     """
     if len(sent) != len(read):
         return f"{len(sent)} items were sent, {len(read)} read back"
-    for wanted, item in list(zip(sent, read, strict=True))[1 if dialect == "ardupilot" else 0 :]:
-        for name, value, other, most in _pairs(wanted, item, dialect):
+    for wanted, item in list(zip(sent, read, strict=True))[autopilot.first_item :]:
+        for name, value, other, most in _pairs(wanted, item, autopilot):
             # A NaN that comes back instead of a number is a difference.
             if not abs(value - other) <= most:
                 return f"item {wanted.seq}: {name} {value} was sent, {other} read back"
@@ -322,7 +376,7 @@ def difference(sent: Sequence[WireItem], read: Sequence[WireItem], dialect: Dial
 
 
 def _pairs(
-    sent: WireItem, read: WireItem, dialect: Dialect
+    sent: WireItem, read: WireItem, autopilot: Autopilot
 ) -> list[tuple[str, float, float, float]]:
     """Return name, value sent, value read and greatest difference of the fields to compare."""
     pairs: list[tuple[str, float, float, float]] = [
@@ -332,7 +386,7 @@ def _pairs(
     for name in ("param1", "param2", "param3", "param4"):
         value = getattr(sent, name)
         if not math.isnan(value):
-            pairs.append((name, value, getattr(read, name), _MAX_PARAMETER[dialect]))
+            pairs.append((name, value, getattr(read, name), autopilot.parameter_tolerance))
     if sent.frame != _FRAME_MISSION and sent.command != _NAV_RETURN_TO_LAUNCH:
         frames = _FRAMES.get(sent.frame, sent.frame), _FRAMES.get(read.frame, read.frame)
         pairs += [

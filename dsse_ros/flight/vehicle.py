@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pilot on a link, with a thread that keeps both going."""
+"""Vehicles, each with a link, a controller and the thread that runs both."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import socket
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -18,13 +18,13 @@ from types import MappingProxyType
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.codec import Codec
-from dsse_ros.flight.defects import Defects
+from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.link import parse_connection
 from dsse_ros.flight.mavlink_messages import Heartbeat, Outgoing, StatusText
 from dsse_ros.flight.mission_messages import Address
-from dsse_ros.flight.orders import Order
-from dsse_ros.flight.pilot import Outcome, Pilot, PilotSettings
+from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.signing import SigningClock, read_key
+from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, VehicleController
 from dsse_ros.flight.vehicle_state import VehicleState
 
 _HEARTBEAT_S = 1.0
@@ -33,7 +33,7 @@ _MAX_WAIT_S = 0.2
 _AFTER_ERROR_S = 0.1
 CLOSE_S = 6.0
 """Longest time that closing takes."""
-_PART_S = 4.0
+_HAND_OVER_S = 4.0
 """Of this, until the vehicle is seen to hold."""
 _MAX_TEXTS = 100
 _OURS = Heartbeat(
@@ -43,7 +43,7 @@ _OURS = Heartbeat(
 
 
 @dataclass(frozen=True, kw_only=True)
-class VehicleSettings(PilotSettings):
+class VehicleSettings(ControllerSettings):
     """A vehicle, how it is reached and how it is flown.
 
     Attributes:
@@ -82,8 +82,8 @@ class VehicleSnapshot:
     """A vehicle at one moment, as its thread has seen it.
 
     Attributes:
-        state: What the vehicle says of itself.
-        outcome: What has become of the latest order that it has taken up.
+        state: What the vehicle reports.
+        outcome: What has become of the latest order that its controller has.
         trouble: What is wrong with the link, or with signatures; empty if nothing.
         counts: How often what happened; see `Vehicle.counts`.
     """
@@ -122,7 +122,7 @@ class Vehicle:
         self._codec = Codec(source, target, key=key, clock=clock)
         self._clock = clock
         self._link = parse_connection(settings.connection)
-        self._pilot = Pilot(target, source, settings)
+        self._controller = VehicleController(target, source, settings)
         self._defects = Defects(f"vehicle {settings.system_id}")
         self._counts: Counter[str] = Counter()
         self._outbox: list[Outgoing] = []
@@ -165,12 +165,12 @@ class Vehicle:
 
     @property
     def snapshot(self) -> VehicleSnapshot:
-        """The vehicle as its thread has seen it last; an order given since then is not in it."""
+        """The vehicle as its thread saw it last; an order given since then is not in it."""
         return self._snapshot
 
     @property
     def state(self) -> VehicleState:
-        """What the vehicle says of itself."""
+        """What the vehicle reports."""
         return self._snapshot.state
 
     @property
@@ -196,7 +196,7 @@ class Vehicle:
         return self._snapshot.counts
 
     def take_texts(self) -> list[StatusText]:
-        """Return what the vehicle has said in words since the last call, at most 100 of them."""
+        """Return the status texts of the vehicle since the last call, at most 100 of them."""
         texts = []
         with contextlib.suppress(IndexError):
             while True:
@@ -204,7 +204,7 @@ class Vehicle:
         return texts
 
     def stop(self) -> None:
-        """Have the thread end, once a vehicle in the air that we lead is seen to hold."""
+        """Have the thread end, once a vehicle in the air that flies to our setpoints holds."""
         self._closing = True
         self._wake()
 
@@ -241,9 +241,9 @@ class Vehicle:
         while not self._closing:
             self._isolated_turn()
         now = time.monotonic()
-        end_s = now + _PART_S
-        self._outbox += self._pilot.part(now)
-        while (self._outbox or self._pilot.parting) and time.monotonic() < end_s:
+        end_s = now + _HAND_OVER_S
+        self._outbox += self._controller.hand_over(Hold(), now)
+        while (self._outbox or self._controller.handing_over) and time.monotonic() < end_s:
             self._isolated_turn()
         self._link.close()
         self._codec.close()
@@ -262,13 +262,13 @@ class Vehicle:
         self._snapshot = self._look()
 
     def _look(self) -> VehicleSnapshot:
-        counts = self._counts + self._codec.counts + self._link.counts + self._pilot.counts
-        state = self._pilot.state
+        counts = self._counts + self._codec.counts + self._link.counts + self._controller.counts
+        state = self._controller.state
         trouble = self._trouble or (self._clock.trouble if self._clock else "")
         if not trouble and not (self._clock and state.connected):
-            # Whoever else signs badly does no harm as long as the vehicle is heard.
+            # Bad signatures of others do no harm as long as the vehicle's own are good.
             trouble = self._codec.trouble
-        return VehicleSnapshot(state, self._pilot.outcome, trouble, MappingProxyType(counts))
+        return VehicleSnapshot(state, self._controller.outcome, trouble, MappingProxyType(counts))
 
     def _turn(self) -> None:
         """Wait for what comes next, and deal with it."""
@@ -279,7 +279,7 @@ class Vehicle:
             self._codec.forget_rest()
             self._up = True
             self._counts["opened"] += 1
-        due_s = min(self._pilot.deadline, self._heartbeat_s, now + _MAX_WAIT_S)
+        due_s = min(self._controller.deadline, self._heartbeat_s, now + _MAX_WAIT_S)
         ready = self._wait(max(0.0, due_s - now) if not self._outbox else 0.0)
         now = time.monotonic()
         if now >= self._heartbeat_s:
@@ -293,15 +293,15 @@ class Vehicle:
             self._counts["heartbeats"] += self._up
         with contextlib.suppress(queue.Empty):
             while True:
-                self._outbox += self._pilot.give(self._orders.get_nowait(), now)
+                self._outbox += self._controller.give(self._orders.get_nowait(), now)
         if ready:
             self._receive(now)
-        if now >= self._pilot.deadline:
-            self._outbox += self._pilot.tick(now)
+        if now >= self._controller.deadline:
+            self._outbox += self._controller.tick(now)
         outbox, self._outbox = self._outbox, []
         if self._up:
-            for said in outbox:
-                self._link.send(self._codec.encode(said))
+            for message in outbox:
+                self._link.send(self._codec.encode(message))
             if ready and not outbox:
                 self._link.send(b"")
             if not self._link.connecting:
@@ -322,13 +322,13 @@ class Vehicle:
 
     def _receive(self, now: float) -> None:
         for data, peer in self._link.receive(now):
-            heard = self._codec.decode(data, now, datagram=self._link.datagram)
-            if heard:
+            messages = self._codec.decode(data, now, datagram=self._link.datagram)
+            if messages:
                 self._link.confirm_peer(peer, now)
-            for message in heard:
+            for message in messages:
                 if isinstance(message, StatusText):
                     self._texts.append(message)
-                self._outbox += self._pilot.receive(message, now)
+                self._outbox += self._controller.receive(message, now)
 
     def _drop(self, error: OSError) -> None:
         if self._up:
@@ -338,3 +338,50 @@ class Vehicle:
         self._reopen_s = time.monotonic() + _REOPEN_S
         self._link.close()
         self._outbox.clear()
+
+
+class Fleet:
+    """Vehicles by index, which start and close together; one that fails does not stop others.
+
+    Args:
+        settings: One for each vehicle.
+
+    Raises:
+        ValueError: If two of them would share a link, or as `Vehicle` does.
+    """
+
+    def __init__(self, settings: Sequence[VehicleSettings]) -> None:
+        links = Counter(one.connection for one in settings)
+        for connection, number in links.items():
+            if number > 1:
+                raise ValueError(f"connection: {connection!r} is of {number} vehicles; one each")
+        self._vehicles = [Vehicle(one) for one in settings]
+
+    def __len__(self) -> int:
+        return len(self._vehicles)
+
+    def __getitem__(self, index: int) -> Vehicle:
+        return self._vehicles[index]
+
+    def __iter__(self) -> Iterator[Vehicle]:
+        return iter(self._vehicles)
+
+    def start(self) -> None:
+        """Start them all."""
+        for vehicle in self._vehicles:
+            vehicle.start()
+
+    def close(self) -> None:
+        """Close them all, in the time of one."""
+        for vehicle in self._vehicles:
+            vehicle.stop()
+        end_s = time.monotonic() + CLOSE_S
+        for vehicle in self._vehicles:
+            vehicle.join(max(0.0, end_s - time.monotonic()))
+
+    def __enter__(self) -> Fleet:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

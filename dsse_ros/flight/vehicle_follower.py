@@ -8,26 +8,26 @@ still in it. What must be known of that when the program is started again is its
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
+from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.fence import Fence, check_mission, check_place
-from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.flight.mission_messages import WireItem
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
-from dsse_ros.flight.pilot import Outcome
-from dsse_ros.flight.track_files import acceptance_radius_m
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
+from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mavlink_items import mission_fields
-from msg_adapters.mission_files import Firmware, Mission
-from msg_adapters.mission_items import NAV_WAYPOINT
+from msg_adapters.mission_items import NAV_WAYPOINT, Mission
 from msg_adapters.result import Accepted, Rejected, Result
+from msg_adapters.track_missions import Leg, acceptance_radius_m
 
 TRIES = 3
 """How often an order is given that fails."""
 RETRY_S = 5.0
 CRITICAL_S = 5.0
-"""Time in which an autopilot that is critical, and does not say why, may be well again."""
+"""Time in which an autopilot that is critical without a reason may recover."""
 
 Task = GoTo | Search | FlyMission
 
@@ -47,26 +47,23 @@ class FlightRecord:
     taken_over: bool = False
 
 
-@dataclass(frozen=True)
-class Leg:
-    """What a step asks of one drone's vehicle.
+class LegSettings(Protocol):
+    """How legs are flown."""
 
-    Attributes:
-        stamp_ns: Stamp of the step's report.
-        cell: (col, row) where the drone is now.
-        searched: Whether it has searched there in this step.
-        over: Whether its search is over.
-        crashed: Whether that is because another drone is in its cell: no vehicle follows it there.
-    """
+    @property
+    def acceptance_radius(self) -> float:
+        """Distance from the centre of a cell, m."""
 
-    stamp_ns: int
-    cell: tuple[int, int]
-    searched: bool = False
-    over: bool = False
-    crashed: bool = False
+    @property
+    def search_altitude(self) -> float:
+        """Altitude above home of a search, m."""
+
+    @property
+    def search_hold(self) -> float:
+        """How long it holds there, s."""
 
 
-def leg_task(leg: Leg, frame: GridFrame, settings: BridgeSettings, fence: Fence) -> Result[Task]:
+def leg_task(leg: Leg, frame: GridFrame, settings: LegSettings, fence: Fence) -> Result[Task]:
     """Return what a vehicle has to do for a leg, or why it may not.
 
     Args:
@@ -81,7 +78,7 @@ def leg_task(leg: Leg, frame: GridFrame, settings: BridgeSettings, fence: Fence)
         checked = check_place(lat_deg, lon_deg, alt_m, fence)
         if isinstance(checked, Rejected):
             return checked
-    radius_m = acceptance_radius_m(frame, settings)
+    radius_m = acceptance_radius_m(frame, settings.acceptance_radius)
     if leg.searched:
         return Accepted(
             Search(lat_deg, lon_deg, frame.alt_m, search_alt_m, settings.search_hold, radius_m)
@@ -89,14 +86,14 @@ def leg_task(leg: Leg, frame: GridFrame, settings: BridgeSettings, fence: Fence)
     return Accepted(GoTo(lat_deg, lon_deg, frame.alt_m, radius_m))
 
 
-def mission_task(mission: Mission, fence: Fence, firmware: Firmware) -> Result[Task]:
+def mission_task(mission: Mission, fence: Fence, autopilot: Autopilot) -> Result[Task]:
     """Return the order to fly a mission, or why it may not be flown."""
-    checked = check_mission(mission.numbered(firmware), fence, firmware)
+    checked = check_mission(mission.numbered(autopilot.name), fence, autopilot.name)
     if isinstance(checked, Rejected):
         return checked
     items = checked.value
-    if firmware == "ardupilot":
-        # ArduCopter has one radius for all and keeps none of an item: 0 is what it reads back.
+    if not autopilot.keeps_item_radius:
+        # It has one radius for all waypoints, and returns 0 for that of an item.
         items = tuple(
             replace(item, param2=0.0) if item.command == NAV_WAYPOINT else item for item in items
         )
@@ -104,13 +101,13 @@ def mission_task(mission: Mission, fence: Fence, firmware: Firmware) -> Result[T
 
 
 def takes_off_yet(state: VehicleState, outcome: Outcome) -> bool:
-    """Whether a vehicle on the ground is going to take off, be it when it is heard again."""
+    """Whether a vehicle on the ground is going to take off, if only when it is connected again."""
     pending = outcome.status not in ("idle", "done", "failed", "taken_over")
     return not state.flying and pending and isinstance(outcome.order, TakeOff | FlyMission)
 
 
 class VehicleFollower:
-    """Leads one vehicle along its drone's legs, one order at a time.
+    """Has one vehicle follow its drone along its legs, one order at a time.
 
     Args:
         take_off_alt_m: Altitude above home to take off to.
@@ -123,7 +120,7 @@ class VehicleFollower:
     Attributes:
         leg: What is to be done, None before the first step.
         arrived: Whether all of it is done.
-        record: What must be known of it when it is led by another program.
+        record: What must be known of it when the program is started again.
         refused: Why the task, or the take-off, is refused; empty if it is not.
         blocked: What keeps it from taking off now, empty if nothing does or it need not.
         finished: Whether nothing is left to do in this mission.
@@ -218,10 +215,10 @@ class VehicleFollower:
         *,
         search_alive: bool = True,
     ) -> Order | None:
-        """Return the order to give now, None if there is nothing new to say.
+        """Return the order to give now, None if there is no new one.
 
         Args:
-            state: What the vehicle says of itself.
+            state: What the vehicle reports.
             outcome: What has become of the order given last.
             now_s: Time on a steady clock, the one of `state.heard_s`.
             trouble: What is wrong with its link; empty if nothing.
@@ -239,7 +236,7 @@ class VehicleFollower:
         self.finished = self._is_finished(state, outcome)
         if self.record.taken_over:
             return None
-        # As soon as it is heard again it would take off: that is stopped before.
+        # As soon as it is connected again it would take off: that is prevented first.
         stopped = bool(self.lost) and takes_off_yet(state, outcome)
         if not (state.connected or stopped):
             return None
@@ -327,7 +324,7 @@ class VehicleFollower:
         if state.armed or self.record.took_off or (self.leg.over and not self._whole):
             return "", ""
         if not state.mode:
-            return "not heard", because
+            return "no heartbeat", because
         if not state.connected:
             return "", ""
         because = because or (f": {state.unready}" if state.unready else "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle says of itself, put together from its messages."""
+"""What a vehicle reports, put together from its messages, and the requests for these."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.mavlink_messages import (
     NO_POSITION,
     BatteryStatus,
+    CommandLong,
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
@@ -23,8 +25,7 @@ from dsse_ros.flight.mavlink_messages import (
     StatusText,
     SysStatus,
 )
-from dsse_ros.flight.modes import mode_name
-from dsse_ros.flight.upload import Dialect
+from dsse_ros.flight.mission_messages import Address
 
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE
@@ -59,7 +60,7 @@ _SENSORS = {
     mavlink.MAV_SYS_STATUS_SENSOR_GPS: "gps",
     mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS: "motors",
 }
-"""What may be the cause of a failsafe, by the bit of SYS_STATUS that says that it is not well."""
+"""What may be the cause of a failsafe, by the bit of SYS_STATUS that reports it unhealthy."""
 _FAILSAFE_TEXTS = (
     ("battery", ("is low", "failsafe", "low battery", "is critical")),
     ("gcs", ("failsafe",)),
@@ -68,21 +69,29 @@ _FAILSAFE_TEXTS = (
 )
 _CLEARED = "cleared"
 _CHECKS = ("prearm:", "arm:", "preflight fail:")
-"""How texts begin that say why it cannot be armed."""
+"""How status texts begin that say why it cannot be armed."""
 _REPEATED_S = 35.0
 """They are repeated as long as they are true: by ArduPilot every 30 s."""
 _MISSION_COMPLETE = mavlink.MISSION_STATE_COMPLETE
 
+SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+REQUEST_MESSAGE = mavlink.MAV_CMD_REQUEST_MESSAGE
+_HOME_POSITION = mavlink.MAVLINK_MSG_ID_HOME_POSITION
+_RATE_HZ = 1.0
+_MISSED = 3
+_GRACE_S = 1.0
+_REQUEST_AGAIN_S = 2.0
+
 
 @dataclass(frozen=True)
 class VehicleState:
-    """What a vehicle says of itself; numbers that are not known are NaN.
+    """What a vehicle reports; numbers that are not known are NaN.
 
     Attributes:
         connected: Whether heartbeats come.
-        ready: Whether it knows where it is and its checks before arming are passed.
+        ready: Whether its position is good and its pre-arm checks are passed.
         armed: Whether its motors turn, or may.
-        mode: Name of its flight mode: see `modes`; empty if not known.
+        mode: Name of its flight mode: see `Autopilot`; empty if not known.
         flying: Whether it is off the ground.
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
@@ -93,14 +102,14 @@ class VehicleState:
         climb_mps: Upwards.
         home: Latitude, longitude in degrees and altitude above mean sea level.
         battery: 0 (empty) to 1.
-        fenced: Whether it says that a geofence of its own is enabled.
-        failsafe: Empty, or which one has struck: `battery`, `gcs`, `radio`, `ekf`, `gps`, `motors`,
-            `offboard` (see `pilot`), or `critical` if it does not say which.
+        fenced: Whether a geofence of its own is enabled.
+        failsafe: Empty, or which one is active: `battery`, `gcs`, `radio`, `ekf`, `gps`, `motors`,
+            `offboard` (see `ModeOwnership`), or `critical` if it does not report which.
         item_current: Number of the mission item that is flown, or would be; -1 if none.
         item_reached: Number of the item reached last; -1 if none.
-        mission_over: Whether it says that the mission has been flown to its end.
-        target: Where it says that it is going: latitude, longitude in degrees, metres above mean
-            sea level.
+        mission_over: Whether it reports that the mission has been flown to its end.
+        target: Where it reports to be going: latitude, longitude in degrees, metres above mean sea
+            level.
         target_s: Our time of that.
         boot_s: Its own clock at its last position, which may go faster than ours.
         heard_s: Our time of its last heartbeat.
@@ -131,7 +140,7 @@ class VehicleState:
     boot_s: float = math.nan
     heard_s: float = -math.inf
     position_s: float = -math.inf
-    # What it takes to know some of the above.
+    # What some of the above is derived from.
     _position_good: bool = False
     _checks_passed: bool = False
     _landed_state: int = _LANDED_UNKNOWN
@@ -142,31 +151,33 @@ class VehicleState:
 
     @property
     def unready(self) -> str:
-        """What it has said lately of why it is not ready; empty if it is, or has not said."""
+        """Its latest reports of why it is not ready; empty if it is, or has not reported why."""
         return "; ".join(text for text, _ in self._complaints)
 
     @property
     def has_position(self) -> bool:
-        """Whether its place is known."""
+        """Whether its position is known."""
         return math.isfinite(self.lat_deg) and math.isfinite(self.alt_m)
 
 
-def observe(state: VehicleState, heard: Incoming, now: float, dialect: Dialect) -> VehicleState:
+def observe(
+    state: VehicleState, message: Incoming, now: float, autopilot: Autopilot
+) -> VehicleState:
     """Return the state after a message of the vehicle.
 
     Args:
         state: What was known before.
-        heard: The message; one that says nothing of the state changes nothing.
+        message: The message; one that is not about the state changes nothing.
         now: Our time in seconds.
-        dialect: Whose autopilot it is.
+        autopilot: Which autopilot it has.
     """
-    match heard:
+    match message:
         case Heartbeat():
-            return _heartbeat(state, heard, now, dialect)
+            return _heartbeat(state, message, now, autopilot)
         case GlobalPosition():
-            return _position(state, heard, now)
+            return _position(state, message, now)
         case SysStatus():
-            return _sys_status(state, heard, dialect)
+            return _sys_status(state, message, autopilot)
         case BatteryStatus(charge):
             return _failsafe(replace(state, _battery_low=charge in _BATTERY_FAILSAFE))
         case EkfStatus(flags):
@@ -177,32 +188,31 @@ def observe(state: VehicleState, heard: Incoming, now: float, dialect: Dialect) 
         case HomePosition(lat, lon, alt):
             return replace(state, home=(lat * 1e-7, lon * 1e-7, alt * 1e-3))
         case PositionTarget():
-            return replace(state, target=_target(state, heard), target_s=now)
+            return replace(state, target=_target(state, message), target_s=now)
         case MissionCurrent(seq, mission_state):
             return replace(state, item_current=seq, mission_over=mission_state == _MISSION_COMPLETE)
         case MissionItemReached(seq):
             return replace(state, item_reached=seq)
         case StatusText(_, text):
-            return _status_text(state, text, now, dialect)
+            return _status_text(state, text, now, autopilot)
     return state
 
 
 def without_link(state: VehicleState) -> VehicleState:
-    """Return the state of a vehicle that is not heard any more: the last one that is known."""
+    """Return the state of a vehicle whose heartbeats have stopped: the last one that is known."""
     return replace(state, connected=False, ready=False)
 
 
-def _sys_status(state: VehicleState, heard: SysStatus, dialect: Dialect) -> VehicleState:
-    health, remaining = heard.onboard_control_sensors_health, heard.battery_remaining
+def _sys_status(state: VehicleState, message: SysStatus, autopilot: Autopilot) -> VehicleState:
+    health, remaining = message.onboard_control_sensors_health, message.battery_remaining
     passed = bool(health & _PREARM_CHECK)
-    # PX4 has looked at its position estimate, of which it says CONST_POS_MODE wherever it rests.
-    placed = state.has_position if dialect == "px4" else state._position_good
-    missing = heard.onboard_control_sensors_enabled & ~health
+    placed = state.has_position if autopilot.position_is_checked else state._position_good
+    missing = message.onboard_control_sensors_enabled & ~health
     state = _failsafe(
         replace(
             state,
             battery=remaining / 100 if 0 <= remaining <= 100 else math.nan,
-            fenced=bool(heard.onboard_control_sensors_enabled & _FENCE),
+            fenced=bool(message.onboard_control_sensors_enabled & _FENCE),
             _checks_passed=passed,
             _unwell=next((name for bit, name in _SENSORS.items() if missing & bit), ""),
         )
@@ -215,29 +225,31 @@ def _ready(state: VehicleState, ready: bool) -> VehicleState:
 
 
 def _failsafe(state: VehicleState) -> VehicleState:
-    """Name the failsafe that has struck, if one has, by what else is known."""
+    """Name the failsafe that is active, if one is, by what else is known."""
     if not state.failsafe:
         return state
     battery = "battery" if state._battery_low else ""
     return replace(state, failsafe=state._alarm or battery or state._unwell or "critical")
 
 
-def _heartbeat(state: VehicleState, heard: Heartbeat, now: float, dialect: Dialect) -> VehicleState:
-    critical = heard.system_status in _CRITICAL
-    armed = bool(heard.base_mode & _ARMED)
+def _heartbeat(
+    state: VehicleState, message: Heartbeat, now: float, autopilot: Autopilot
+) -> VehicleState:
+    critical = message.system_status in _CRITICAL
+    armed = bool(message.base_mode & _ARMED)
     known = replace(
         state,
         connected=True,
         heard_s=now,
         armed=armed,
-        mode=mode_name(heard.custom_mode, dialect),
+        mode=autopilot.mode_name(message.custom_mode),
         failsafe="critical" if critical else "",
         _alarm=state._alarm if critical else "",
     )
     known = _failsafe(known)
     if state._landed_state == _LANDED_UNKNOWN:
-        # It has not said more exactly yet.
-        return replace(known, flying=armed and heard.system_status >= _STATE_ACTIVE)
+        # It has not reported more exactly yet.
+        return replace(known, flying=armed and message.system_status >= _STATE_ACTIVE)
     return _flying(known)
 
 
@@ -247,47 +259,100 @@ def _flying(state: VehicleState) -> VehicleState:
     return replace(state, flying=state.armed and state._landed_state in _AIRBORNE)
 
 
-def _position(state: VehicleState, heard: GlobalPosition, now: float) -> VehicleState:
-    if heard.lat == 0 and heard.lon == 0:
-        # So it says when it does not know.
+def _position(state: VehicleState, message: GlobalPosition, now: float) -> VehicleState:
+    if message.lat == 0 and message.lon == 0:
+        # This is sent as long as it is not known.
         return state
-    heading_deg = heard.hdg / 100 if heard.hdg <= _MAX_HEADING else math.nan
+    heading_deg = message.hdg / 100 if message.hdg <= _MAX_HEADING else math.nan
     return replace(
         state,
-        lat_deg=heard.lat * 1e-7,
-        lon_deg=heard.lon * 1e-7,
-        alt_amsl_m=heard.alt * 1e-3,
-        alt_m=heard.relative_alt * 1e-3,
+        lat_deg=message.lat * 1e-7,
+        lon_deg=message.lon * 1e-7,
+        alt_amsl_m=message.alt * 1e-3,
+        alt_m=message.relative_alt * 1e-3,
         heading_deg=heading_deg,
-        speed_mps=math.hypot(heard.vx, heard.vy) / 100,
-        climb_mps=-heard.vz / 100,
-        boot_s=heard.time_boot_ms * 1e-3,
+        speed_mps=math.hypot(message.vx, message.vy) / 100,
+        climb_mps=-message.vz / 100,
+        boot_s=message.time_boot_ms * 1e-3,
         position_s=now,
     )
 
 
-def _target(state: VehicleState, heard: PositionTarget) -> tuple[float, float, float] | None:
-    if heard.type_mask & NO_POSITION:
+def _target(state: VehicleState, message: PositionTarget) -> tuple[float, float, float] | None:
+    if message.type_mask & NO_POSITION:
         return None
-    alt_amsl_m = heard.alt
-    if heard.coordinate_frame in _RELATIVE_FRAMES:
+    alt_amsl_m = message.alt
+    if message.coordinate_frame in _RELATIVE_FRAMES:
         alt_amsl_m += state.alt_amsl_m - state.alt_m
-    elif heard.coordinate_frame not in _GLOBAL_FRAMES:
+    elif message.coordinate_frame not in _GLOBAL_FRAMES:
         return None
-    return heard.lat_int * 1e-7, heard.lon_int * 1e-7, alt_amsl_m
+    return message.lat_int * 1e-7, message.lon_int * 1e-7, alt_amsl_m
 
 
-def _status_text(state: VehicleState, text: str, now: float, dialect: Dialect) -> VehicleState:
+def _status_text(state: VehicleState, text: str, now: float, autopilot: Autopilot) -> VehicleState:
     lower = text.lower()
     if lower.startswith(_CHECKS):
         complaints = dict(state._complaints) | {text: now}
-        latest = [(one, said_s) for one, said_s in complaints.items() if now - said_s < _REPEATED_S]
+        latest = [(one, time_s) for one, time_s in complaints.items() if now - time_s < _REPEATED_S]
         return replace(state, _complaints=tuple(latest))
     for name, signs in _FAILSAFE_TEXTS:
         if name in lower and any(sign in lower for sign in signs):
             alarm = "" if _CLEARED in lower else name
-            if dialect == "px4":
-                # It says the same where it only warns.
-                return _failsafe(replace(state, _alarm=alarm))
-            return replace(state, failsafe=alarm, _alarm=alarm)
+            if autopilot.texts_prove_failsafe:
+                return replace(state, failsafe=alarm, _alarm=alarm)
+            return _failsafe(replace(state, _alarm=alarm))
     return state
+
+
+class MessageRequests:
+    """Requests for the messages that are needed, repeated until they come, and when they stop.
+
+    An autopilot may acknowledge a request and forget it, and loses all of them when it restarts.
+
+    Args:
+        target: The vehicle's autopilot.
+        autopilot: Which autopilot it is.
+        position_hz: How often to ask for positions and for the target.
+    """
+
+    def __init__(self, target: Address, autopilot: Autopilot, position_hz: float) -> None:
+        self._target = target
+        self._numbers = autopilot.messages
+        self._rates_hz = dict.fromkeys(self._numbers, _RATE_HZ)
+        for kind in (GlobalPosition, PositionTarget):
+            if kind in self._rates_hz:
+                self._rates_hz[kind] = position_hz
+        self._received_s = dict.fromkeys(self._numbers, -math.inf)
+        self._requested_s = dict.fromkeys([*self._numbers, HomePosition], -math.inf)
+        self._has_home = False
+
+    def receive(self, message: Incoming, now: float) -> None:
+        """Take note of a message."""
+        kind = type(message)
+        if kind in self._received_s:
+            self._received_s[kind] = now
+        elif kind is HomePosition:
+            self._has_home = True
+
+    def due(self, now: float, *, has_setpoint: bool) -> list[CommandLong]:
+        """Return the requests to send now.
+
+        Args:
+            now: Our time in seconds.
+            has_setpoint: Whether it flies to a setpoint, and should report it.
+        """
+        requests = []
+        for kind, number in self._numbers.items():
+            rate_hz = self._rates_hz[kind]
+            late = now - self._received_s[kind] > _MISSED / rate_hz + _GRACE_S
+            # It reports its target only while it has one.
+            requested = self._requested_s[kind] > -math.inf
+            wanted = has_setpoint or kind is not PositionTarget or not requested
+            if late and wanted and now - self._requested_s[kind] > _REQUEST_AGAIN_S:
+                self._requested_s[kind] = now
+                parameters = (float(number), round(1e6 / rate_hz))
+                requests.append(CommandLong(self._target, SET_MESSAGE_INTERVAL, *parameters))
+        if not self._has_home and now - self._requested_s[HomePosition] > _REQUEST_AGAIN_S:
+            self._requested_s[HomePosition] = now
+            requests.append(CommandLong(self._target, REQUEST_MESSAGE, float(_HOME_POSITION)))
+        return requests

@@ -67,9 +67,9 @@ class BridgePublishers:
 
         Args:
             i: Number of the vehicle.
-            follower: What leads it; None as long as no search does.
+            follower: Its follower; None as long as there is no search.
             vehicle: The vehicle.
-            trouble: Why none can do what it is for; empty if they can.
+            trouble: Why none can be flown; empty if they can.
             stamp: Time of the message.
             now_s: Time on a steady clock.
         """
@@ -140,10 +140,10 @@ class BridgePublishers:
             name: Name of the node.
             mode: What it does with the steps of a search.
             vehicles: All vehicles.
-            followers: What leads them; empty as long as no search does.
+            followers: Their followers; empty as long as there is no search.
             following: Whether there is a search.
             holding: Whether the vehicles hold, as no steps come.
-            trouble: Why none can do what it is for; empty if they can.
+            trouble: Why none can be flown; empty if they can.
         """
         lost = [one for one, f in zip(self._names, followers, strict=False) if f.lost]
         refused = [one for one, f in zip(self._names, followers, strict=False) if f.refused]
@@ -187,7 +187,7 @@ def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[b
     if refused:
         return DiagnosticStatus.ERROR, f"refused: {refused}"
     if not state.connected:
-        return DiagnosticStatus.STALE, vehicle.trouble or "not heard"
+        return DiagnosticStatus.STALE, vehicle.trouble or "no heartbeat"
     if blocked:
         return DiagnosticStatus.WARN, f"cannot take off yet: {blocked}"
     if state.failsafe or outcome.status in ("failed", "taken_over"):

@@ -16,6 +16,7 @@ from typing import Any, Literal
 import yaml
 
 from dsse_ros.nodes.ros_arguments import parameters_for
+from msg_adapters.mission_items import FIRMWARES
 
 Kind = Literal["bool", "int", "float", "str", "ints", "names"]
 
@@ -135,7 +136,7 @@ MISSION: Mapping[str, Argument] = {
     "rules": Argument("str", "Profile of the rules.", "paper", _SIM, choices=("paper", "v1", "v2")),
     "planner": Argument(
         "str", "Which planner commands the drones.", "greedy", _PLANNER,
-        choices=("sweep", "expanding_square", "greedy", "random"),
+        choices=("sweep", "expanding_square", "greedy", "random", "belief", "belief_greedy"),
     ),
     "num_drones": Argument("int", "Number of drones; by default the scenario's.", "", _SIM, low=1,
         high=10**8,
@@ -206,9 +207,9 @@ FLIGHT: Mapping[str, Argument] = {
     "system_ids": Argument(
         "ints", "System ids of the vehicles; by default the files'.", "", _BRIDGE, low=1, high=255
     ),
-    "dialect": Argument(
-        "str", "Whose autopilots the vehicles have.", "ardupilot", _SIM + _BRIDGE,
-        choices=("ardupilot", "px4"),
+    "autopilot": Argument(
+        "str", "Which autopilots the vehicles have.", "ardupilot", _SIM + _BRIDGE,
+        choices=tuple(FIRMWARES),
     ),
     "arm": Argument(
         "bool", "Whether vehicles may be armed; if not, somebody else does it.", "false", _BRIDGE

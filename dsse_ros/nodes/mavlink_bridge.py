@@ -11,53 +11,53 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from rclpy.clock import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from dsse_ros.flight.defects import Defects, describe
+from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.fence import Fence
-from dsse_ros.flight.fleet import Fleet, default_connections
-from dsse_ros.flight.flight_records import FlightRecords, default_directory
-from dsse_ros.flight.flight_settings import BridgeSettings
-from dsse_ros.flight.followed_search import FollowedSearch, News
-from dsse_ros.flight.orders import Hold, Order
-from dsse_ros.flight.track_files import layers, search_mission, write_missions
-from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
+from dsse_ros.flight.orders import Hold
+from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
+from dsse_ros.flight.vehicle_controller import Defects, Order, describe
 from dsse_ros.flight.vehicle_follower import (
     FlightRecord,
-    Leg,
     VehicleFollower,
     leg_task,
     mission_task,
     takes_off_yet,
 )
+from dsse_ros.mission.followed_search import FollowedSearch, News
+from dsse_ros.mission.vehicle_missions import layers, search_mission, write_missions
 from dsse_ros.nodes.bridge_publishers import BridgePublishers, shown_order
+from dsse_ros.nodes.flight_records import FlightRecords, default_directory
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
+from dsse_ros.nodes.settings import BridgeSettings
 from dsse_ros.search import FieldError
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.frames import GridFrame
-from msg_adapters.mission_files import Firmware, Home
+from msg_adapters.mission_items import Home
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
+from msg_adapters.track_missions import Leg
 
 TURN_S = 0.1
 """Wall time between looks at the vehicles."""
 DIAGNOSTICS_S = 1.0
 SETTLE_S = 1.0
-"""Wall time in which all that was latched for who comes late is heard: the latest report counts."""
+"""Wall time in which latched messages arrive: the latest report counts."""
 
 T = TypeVar("T")
 
 
 class BridgeNode(AlarmNode):
-    """Leads each vehicle along the way of its drone; see docs/flight.md for its topics.
+    """Has each vehicle follow its drone; see docs/flight.md for its topics.
 
     Raises:
         FieldError: If a parameter is not allowed.
@@ -139,7 +139,7 @@ class BridgeNode(AlarmNode):
                 case News.BEGUN:
                     self._begin(search.info)
                 case News.HEARD_AGAIN:
-                    self.get_logger().info("the search is heard again and followed")
+                    self.get_logger().info("the search is received again and followed")
                 case News.STEP:
                     self._follow(search.legs)
                 case News.TRACKS if self.settings.mode == "export":
@@ -182,7 +182,7 @@ class BridgeNode(AlarmNode):
                 self.get_logger().warning(f"{name} {what}, earlier in mission {info.mission}")
 
     def _fail(self, trouble: str) -> None:
-        """Say that the search cannot be flown as long as that is so."""
+        """Report that the search cannot be flown as long as that is so."""
         if self._search.fail(trouble):
             self.get_logger().error(trouble)
 
@@ -206,7 +206,7 @@ class BridgeNode(AlarmNode):
             for i, name in enumerate(info.agents)
         }
         try:
-            written = write_missions(directory, missions, self.settings.dialect)
+            written = write_missions(directory, missions, self.settings.autopilot)
         except OSError as error:
             self._fail(f"export_directory: {str(directory)!r}: {error.strerror}")
             return
@@ -223,7 +223,7 @@ class BridgeNode(AlarmNode):
             )
 
     def _watch_link(self, name: str, vehicle: Vehicle) -> None:
-        """Tell of each new trouble once; when it is heard in between, it is new again."""
+        """Log each new problem of a link once; after a heartbeat it is new again."""
         trouble = vehicle.trouble
         if trouble and trouble != self._link_troubles.get(name):
             self._link_troubles[name] = trouble
@@ -238,11 +238,11 @@ class BridgeNode(AlarmNode):
         if self.fleet is not None:
             for name, vehicle in zip(self._names, self.fleet, strict=True):
                 self._watch_link(name, vehicle)
-            led = list(enumerate(zip(self._followers, self.fleet, strict=False)))
-            orders = [self._isolated(i, self._next_order, *one, now_s) for i, one in led]
-            # Before anybody hears of it, a bridge that is started again must know it.
+            pairs = list(enumerate(zip(self._followers, self.fleet, strict=False)))
+            orders = [self._isolated(i, self._next_order, *pair, now_s) for i, pair in pairs]
+            # Known to a bridge that is started again before it shows in any message.
             self._keep_records()
-            for (i, (follower, vehicle)), order in zip(led, orders, strict=True):
+            for (i, (follower, vehicle)), order in zip(pairs, orders, strict=True):
                 if order is not None:
                     self._isolated(i, self._give, vehicle, order)
                 self._isolated(i, self._publish_state, follower, vehicle, now_s)
@@ -289,7 +289,7 @@ class BridgeNode(AlarmNode):
         if follower.blocked != blocked and follower.blocked:
             self.get_logger().info(f"{name} cannot take off yet: {follower.blocked}")
         for text in vehicle.take_texts():
-            self.get_logger().info(f"{name} says: {text.text}")
+            self.get_logger().info(f"{name}: STATUSTEXT {text.text}")
         return order
 
     def _keep_records(self) -> None:
@@ -313,15 +313,15 @@ class BridgeNode(AlarmNode):
     def _plan(
         self, drone: int, follower: VehicleFollower, home: tuple[float, float, float] | None
     ) -> None:
-        """Have a vehicle fly the whole search, once it has said where home is."""
+        """Have a vehicle fly the whole search, once it has reported its home."""
         leg = self._search.final_legs[drone]
         if home is None:
             follower.follow(leg, None)
             return
         frame, settings = self._frames[drone], self.settings
         mission = search_mission(frame, *self._search.track(drone), settings, Home(*home))
-        firmware = cast(Firmware, settings.dialect)
-        follower.follow(leg, mission_task(mission, self._fence(frame), firmware))
+        autopilot = AUTOPILOTS[settings.autopilot]
+        follower.follow(leg, mission_task(mission, self._fence(frame), autopilot))
         self._report_refusal(follower)
 
     def _report_refusal(self, follower: VehicleFollower) -> None:
@@ -388,7 +388,9 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
     """
     if settings.mode == "export":
         return None
-    connections = settings.connections or default_connections(settings.vehicles, settings.dialect)
+    connections = settings.connections or AUTOPILOTS[settings.autopilot].connections(
+        settings.vehicles
+    )
     system_ids = settings.system_ids or range(1, settings.vehicles + 1)
     try:
         return Fleet(
@@ -397,10 +399,10 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
                     connection=connection,
                     system_id=system_id,
                     own_system_id=settings.own_system_id,
-                    dialect=settings.dialect,  # type: ignore[arg-type]
+                    autopilot=settings.autopilot,
                     arm=settings.arm,
                     speed_mps=settings.speed,
-                    set_point_hz=settings.set_point_rate,
+                    setpoint_hz=settings.setpoint_rate,
                     link_timeout_s=settings.link_timeout,
                     signing_key_file=settings.signing_key_file,
                 )

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.flight.track_files import layers, search_mission, write_missions
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.vehicle_missions import layers, search_mission, write_missions
 from dsse_ros.nodes.settings import SimSettings
 from dsse_ros.search import FieldError
 from msg_adapters.frames import GridFrame
@@ -33,7 +33,7 @@ def export_tracks(mission: Mission, frame: GridFrame, settings: SimSettings) -> 
         for one, (name, (cells, searched)) in zip(frames, tracks.items(), strict=True)
     }
     try:
-        write_missions(directory, missions, settings.dialect)
+        write_missions(directory, missions, settings.autopilot)
     except OSError as error:
         return False, f"export_directory: {str(directory)!r}: {error.strerror}"
     return True, f"{len(missions)} tracks in {directory.resolve()}"

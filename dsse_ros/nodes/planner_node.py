@@ -156,7 +156,7 @@ class PlannerNode(AlarmNode):
         """Return a planner for a mission.
 
         Raises:
-            ValueError: If it needs to know more than `agents` tells.
+            ValueError: If it needs to know more than `agents` has.
         """
         name, seed = self.settings.planner, self.settings.seed
         if name in PLANNERS:

@@ -20,7 +20,6 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from std_msgs.msg import Int8, Int32MultiArray, String
 
-from dsse_ros.flight.track_files import acceptance_radius_m
 from dsse_ros.mission import status
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.command_intake import CommandIntake
@@ -44,6 +43,7 @@ from dsse_ros.nodes.sim_parameters import (
 )
 from msg_adapters.result import Rejected
 from msg_adapters.stamps import to_nanoseconds, to_stamp
+from msg_adapters.track_missions import acceptance_radius_m
 from msg_adapters.vehicles import place_from_pose, progress_from_message
 
 HISTORY_PERIOD_S = 0.5
@@ -285,7 +285,7 @@ class SimNode(AlarmNode):
         mission = self.mission
         if not self.settings.wait_for_vehicles or mission.done:
             return []
-        radius_m = acceptance_radius_m(self.frame, self.settings)
+        radius_m = acceptance_radius_m(self.frame, self.settings.acceptance_radius)
         return self._vehicles.late(mission.live, mission.result.cells, radius_m)
 
     def _advance(self) -> None:

@@ -21,7 +21,7 @@ from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
 from msg_adapters.agents import MAX_ID
-from msg_adapters.frames import GridFrame
+from msg_adapters.frames import GridFrame, scenario_frame
 
 SCENARIO_SPECS = specs(Scenario)
 RULES_SPECS = {
@@ -63,14 +63,8 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
 
 def grid_frame(scenario: ResolvedScenario, settings: SimSettings) -> GridFrame:
     """Return where the grid of a scenario lies."""
-    assert scenario.grid_size and scenario.cell_size
-    return GridFrame(
-        grid_size=scenario.grid_size,
-        cell_size_m=scenario.cell_size,
-        origin_lat_deg=scenario.origin_lat,
-        origin_lon_deg=scenario.origin_lon,
-        origin_alt_m=scenario.origin_alt,
-        alt_m=scenario.altitude,
+    return scenario_frame(
+        scenario,
         map_frame=settings.frame_prefix + settings.map_frame,
         frame_prefix=settings.frame_prefix,
     )

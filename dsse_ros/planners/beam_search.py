@@ -47,7 +47,7 @@ class BeamOptions:
     width: int = 32
     cap: int = 4
     gamma: float = 0.95
-    kappa: float = 0.3
+    kappa: float = 0.2
     closeness: float = 0.7
     drift_samples: int = 16
     warm_start: bool | None = None

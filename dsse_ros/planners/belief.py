@@ -112,7 +112,7 @@ class BeliefPlanner:
     """Keeps the belief of a mission and commands what a tactic chooses; a `Planner`.
 
     A new mission makes it start anew: a step of it that is not later than the last one, or, where
-    nothing tells the step, drones that are not where they can be or everything as at the start.
+    no step is given, drones that are not where they can be or everything as at the start.
 
     Args:
         search: What it may know: rules and scenario.
@@ -166,7 +166,7 @@ class BeliefPlanner:
         }
 
     def _step(self, info: Mapping[str, Any]) -> int | None:
-        """Return the steps done, if anything tells them."""
+        """Return the steps done, None if not known."""
         step = info.get("step", getattr(self._search, "steps_done", None))
         return None if step is None else int(step)
 

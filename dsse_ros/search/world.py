@@ -17,6 +17,7 @@ from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
+from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
 from dsse_ros.search.seeds import words_of_seeds
@@ -35,14 +36,12 @@ _OF_SCENARIO = (
     "grid_size", "timestep_limit", "pre_search_steps", "probability_of_detection", "sigma_x",
     "sigma_y", "dispersion_inc", "cell_size", "step_duration_s",
 )  # fmt: skip
-_OF_RULES = (
-    "move", "leave_grid", "collisions", "collision", "search_min_probability",
-    "search_min_inclusive", "search_below", "search_scale", "find", "find_bonus",
-    "one_find_per_search", "found_persons_stay", "time_out", "time_out_grace", "time_out_acts",
-    "time_out_total", "both_flags", "ends_together", "drift_axes_independent", "drift_by_speed",
-    "reset_sea_steps", "circle", "circle_on_previous_datum", "person_first", "person_walks_blind",
-    "person_scatter",
-)  # fmt: skip
+_OF_RULES = tuple(
+    name
+    for name in kernels.CONSTANTS.names or ()
+    if name in specs(Rules) and name not in _OF_SCENARIO
+)
+"""Fields of the rules that the kernels read as they are, by the same name."""
 
 
 def constants_of(

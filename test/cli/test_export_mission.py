@@ -60,7 +60,7 @@ def test_every_drone_gets_a_mission_with_all_its_searches(tmp_path: Path) -> Non
 
 def test_the_flight_is_as_asked_for(tmp_path: Path) -> None:
     export(
-        "--scenario", "sitl", "--out", tmp_path, "--dialect", "px4", "--search-altitude", "20",
+        "--scenario", "sitl", "--out", tmp_path, "--autopilot", "px4", "--search-altitude", "20",
         "--search-hold", "2.5", "--home=-24.05,-46.18,3", "--drones", "1",
     )  # fmt: skip
     plan = parse_plan((tmp_path / "drone0.plan").read_text())
@@ -74,12 +74,12 @@ def test_the_flight_is_as_asked_for(tmp_path: Path) -> None:
 def test_ros_arguments_count_as_the_options_of_their_names(tmp_path: Path) -> None:
     parameters = tmp_path / "parameters.yaml"
     parameters.write_text(
-        "/**: {ros__parameters: {search_altitude: 20.0, dialect: px4, of_others: 1}}"
+        "/**: {ros__parameters: {search_altitude: 20.0, autopilot: px4, of_others: 1}}"
     )
     named, ros = tmp_path / "named", tmp_path / "ros"
     short = ["-p", "timestep_limit:=20", "-p", "drones_positions:=[3,3]"]
     given = ["-p", "scenario:=sitl", "-p", "seed:=2", "-p", "merge_legs:=false", "-r", "__ns:=/a"]
-    options = ["--scenario", "sitl", "--seed", "2", "--every-cell", "--dialect", "px4"]
+    options = ["--scenario", "sitl", "--seed", "2", "--every-cell", "--autopilot", "px4"]
     options += ["--search-altitude", "20"]
     export("--out", ros, "--ros-args", "--params-file", parameters, *given, *short)
     export("--out", named, *options, "--ros-args", *short)

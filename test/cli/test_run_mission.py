@@ -39,7 +39,11 @@ def children(process: Process) -> dict[str, int]:
     pid = process.child.pid
     found = {}
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-        line = Path(f"/proc/{child}/cmdline").read_bytes().decode()
+        try:
+            line = Path(f"/proc/{child}/cmdline").read_bytes().decode()
+        except OSError:
+            # It has just ended.
+            continue
         match = re.search(r"import (\w+_node);", line)
         if match:
             found[match[1]] = int(child)

@@ -83,11 +83,10 @@ def test_ctrl_c_before_a_program_is_at_work_ends_it_at_once_and_quietly(
     finally:
         child.kill()
     assert child.returncode == 130
-    if moment is compiling:
-        (output,) = output.splitlines()
-        assert output.endswith(COMPILING)
-    else:
-        assert output == ""
+    # One that is interrupted a little later may have logged this, and nothing else.
+    lines = output.splitlines()
+    assert all(line.endswith(COMPILING) for line in lines), output
+    assert (moment is compiling) <= len(lines) <= 1
 
 
 def test_a_node_says_that_it_compiles_where_it_does_and_nowhere_else(tmp_path: Path) -> None:

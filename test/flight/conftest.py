@@ -4,10 +4,4 @@
 import sys
 from pathlib import Path
 
-from hypothesis import settings
-
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "msg_adapters")]
-
-# The machine may be busy: an example that takes long is no failure.
-settings.register_profile("flight", deadline=None)
-settings.load_profile("flight")

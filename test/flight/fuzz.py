@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Any message of the dialect with any fields, through codec and vehicle controller.
+"""Any message of ArduPilot's message set with any fields, through codec and vehicle controller.
 
 `python test/flight/fuzz.py 1000000` does it by hand, with a seed of its own if one follows.
 """
@@ -20,6 +20,7 @@ from autopilot.wire import Codec as VehicleCodec
 from autopilot.wire import mavlink
 
 from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.mavlink_messages import INCOMING_NAMES
 from dsse_ros.flight.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import (
@@ -32,7 +33,7 @@ from dsse_ros.flight.orders import (
     Search,
     TakeOff,
 )
-from dsse_ros.flight.pilot import Pilot, PilotSettings
+from dsse_ros.flight.vehicle_controller import VehicleController
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 _ALL = list(mavlink.mavlink_map.values())
@@ -64,7 +65,7 @@ _LIMITS = {
 _FLOATS = (0.0, -0.0, 1.0, 1e-45, 3.4e38, -3.4e38, float("inf"), float("-inf"), float("nan"))
 
 
-def fuzz(number: int, seed: int, dialect: Any) -> tuple[Counter[str], Counter[str]]:
+def fuzz(number: int, seed: int, autopilot: Any) -> tuple[Counter[str], Counter[str]]:
     """Send messages to a controller that gets orders, and return what codec and controller count.
 
     Raises:
@@ -74,8 +75,8 @@ def fuzz(number: int, seed: int, dialect: Any) -> tuple[Counter[str], Counter[st
     draw = random.Random(seed)
     sender = VehicleCodec(VEHICLE.system)
     codec = Codec(OURSELVES, VEHICLE)
-    settings = PilotSettings(dialect=dialect, arm=True, speed_mps=5.0)
-    pilot = Pilot(VEHICLE, OURSELVES, settings)
+    settings = ControllerSettings(autopilot=autopilot, arm=True, speed_mps=5.0)
+    controller = VehicleController(VEHICLE, OURSELVES, settings)
     counts: Counter[str] = Counter()
     now = 0.0
     for _ in range(number):
@@ -84,24 +85,24 @@ def fuzz(number: int, seed: int, dialect: Any) -> tuple[Counter[str], Counter[st
         kind = draw.choice(_INCOMING if draw.random() < 0.8 else _ALL)
         data = bytes(sender.encode(any_message(kind, draw)))
         for message in codec.decode(data, now, datagram=True):
-            outgoing += pilot.receive(message, now)
-        if now >= pilot.deadline:
-            outgoing += pilot.tick(now)
-            assert pilot.deadline > now
+            outgoing += controller.receive(message, now)
+        if now >= controller.deadline:
+            outgoing += controller.tick(now)
+            assert controller.deadline > now
         if draw.random() < 0.01:
-            outgoing += pilot.give(draw.choice(_ORDERS), now)
+            outgoing += controller.give(draw.choice(_ORDERS), now)
         if draw.random() < 0.001:
-            outgoing += pilot.part(now)
+            outgoing += controller.hand_over(Hold(), now)
             # As when the program is started again.
-            counts += pilot.counts
-            pilot = Pilot(VEHICLE, OURSELVES, settings)
+            counts += controller.counts
+            controller = VehicleController(VEHICLE, OURSELVES, settings)
         for one in outgoing:
             assert codec.encode(one)
-        state = pilot.state
+        state = controller.state
         assert not abs(state.lat_deg) > 90 and not abs(state.lon_deg) > 180
         assert not abs(state.alt_m) > 1e5 and not abs(state.alt_amsl_m) > 1e5
-        assert not pilot.counts["errors"], pilot.outcome
-    return codec.counts, counts + pilot.counts
+        assert not controller.counts["errors"], controller.outcome
+    return codec.counts, counts + controller.counts
 
 
 def any_message(kind: Any, draw: random.Random) -> Any:

@@ -2,7 +2,7 @@
 """`make sitl-demo`: a search flown by simulated autopilots, each program a process of its own.
 
 It starts the autopilots, `sim_node`, `mavlink_bridge` and `planner_node`, waits until the person is
-found and all vehicles are down again, and checks from what the vehicles said of their places that
+found and all vehicles are down again, and checks from the positions that the vehicles reported that
 each was within the acceptance radius of every cell its drone was in.
 """
 
@@ -35,13 +35,13 @@ from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of  # noqa: E402
 from dsse_ros.cli.run_mission import MissionFailed, check_running, process  # noqa: E402
-from dsse_ros.flight.flight_settings import FlightSettings  # noqa: E402
+from dsse_ros.mission.vehicle_missions import FlightSettings  # noqa: E402
 from dsse_ros.nodes.exit_codes import fail  # noqa: E402
 from dsse_ros.nodes.qos import COMPLETE, LATCHED  # noqa: E402
 from dsse_ros.nodes.runtime import new_executor  # noqa: E402
 from dsse_ros.search import FieldError  # noqa: E402
 from dsse_ros.search.fields import specs  # noqa: E402
-from msg_adapters.frames import GridFrame, cell_to_map  # noqa: E402
+from msg_adapters.frames import GridFrame, cell_to_map, scenario_frame  # noqa: E402
 from msg_adapters.geodesy import map_to_geodetic  # noqa: E402
 from msg_adapters.images import image_to_probability  # noqa: E402
 from msg_adapters.step_report import step_report_from_message  # noqa: E402
@@ -173,16 +173,13 @@ def picture(witness: Witness, frame: GridFrame, path: Path, title: str) -> None:
 def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) -> int:
     """Fly; returns the exit code."""
     drones = scenario.num_drones
-    frame = GridFrame(
-        scenario.grid_size, scenario.cell_size, scenario.origin_lat, scenario.origin_lon,
-        scenario.origin_alt, scenario.altitude,
-    )  # fmt: skip
+    frame = scenario_frame(scenario)
     out: Path = arguments.out
     with contextlib.ExitStack() as stack:
         autopilots = [
             stack.enter_context(
                 running_autopilot(
-                    arguments.dialect,
+                    arguments.autopilot,
                     link="udp",
                     system=i + 1,
                     home=map_to_geodetic(frame, HOMES_APART_M * (i + 1), 10.0, 0.0),
@@ -204,11 +201,11 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
             },
             "mavlink_bridge": {
                 "connections": [autopilot.connection for autopilot in autopilots],
-                "dialect": arguments.dialect, "arm": True, "speed": float(scenario.drone_speed),
+                "autopilot": arguments.autopilot, "arm": True, "speed": float(scenario.drone_speed),
                 "acceptance_radius": RADIUS_M, "pose_rate": min(50.0, 200.0 / drones),
                 "state_directory": str(out / "state"),
                 # Wall time, in which vehicle time goes faster.
-                "planner_timeout": 60.0, "set_point_rate": min(5.0 * arguments.speedup, 200.0),
+                "planner_timeout": 60.0, "setpoint_rate": min(5.0 * arguments.speedup, 200.0),
             },
             "planner_node": {"planner": arguments.planner, "seed": arguments.seed},
         }  # fmt: skip
@@ -216,8 +213,8 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
             name: stack.enter_context(process(name, values, out / f"{name}.log"))
             for name, values in parameters.items()
         }
-        began = heard = time.monotonic()
-        told = -1
+        began = reported_s = time.monotonic()
+        shown = -1
         while not (witness.over and all(flight.down for flight in witness.flights)):
             executor.spin_once(timeout_sec=0.1)
             for name, child in processes.items():
@@ -227,13 +224,13 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
             if any(flight.state.get("lost") for flight in witness.flights):
                 lost = [flight.state.get("lost", "") for flight in witness.flights]
                 raise MissionFailed(f"a vehicle is lost: {lost}")
-            if witness.step > told:
-                told, heard = witness.step, time.monotonic()
+            if witness.step > shown:
+                shown, reported_s = witness.step, time.monotonic()
                 where = ", ".join(
                     f"({c[-1][0]}, {c[-1][1]})" for c in (f.cells for f in witness.flights)
                 )
-                print(f"step {told}: drones in {where}", flush=True)
-            if time.monotonic() - heard > PATIENCE_S:
+                print(f"step {shown}: drones in {where}", flush=True)
+            if time.monotonic() - reported_s > PATIENCE_S:
                 raise MissionFailed(f"nothing happens for {PATIENCE_S:g} s; see {out}")
         took_s = time.monotonic() - began
     title = f"{scenario.name}: {witness.step} steps, {'found' if witness.found else 'not found'}"
@@ -259,9 +256,9 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
 def parse(argv: list[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
     parser = Parser(prog="sitl_demo", description="Fly a search with simulated autopilots.")
-    dialects = specs(FlightSettings)["dialect"].choices
+    autopilots = specs(FlightSettings)["autopilot"].choices
     parser.add_search("sitl")
-    parser.add("--dialect", default="ardupilot", choices=dialects, help="whose autopilots")
+    parser.add("--autopilot", default="ardupilot", choices=autopilots, help="which autopilots")
     parser.add("--speedup", type=float, default=20.0, help="of vehicle time")
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
     return parser.parse_args(argv)

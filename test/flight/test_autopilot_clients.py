@@ -21,7 +21,7 @@ from autopilot.running import FOLDER, Running, running_autopilot
 
 pytestmark = pytest.mark.slow
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 240.0
 HOME = (-24.0, -46.3, 100.0)
 URLS = {"udpin": "udpin", "udpout": "udpout", "tcp": "tcpout"}
 

@@ -13,7 +13,7 @@ from autopilot.wire import Codec, mavlink
 from hypothesis import given
 from hypothesis import strategies as st
 
-DIALECTS = st.sampled_from(["ardupilot", "px4"])
+AUTOPILOTS = st.sampled_from(["ardupilot", "px4"])
 HANDLED = (
     "command_int", "command_long", "file_transfer_protocol", "heartbeat", "mission_ack",
     "mission_clear_all", "mission_count", "mission_item", "mission_item_int", "mission_request",
@@ -72,17 +72,17 @@ def play(script: list[tuple[float, Any]], *, flying: bool, **settings: Any) -> l
     return bench.sent
 
 
-@given(dialect=DIALECTS, script=inputs, flying=st.booleans(), seed=st.integers(0, 3))
+@given(autopilot=AUTOPILOTS, script=inputs, flying=st.booleans(), seed=st.integers(0, 3))
 def test_no_input_makes_it_fail_and_the_same_input_gives_the_same_bytes(
-    dialect: str, script: list[tuple[float, Any]], flying: bool, seed: int
+    autopilot: str, script: list[tuple[float, Any]], flying: bool, seed: int
 ) -> None:
-    sent = play(script, dialect=dialect, flying=flying, seed=seed)
-    assert sent == play(script, dialect=dialect, flying=flying, seed=seed)
+    sent = play(script, autopilot=autopilot, flying=flying, seed=seed)
+    assert sent == play(script, autopilot=autopilot, flying=flying, seed=seed)
 
 
-@given(dialect=DIALECTS, garbage=st.lists(st.binary(max_size=300), max_size=10))
-def test_after_garbage_the_next_message_is_decoded(dialect: str, garbage: list[bytes]) -> None:
-    bench = Bench(dialect=dialect)
+@given(autopilot=AUTOPILOTS, garbage=st.lists(st.binary(max_size=300), max_size=10))
+def test_after_garbage_the_next_message_is_decoded(autopilot: str, garbage: list[bytes]) -> None:
+    bench = Bench(autopilot=autopilot)
     for data in garbage:
         bench.vehicle.receive(bench.channel, data)
     assert bench.command(512, 148) == 0

@@ -10,8 +10,10 @@ from autopilot.faults import Fault
 from autopilot.px4 import Mode as Px4Mode
 
 
-def bench(*faults: str, dialect: str = "ardupilot") -> Bench:
-    return Bench(dialect=dialect, faults=tuple(Fault.parse(text) for text in faults), ready_s=10.0)
+def bench(*faults: str, autopilot: str = "ardupilot") -> Bench:
+    return Bench(
+        autopilot=autopilot, faults=tuple(Fault.parse(text) for text in faults), ready_s=10.0
+    )
 
 
 def test_a_fault_is_read_from_text() -> None:
@@ -56,9 +58,9 @@ def test_acknowledgements_can_be_lost_now_and_then() -> None:
     assert 400 < got < 600
 
 
-@pytest.mark.parametrize(("dialect", "coming"), [("ardupilot", RTL), ("px4", Px4Mode.LAND)])
-def test_a_low_battery_brings_it_down(dialect: str, coming: int) -> None:
-    vehicle = bench("battery@airborne:30", dialect=dialect)
+@pytest.mark.parametrize(("autopilot", "coming"), [("ardupilot", RTL), ("px4", Px4Mode.LAND)])
+def test_a_low_battery_brings_it_down(autopilot: str, coming: int) -> None:
+    vehicle = bench("battery@airborne:30", autopilot=autopilot)
     vehicle.fly_to_altitude()
     vehicle.until(lambda: vehicle.vehicle.custom_mode == coming)
     vehicle.wait(1.1)
@@ -66,20 +68,22 @@ def test_a_low_battery_brings_it_down(dialect: str, coming: int) -> None:
     assert vehicle.command(512, 1) == 0
     assert vehicle.last("SYS_STATUS").battery_remaining <= 12
     # PX4 sends no status texts without a ground station.
-    assert any("attery" in text for text in vehicle.texts()) == (dialect == "ardupilot")
+    assert any("attery" in text for text in vehicle.texts()) == (autopilot == "ardupilot")
     vehicle.until(lambda: not vehicle.vehicle.armed)
 
 
 @pytest.mark.parametrize(
-    ("dialect", "fault", "mode"),
+    ("autopilot", "fault", "mode"),
     [
         ("ardupilot", "pilot@airborne:40", LOITER),
         ("ardupilot", "pilot@airborne:40=ALT_HOLD", CopterMode.ALT_HOLD),
         ("px4", "pilot@airborne:40", Px4Mode.POSCTL),
     ],
 )
-def test_a_pilot_takes_over_and_setpoints_are_ignored(dialect: str, fault: str, mode: int) -> None:
-    vehicle = bench(fault, dialect=dialect)
+def test_a_pilot_takes_over_and_setpoints_are_ignored(
+    autopilot: str, fault: str, mode: int
+) -> None:
+    vehicle = bench(fault, autopilot=autopilot)
     vehicle.fly_to_altitude()
     taken_s = vehicle.until(lambda: vehicle.vehicle.custom_mode == mode)
     assert taken_s > 1

@@ -15,7 +15,7 @@ from autopilot import options
 from autopilot.running import Running, running_autopilot
 from autopilot.wire import Codec, Message, mavlink
 
-TIMEOUT_S = 15.0
+TIMEOUT_S = 60.0
 
 
 class Client:
@@ -124,12 +124,13 @@ def test_tcp_serves_one_client_and_then_the_next() -> None:
 
 def test_vehicle_time_is_wall_time_times_the_speedup() -> None:
     with running_autopilot(speedup=50) as autopilot, Client(autopilot) as client:
-        first_s = client.request(2, "SYSTEM_TIME").time_boot_ms / 1000
         start_s = time.monotonic()
-        time.sleep(1.0)
-        later_s = client.request(2, "SYSTEM_TIME").time_boot_ms / 1000
+        first_s = later_s = client.request(2, "SYSTEM_TIME").time_boot_ms / 1000
         # It is never ahead, and behind only on a machine that is too busy.
-        assert 10 < later_s - first_s < 50 * (time.monotonic() - start_s) + 50
+        while later_s - first_s < 50:
+            later_s = client.request(2, "SYSTEM_TIME").time_boot_ms / 1000
+            gone_s = time.monotonic() - start_s
+            assert later_s - first_s < 50 * gone_s + 1 and gone_s < TIMEOUT_S
 
 
 @pytest.mark.parametrize("form", ["bytes", "digits"])
@@ -140,8 +141,12 @@ def test_with_a_key_only_signed_messages_are_accepted(tmp_path: Path, form: str)
     with running_autopilot(key_file=file) as autopilot:
         with Client(autopilot) as unsigned:
             unsigned.send(mavlink.MAVLink_command_long_message(1, 1, 512, 0, 148, *[0.0] * 6))
-            kinds = {message.get_type() for _ in range(4) for message in unsigned.receive(0.5)}
-            assert "HEARTBEAT" in kinds and "AUTOPILOT_VERSION" not in kinds
+            messages = unsigned.messages()
+            # A reply would come before the next heartbeat but one.
+            kinds = [next(messages).get_type()]
+            while kinds.count("HEARTBEAT") < 3:
+                kinds.append(next(messages).get_type())
+            assert "AUTOPILOT_VERSION" not in kinds
         with Client(autopilot, key=key) as signed:
             assert signed.request(148, "AUTOPILOT_VERSION").get_signed()
 

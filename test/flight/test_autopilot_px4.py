@@ -22,7 +22,7 @@ AUTO_MISSION, AUTO_RTL, AUTO_LAND, OFFBOARD = (4, 4), (4, 5), (4, 6), (6, 0)
 
 @pytest.fixture
 def bench() -> Bench:
-    return Bench(dialect="px4", home=Place(47.4, 8.5, 488.0), ready_s=5.0)
+    return Bench(autopilot="px4", home=Place(47.4, 8.5, 488.0), ready_s=5.0)
 
 
 def events(bench: Bench) -> list[str]:

@@ -214,7 +214,7 @@ def test_a_message_that_is_not_needed_is_counted_and_not_decoded() -> None:
     assert ours.counts == {"not_needed": 1}
 
 
-def test_a_message_of_another_dialect_is_skipped() -> None:
+def test_a_message_of_another_message_set_is_skipped() -> None:
     ours, frame = codec(), bytearray(heartbeats(1)[0])
     frame[7:10] = (60_000).to_bytes(3, "little")
     messages = ours.decode(bytes(frame) + heartbeats(1)[0], 0.0, datagram=False)

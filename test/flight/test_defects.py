@@ -6,53 +6,45 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 from autopilot.running import running_autopilot
 from virtual_flight import VirtualFlight
 
-from dsse_ros.flight import pilot
-from dsse_ros.flight.helm import Helm
 from dsse_ros.flight.orders import GoTo, Hold, TakeOff
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
+from dsse_ros.flight.vehicle_controller import VehicleController
 
-DIALECTS = ("ardupilot", "px4")
+AUTOPILOTS = ("ardupilot", "px4")
 
 
 @pytest.fixture
 def defective_search(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A program in which holding has a defect that shows after a while."""
-    real = pilot.maneuver
 
-    def maneuver(helm: Helm, order: Any, source: Any) -> Iterator[str]:
-        if not isinstance(order, Hold):
-            return real(helm, order, source)
-        return defective(helm)
-
-    def defective(helm: Helm) -> Iterator[str]:
-        yield "holds"
+    def defective(order: Hold, controller: VehicleController) -> Iterator[str]:
+        yield "holding"
         yield {}["no such key"]  # type: ignore[misc]
 
-    monkeypatch.setattr(pilot, "maneuver", maneuver)
+    monkeypatch.setattr(Hold, "carry_out", defective)
     yield
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_a_defect_fails_the_order_and_the_next_one_is_flown(
-    dialect: str, defective_search: None, caplog: pytest.LogCaptureFixture
+    autopilot: str, defective_search: None, caplog: pytest.LogCaptureFixture
 ) -> None:
-    flight = VirtualFlight(dialect, arm=True)
+    flight = VirtualFlight(autopilot, arm=True)
     assert flight.fly(TakeOff(10.0)).status == "done"
     for _ in range(3):
         outcome = flight.fly(Hold())
         assert (outcome.status, outcome.reason) == ("failed", "KeyError: 'no such key'")
         flight.wait(5.0)
         assert flight.outcome == outcome
-    assert flight.pilot.counts["errors"] == 3
-    # A kind is told once, with its traceback.
-    told = [one for one in caplog.records if one.levelno >= logging.ERROR]
-    assert len(told) == 1 and told[0].exc_info is not None
+    assert flight.controller.counts["errors"] == 3
+    # A kind is logged once, with its traceback.
+    logged = [one for one in caplog.records if one.levelno >= logging.ERROR]
+    assert len(logged) == 1 and logged[0].exc_info is not None
     assert flight.fly(GoTo(*flight.place(20.0, 0.0), 10.0, 3.0)).status == "done"
 
 

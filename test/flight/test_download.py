@@ -6,7 +6,6 @@ from lossy_world import OURSELVES, Channel, World
 from mission_vehicle import VEHICLE, VEHICLES
 from sample_missions import mission
 
-from dsse_ros.flight.download import Download
 from dsse_ros.flight.mission_messages import (
     MissionAck,
     MissionCount,
@@ -16,6 +15,7 @@ from dsse_ros.flight.mission_messages import (
     MissionResult,
 )
 from dsse_ros.flight.transfer import Done, Timeouts
+from dsse_ros.flight.upload import Download
 
 ITEMS = mission(1, 3)
 TIMEOUTS = Timeouts()
@@ -25,8 +25,8 @@ def download(**options):
     return Download(VEHICLE, OURSELVES, **options)
 
 
-def holding(dialect, items):
-    vehicle = VEHICLES[dialect]()
+def holding(autopilot, items):
+    vehicle = VEHICLES[autopilot]()
     vehicle.held.append(items)
     return vehicle
 
@@ -35,18 +35,18 @@ def item(seq):
     return MissionItemInt(OURSELVES, ITEMS[seq])
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
+@pytest.mark.parametrize("autopilot", VEHICLES)
 @pytest.mark.parametrize("count", [2, 20, 300])
-def test_a_mission_is_read_as_it_is_held(dialect, count):
+def test_a_mission_is_read_as_it_is_held(autopilot, count):
     items = mission(1, count)
-    result = World(holding(dialect, items), Channel(), seed=0).run(download())
+    result = World(holding(autopilot, items), Channel(), seed=0).run(download())
     assert isinstance(result, Done)
     assert result.items == items
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_an_empty_mission_is_read_as_such(dialect):
-    assert World(holding(dialect, ()), Channel(), seed=0).run(download()) == Done(())
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_an_empty_mission_is_read_as_such(autopilot):
+    assert World(holding(autopilot, ()), Channel(), seed=0).run(download()) == Done(())
 
 
 def test_items_are_requested_in_their_order_and_the_end_is_acknowledged():

@@ -11,7 +11,7 @@ from lossy_world import OURSELVES
 from mission_vehicle import VEHICLE
 from sample_missions import mission
 
-from dsse_ros.flight.download import Download
+from dsse_ros.flight.autopilots import ARDUPILOT, PX4
 from dsse_ros.flight.mission_messages import (
     Address,
     MissionAck,
@@ -23,17 +23,17 @@ from dsse_ros.flight.mission_messages import (
     WireItem,
 )
 from dsse_ros.flight.transfer import Exchange, Timeouts
-from dsse_ros.flight.upload import Upload, VerifiedUpload
+from dsse_ros.flight.upload import Download, Upload, VerifiedUpload
 
 ITEMS = mission(1, 4)
 TIMEOUTS = Timeouts()
 EXCHANGES = {
-    "upload to ArduPilot": lambda: Upload(ITEMS, VEHICLE, OURSELVES, dialect="ardupilot"),
-    "upload to PX4": lambda: Upload(ITEMS, VEHICLE, OURSELVES, dialect="px4"),
+    "upload to ArduPilot": lambda: Upload(ITEMS, VEHICLE, OURSELVES, autopilot=ARDUPILOT),
+    "upload to PX4": lambda: Upload(ITEMS, VEHICLE, OURSELVES, autopilot=PX4),
     "verified upload to ArduPilot": lambda: VerifiedUpload(
-        ITEMS, VEHICLE, OURSELVES, dialect="ardupilot"
+        ITEMS, VEHICLE, OURSELVES, autopilot=ARDUPILOT
     ),
-    "verified upload to PX4": lambda: VerifiedUpload(ITEMS, VEHICLE, OURSELVES, dialect="px4"),
+    "verified upload to PX4": lambda: VerifiedUpload(ITEMS, VEHICLE, OURSELVES, autopilot=PX4),
     "download": lambda: Download(VEHICLE, OURSELVES),
 }
 LONGEST_S = 4 * 4 * (2 * 16 * TIMEOUTS.reply_s + 4 * 2 * TIMEOUTS.stall_s + TIMEOUTS.stall_s)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Twenty vehicles in one process are all flown, and each hears our heartbeats."""
+"""Twenty vehicles in one process are all flown, and each receives our heartbeats."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import pytest
 from autopilot.running import Running, running_autopilot
 
-from dsse_ros.flight.fleet import Fleet, default_connections
+from dsse_ros.flight.autopilots import ARDUPILOT, PX4
 from dsse_ros.flight.orders import GoTo, Return, TakeOff
-from dsse_ros.flight.vehicle import VehicleSettings
+from dsse_ros.flight.vehicle import Fleet, VehicleSettings
 
 pytestmark = pytest.mark.slow
 
@@ -82,12 +82,12 @@ def test_a_vehicle_that_drops_out_does_not_stop_the_others() -> None:
 
 
 def test_connections_are_numbered_as_the_field_does() -> None:
-    assert default_connections(3) == [
+    assert ARDUPILOT.connections(3) == [
         "udpin:127.0.0.1:14550",
         "udpin:127.0.0.1:14560",
         "udpin:127.0.0.1:14570",
     ]
-    assert default_connections(2, "px4") == ["udpin:127.0.0.1:14540", "udpin:127.0.0.1:14541"]
+    assert PX4.connections(2) == ["udpin:127.0.0.1:14540", "udpin:127.0.0.1:14541"]
 
 
 def test_vehicles_do_not_share_a_link() -> None:
@@ -97,7 +97,7 @@ def test_vehicles_do_not_share_a_link() -> None:
 
 
 def test_a_fleet_has_its_vehicles_in_order() -> None:
-    connections = default_connections(3)
+    connections = ARDUPILOT.connections(3)
     fleet = Fleet([VehicleSettings(connection=name) for name in connections])
     assert len(fleet) == 3
     assert [vehicle.settings.connection for vehicle in fleet] == connections

@@ -14,7 +14,7 @@ import pytest
 
 from dsse_ros.flight.link import Link, parse_connection
 
-TIMEOUT_S = 10.0
+TIMEOUT_S = 60.0
 
 
 def free_port(kind: int = socket.SOCK_DGRAM) -> int:

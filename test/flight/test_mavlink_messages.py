@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.mission_messages import Address
-from dsse_ros.flight.pilot import Pilot, PilotSettings
+from dsse_ros.flight.vehicle_controller import VehicleController
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 ONLY_POSITION, NO_POSITION = 0x0DF8, 0x0DFF
@@ -62,16 +63,16 @@ def test_an_invalid_position_is_counted_and_changes_nothing(
     name: str, field: str, value: float
 ) -> None:
     codec = Codec(OURSELVES, VEHICLE)
-    pilot = Pilot(VEHICLE, OURSELVES, PilotSettings())
+    controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
     for good in GOOD:
         for message in codec.decode(frame(good), 1.0, datagram=True):
-            pilot.receive(message, 1.0)
-    before = pilot.state
+            controller.receive(message, 1.0)
+    before = controller.state
     assert before.lat_deg == -24.0 and before.home == (-24.0, -46.3, 30.0)
     assert before.target == (-24.0, -46.3, 30.0)
     assert codec.decode(frame(name, **{field: value}), 2.0, datagram=True) == []
     assert codec.counts == {"accepted": 3, "invalid": 1}
-    assert pilot.state == before
+    assert controller.state == before
 
 
 @given(

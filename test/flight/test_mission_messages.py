@@ -7,7 +7,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import ardupilotmega as dialect
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.mission_messages import (
     Address,
@@ -56,10 +56,10 @@ MESSAGES = st.one_of(
 
 
 def over_the_wire(message):
-    sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     encode = getattr(sender, f"{message_name(message).lower()}_encode")
     frame = encode(**message_fields(message)).pack(sender)
-    (received,) = dialect.MAVLink(None).parse_buffer(frame)
+    (received,) = mavlink.MAVLink(None).parse_buffer(frame)
     return received
 
 
@@ -78,7 +78,7 @@ def test_an_open_yaw_comes_back_open():
 
 def test_the_results_are_those_of_the_protocol():
     for result in MissionResult:
-        assert getattr(dialect, f"MAV_MISSION_{result.name}") == result
+        assert getattr(mavlink, f"MAV_MISSION_{result.name}") == result
 
 
 VALUES = st.one_of(

@@ -14,14 +14,14 @@ from dsse_ros.flight.mavlink_messages import SetPositionTarget
 from dsse_ros.flight.orders import GoTo, TakeOff
 
 TAKEOFF, CHANGE_SPEED = 22, 178
-DIALECTS = ("ardupilot", "px4")
+AUTOPILOTS = ("ardupilot", "px4")
 IN_PROGRESS = 5
 FENCE = (("FENCE_ENABLE", 1), ("FENCE_RADIUS", 150.0))
 
 
-def refusing(dialect: str, number: int, *results: int, **settings: Any) -> VirtualFlight:
+def refusing(autopilot: str, number: int, *results: int, **settings: Any) -> VirtualFlight:
     """Return a vehicle that answers a command with these, the last one for ever."""
-    flight = VirtualFlight(dialect, arm=True, **settings)
+    flight = VirtualFlight(autopilot, arm=True, **settings)
     obey, answers = flight.vehicle._commands[number], list(results)
 
     def answer(command: Any) -> int:
@@ -32,28 +32,28 @@ def refusing(dialect: str, number: int, *results: int, **settings: Any) -> Virtu
     return flight
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_a_command_that_is_not_supported_is_sent_once(dialect: str) -> None:
-    flight = refusing(dialect, TAKEOFF, UNSUPPORTED)
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_command_that_is_not_supported_is_sent_once(autopilot: str) -> None:
+    flight = refusing(autopilot, TAKEOFF, UNSUPPORTED)
     outcome = flight.fly(TakeOff(10.0))
     assert (outcome.status, outcome.final) == ("failed", True)
     assert "UNSUPPORTED" in outcome.reason
     assert len(flight.commands(TAKEOFF)) == 1
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_a_command_that_is_denied_is_sent_a_few_times(dialect: str) -> None:
-    flight = refusing(dialect, TAKEOFF, DENIED)
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_command_that_is_denied_is_sent_a_few_times(autopilot: str) -> None:
+    flight = refusing(autopilot, TAKEOFF, DENIED)
     outcome = flight.fly(TakeOff(10.0))
     assert (outcome.status, outcome.final) == ("failed", False)
-    assert "asked 3 times: DENIED" in outcome.reason
+    assert "no effect after 3 tries: DENIED" in outcome.reason
     assert len(flight.commands(TAKEOFF)) == 3
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize("result", [TEMPORARILY_REJECTED, IN_PROGRESS, FAILED])
-def test_a_command_that_may_succeed_later_is_sent_again(dialect: str, result: int) -> None:
-    flight = refusing(dialect, TAKEOFF, *[result] * 6, ACCEPTED)
+def test_a_command_that_may_succeed_later_is_sent_again(autopilot: str, result: int) -> None:
+    flight = refusing(autopilot, TAKEOFF, *[result] * 6, ACCEPTED)
     assert flight.fly(TakeOff(10.0)).status == "done"
     assert len(flight.commands(TAKEOFF)) == 7
 
@@ -65,8 +65,8 @@ def test_a_speed_that_is_not_supported_is_asked_for_once() -> None:
     assert len(flight.commands(CHANGE_SPEED)) == 1
 
 
-def set_points_since(flight: VirtualFlight, since_s: float) -> list[SetPositionTarget]:
-    return [m for at_s, m in flight.said if at_s >= since_s and isinstance(m, SetPositionTarget)]
+def setpoints_since(flight: VirtualFlight, since_s: float) -> list[SetPositionTarget]:
+    return [m for at_s, m in flight.sent if at_s >= since_s and isinstance(m, SetPositionTarget)]
 
 
 def test_each_try_of_a_target_beyond_the_vehicles_own_fence_is_sent_and_names_it() -> None:
@@ -78,8 +78,8 @@ def test_each_try_of_a_target_beyond_the_vehicles_own_fence_is_sent_and_names_it
         before_s = flight.now
         outcome = flight.fly(beyond)
         assert outcome.status == "failed"
-        assert "does not take up its target" in outcome.reason and "geofence" in outcome.reason
-        assert len(set_points_since(flight, before_s)) == 15
+        assert "does not accept its target" in outcome.reason and "geofence" in outcome.reason
+        assert len(setpoints_since(flight, before_s)) == 15
         assert flight.now - before_s > 14.0
     assert math.hypot(flight.vehicle.craft.north_m, flight.vehicle.craft.east_m) < 5.0
     # Within it, it flies.
@@ -95,7 +95,7 @@ def test_a_target_that_is_taken_up_late_is_flown_by_a_later_try() -> None:
     assert flight.fly(order).status == "done"
 
 
-def test_a_vehicle_that_breaches_its_own_fence_is_taken_over_and_its_words_are_told() -> None:
+def test_a_vehicle_that_breaches_its_own_fence_is_taken_over_and_why_is_reported() -> None:
     flight = VirtualFlight("ardupilot", arm=True, vehicle={"parameters": FENCE})
     assert flight.fly(TakeOff(20.0)).status == "done"
     flight.give(GoTo(*flight.place(140.0, 0.0), 20.0, 3.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle that falls silent gets nothing but heartbeats, and goes on when it is heard again."""
+"""A vehicle that falls silent gets nothing but heartbeats, and goes on when they come again."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from autopilot.faults import Fault
 from virtual_flight import VirtualFlight, mission
 
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Return, Search, TakeOff
-from dsse_ros.flight.pilot import Status
+from dsse_ros.flight.vehicle_controller import Status
 
-DIALECTS = ("ardupilot", "px4")
+AUTOPILOTS = ("ardupilot", "px4")
 
 
 def test_lost_is_for_who_follows_the_vehicle_to_say() -> None:
@@ -36,14 +36,14 @@ def test_an_order_goes_on_where_it_was(during: str) -> None:
     assert flight.outcome.reason == "no heartbeat for 5 s"
     assert flight.outcome.order == orders[during]
     assert not flight.state.connected and flight.state.mode
-    sent, since_s = len(flight.said), flight.now
+    sent, since_s = len(flight.sent), flight.now
     # An order that is given meanwhile waits too.
     if during == "rest":
         flight.give(GoTo(*flight.place(50.0, 0.0), 15.0, 3.0))
     flight.until(lambda: flight.state.connected)
     assert flight.now - since_s > 10.0
-    said = [message for at_s, message in flight.said[sent:] if at_s < flight.now]
-    assert said == []
+    late = [message for at_s, message in flight.sent[sent:] if at_s < flight.now]
+    assert late == []
     flight.until(lambda: flight.outcome.status != "under_way")
     assert flight.outcome.status == "done"
     if during in ("mission", "return"):
@@ -52,10 +52,10 @@ def test_an_order_goes_on_where_it_was(during: str) -> None:
         assert flight.off_m(50.0, 0.0) < 5.0
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_silence_in_between_does_not_count_as_no_progress(dialect: str) -> None:
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_silence_in_between_does_not_count_as_no_progress(autopilot: str) -> None:
     silence = Fault("link", 12.0, since_airborne=True, duration_s=20.0)
-    flight = VirtualFlight(dialect, arm=True, stall_s=10.0, vehicle={"faults": (silence,)})
+    flight = VirtualFlight(autopilot, arm=True, stall_s=10.0, vehicle={"faults": (silence,)})
     assert flight.fly(TakeOff(15.0)).status == "done"
     order = GoTo(*flight.place(900.0, 0.0), 15.0, 3.0)
     flight.give(order)

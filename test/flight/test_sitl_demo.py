@@ -34,7 +34,7 @@ def test_three_vehicles_find_the_person_over_every_cell_and_come_home(tmp_path: 
     [
         ("speedup", "0"),
         ("speedup", "nan"),
-        ("dialect", "foo"),
+        ("autopilot", "foo"),
         ("planner", "foo"),
         ("seed", "-4"),
         ("drones", "0"),

@@ -79,7 +79,7 @@ def test_what_became_of_the_order_before_is_not_taken_for_the_new_ones() -> None
                 assert time.monotonic() < end_s, vehicle.outcome
                 time.sleep(0.001)
             number = vehicle.give(order)
-            # Its thread may not have heard of it yet.
+            # Its thread may not have taken it yet.
             outcome = vehicle.outcome
             assert (outcome.number, outcome.order) == (number, order)
             assert outcome.status == "under_way" or outcome.order == Hold()
@@ -111,7 +111,7 @@ def signed_heartbeat(vehicle: Vehicle, key: bytes | None) -> None:
     """Have the vehicle's codec hear a heartbeat."""
     data = bytes(Speaker(1, key).encode(mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3)))
     for message in vehicle._codec.decode(data, 0.0, datagram=True):
-        vehicle._pilot.receive(message, 0.0)
+        vehicle._controller.receive(message, 0.0)
     vehicle._snapshot = vehicle._look()
 
 
@@ -146,7 +146,7 @@ def test_signatures_that_do_not_fit_are_named(tmp_path: Any) -> None:
         vehicle.close()
 
 
-def test_a_vehicle_that_signs_is_heard_and_says_why_it_does_not_obey(tmp_path: Any) -> None:
+def test_a_vehicle_that_signs_is_connected_and_reports_why_it_does_not_obey(tmp_path: Any) -> None:
     key = tmp_path / "key"
     key.write_bytes(bytes(range(32)))
     key.chmod(0o600)

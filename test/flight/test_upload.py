@@ -8,6 +8,7 @@ from lossy_world import OURSELVES, Channel, World
 from mission_vehicle import VEHICLE, VEHICLES, ArduPilot
 from sample_missions import mission
 
+from dsse_ros.flight.autopilots import AUTOPILOTS, PX4
 from dsse_ros.flight.mission_messages import (
     Address,
     MissionAck,
@@ -25,8 +26,8 @@ CANCELLED = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED)
 TIMEOUTS = Timeouts()
 
 
-def upload(items=ITEMS, *, dialect="ardupilot", **options):
-    return Upload(items, VEHICLE, OURSELVES, dialect=dialect, **options)
+def upload(items=ITEMS, *, autopilot="ardupilot", **options):
+    return Upload(items, VEHICLE, OURSELVES, autopilot=AUTOPILOTS[autopilot], **options)
 
 
 def request(seq):
@@ -43,18 +44,18 @@ def serve_all(exchange, now=0.0):
         assert sent == [MissionItemInt(VEHICLE, item)]
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_a_vehicle_holds_what_was_uploaded(dialect):
-    world = World(VEHICLES[dialect](), Channel(), seed=0)
-    assert world.run(upload(dialect=dialect)) == Done(ITEMS)
-    assert difference(ITEMS, world.vehicle.mission, dialect) is None
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_a_vehicle_holds_what_was_uploaded(autopilot):
+    world = World(VEHICLES[autopilot](), Channel(), seed=0)
+    assert world.run(upload(autopilot=autopilot)) == Done(ITEMS)
+    assert difference(ITEMS, world.vehicle.mission, AUTOPILOTS[autopilot]) is None
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_an_empty_mission_clears_the_vehicle(dialect):
-    world = World(VEHICLES[dialect](), Channel(), seed=0)
-    world.run(upload(dialect=dialect))
-    assert world.run(upload((), dialect=dialect)) == Done(())
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_an_empty_mission_clears_the_vehicle(autopilot):
+    world = World(VEHICLES[autopilot](), Channel(), seed=0)
+    world.run(upload(autopilot=autopilot))
+    assert world.run(upload((), autopilot=autopilot)) == Done(())
     assert world.vehicle.mission == ()
 
 
@@ -213,7 +214,7 @@ def test_a_vehicle_that_requests_again_after_the_end_gets_the_same_mission():
 
 
 def test_a_cancelled_upload_answers_requests_with_a_cancellation():
-    exchange = upload(dialect="px4")
+    exchange = upload(autopilot="px4")
     exchange.start(0.0)
     exchange.receive(request(0), VEHICLE, 0.1)
     assert exchange.cancel(0.2) == [CANCELLED]
@@ -222,9 +223,9 @@ def test_a_cancelled_upload_answers_requests_with_a_cancellation():
     assert exchange.result.code == "cancelled" and exchange.result.changed
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_a_vehicle_that_never_stops_requesting_does_not_keep_an_upload_open(dialect):
-    exchange = upload(dialect=dialect)
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_a_vehicle_that_never_stops_requesting_does_not_keep_an_upload_open(autopilot):
+    exchange = upload(autopilot=autopilot)
     exchange.start(0.0)
     exchange.cancel(0.0)
     for tenths in range(1, 200):
@@ -236,10 +237,10 @@ def test_a_vehicle_that_never_stops_requesting_does_not_keep_an_upload_open(dial
     assert now == pytest.approx(TIMEOUTS.stall_s)
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_after_a_cancelled_upload_the_vehicle_waits_for_nothing(dialect):
-    world = World(VEHICLES[dialect](), Channel(), seed=0)
-    exchange = upload(mission(1, 20), dialect=dialect)
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_after_a_cancelled_upload_the_vehicle_waits_for_nothing(autopilot):
+    world = World(VEHICLES[autopilot](), Channel(), seed=0)
+    exchange = upload(mission(1, 20), autopilot=autopilot)
     world.send(exchange.start(0.0))
     while not world.vehicle.incoming:
         world.step(exchange)
@@ -280,7 +281,7 @@ def test_items_that_would_not_be_stored_as_meant_are_refused(items, field):
 @pytest.mark.parametrize("system", [0, -1, 256])
 def test_an_upload_is_never_a_broadcast(system):
     with pytest.raises(ValueError, match="^target: "):
-        Upload(ITEMS, Address(system, 1), OURSELVES, dialect="px4")
+        Upload(ITEMS, Address(system, 1), OURSELVES, autopilot=PX4)
 
 
 @pytest.mark.parametrize(

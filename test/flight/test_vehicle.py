@@ -43,14 +43,14 @@ def fly(vehicle: Vehicle, order: Order) -> str:
 
 
 @contextmanager
-def vehicle_of(autopilot: Running, dialect: Any = "ardupilot", **options: Any) -> Iterator[Vehicle]:
-    fields = {"connection": autopilot.connection, "arm": True, "set_point_hz": 40.0, **options}
-    with Vehicle(VehicleSettings(dialect=dialect, **fields)) as vehicle:
+def vehicle_of(autopilot: Running, name: Any = "ardupilot", **options: Any) -> Iterator[Vehicle]:
+    fields = {"connection": autopilot.connection, "arm": True, "setpoint_hz": 40.0, **options}
+    with Vehicle(VehicleSettings(autopilot=name, **fields)) as vehicle:
         yield vehicle
     assert vehicle.counts["errors"] == 0
 
 
-def a_mission(dialect: str) -> tuple[WireItem, ...]:
+def a_mission(name: str) -> tuple[WireItem, ...]:
     x, y = round(NEAR[0] * 1e7), round(NEAR[1] * 1e7)
     home = WireItem(0, 0, 16, 1, x=round(HOME[0] * 1e7), y=round(HOME[1] * 1e7))
     rest = [
@@ -59,28 +59,28 @@ def a_mission(dialect: str) -> tuple[WireItem, ...]:
         (6, 16, x + 1000, y, 15.0),
         (2, 20, 0, 0, 0.0),
     ]
-    first = [home] if dialect == "ardupilot" else []
+    first = [home] if name == "ardupilot" else []
     items = enumerate(rest, len(first))
     return (*first, *(WireItem(k, f, c, x=x, y=y, z=z) for k, (f, c, x, y, z) in items))
 
 
 @pytest.mark.parametrize(
-    ("dialect", "link"),
+    ("name", "link"),
     [("ardupilot", "udp"), ("ardupilot", "udpin"), ("ardupilot", "tcp"), ("px4", "udp"),
      ("px4", "tcp")],
 )  # fmt: skip
-def test_it_flies_all_orders_over_a_real_link(dialect: Any, link: Any) -> None:
+def test_it_flies_all_orders_over_a_real_link(name: Any, link: Any) -> None:
     orders: list[Order] = [
         TakeOff(10.0),
         GoTo(*NEAR, 15.0, 4.0),
         Search(*HOME, 15.0, 5.0, 3.0, 4.0),
         Hold(),
         Return() if link == "udp" else Land(),
-        FlyMission(a_mission(dialect)),
+        FlyMission(a_mission(name)),
     ]
     with (
-        running_autopilot(dialect, link=link, speedup=10, ready_s=5.0) as autopilot,
-        vehicle_of(autopilot, dialect) as vehicle,
+        running_autopilot(name, link=link, speedup=10, ready_s=5.0) as autopilot,
+        vehicle_of(autopilot, name) as vehicle,
     ):
         assert [fly(vehicle, order) for order in orders] == ["done"] * len(orders)
         state = vehicle.state
@@ -89,7 +89,7 @@ def test_it_flies_all_orders_over_a_real_link(dialect: Any, link: Any) -> None:
         assert vehicle.trouble == ""
         # PX4 has no words for those who are no ground station.
         texts = [text.text for text in vehicle.take_texts()]
-        assert any("rm" in text for text in texts) == (dialect == "ardupilot")
+        assert any("rm" in text for text in texts) == (name == "ardupilot")
         assert vehicle.take_texts() == []
 
 
@@ -128,7 +128,7 @@ def test_on_a_signed_link_it_flies_and_others_get_nowhere(tmp_path: Path) -> Non
 def test_ten_thousand_messages_of_wrong_senders_have_no_effect() -> None:
     port, draw = free_udp_port(), random.Random(2)
     with running_autopilot(link="udp", port=port, speedup=10, ready_s=5.0) as autopilot:
-        # They come first, so that nobody else is being heard.
+        # They come first, so that nobody else is the peer yet.
         settings = VehicleSettings(connection=f"udpin:127.0.0.1:{port}", arm=True)
         vehicle = Vehicle(settings)
         sent = 0
@@ -230,7 +230,7 @@ def test_it_waits_for_a_vehicle_that_is_not_there_yet() -> None:
             until(lambda: vehicle.outcome.status == "done")
 
 
-def test_a_port_that_is_taken_is_told_and_tried_again() -> None:
+def test_a_port_that_is_taken_is_reported_and_tried_again() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -238,7 +238,7 @@ def test_a_port_that_is_taken_is_told_and_tried_again() -> None:
         vehicle.start()
         until(lambda: "in use" in vehicle.trouble)
         taken.close()
-        # Nobody is heard, but that is no trouble of the link.
+        # Nobody is connected, but that is no fault of the link.
         until(lambda: vehicle.trouble == "")
         assert vehicle.counts["opened"] == 1
         vehicle.close()

@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.flight.autopilots import ARDUPILOT, PX4
 from dsse_ros.flight.fence import Fence
-from dsse_ros.flight.flight_settings import BridgeSettings
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
-from dsse_ros.flight.pilot import Outcome
-from dsse_ros.flight.track_files import search_mission
+from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_follower import (
     CRITICAL_S,
     RETRY_S,
@@ -27,6 +26,8 @@ from dsse_ros.flight.vehicle_follower import (
     mission_task,
 )
 from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.mission.vehicle_missions import search_mission
+from dsse_ros.nodes.settings import BridgeSettings
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mission_files import Home
@@ -42,7 +43,7 @@ FLYING = replace(ON_GROUND, armed=True, flying=True, alt_m=120.0)
 
 
 class Vehicle:
-    """Does what it is told when it is asked to, and remembers what that was."""
+    """Carries out its order when asked to, and remembers it."""
 
     def __init__(self, follower: VehicleFollower, state: VehicleState = ON_GROUND) -> None:
         self.follower, self.state = follower, state
@@ -62,7 +63,7 @@ class Vehicle:
         return order
 
     def obey(self) -> None:
-        """Carry out what it was told last."""
+        """Carry out the last order."""
         order = self.outcome.order
         if isinstance(order, TakeOff):
             self.state = FLYING
@@ -71,7 +72,7 @@ class Vehicle:
         self.turn(status="done")
 
     def fall_silent(self, seconds: float) -> Order | None:
-        """Have no heartbeat come for some time, and return what it is told then."""
+        """Have no heartbeat come for some time, and return the orders it gets then."""
         ready = self.state.ready
         self.state = replace(self.state, connected=False, ready=False, heard_s=self.now_s)
         self.now_s += seconds
@@ -119,7 +120,7 @@ def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
     assert led.arrived_stamp_ns == 13 and vehicle.turn() is None
 
 
-def test_a_search_is_done_once_for_each_step_that_says_so() -> None:
+def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
     led = follower()
     vehicle = Vehicle(led, FLYING)
     for stamp in (13, 26):
@@ -182,7 +183,7 @@ def test_nobody_is_sent_where_two_drones_have_crashed() -> None:
     assert vehicle.turn() == Return()
 
 
-def test_a_step_that_is_told_again_changes_nothing_but_its_end() -> None:
+def test_a_step_that_is_reported_again_changes_nothing_but_its_end() -> None:
     led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
@@ -210,7 +211,7 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
     assert isinstance(vehicle.turn(), GoTo) and not led.lost
 
 
-def test_a_silent_vehicle_goes_on_when_it_is_heard_again_in_time() -> None:
+def test_a_silent_vehicle_goes_on_when_it_is_connected_again_in_time() -> None:
     led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
@@ -222,7 +223,7 @@ def test_a_silent_vehicle_goes_on_when_it_is_heard_again_in_time() -> None:
     assert led.arrived_stamp_ns == 13
 
 
-def test_a_vehicle_that_is_silent_for_too_long_is_lost_returns_when_heard_and_stays_lost() -> None:
+def test_a_vehicle_silent_for_too_long_is_lost_returns_when_connected_and_stays_lost() -> None:
     led = follower()
     vehicle = Vehicle(led, FLYING)
     follow(led, 13, 1, 1)
@@ -237,7 +238,7 @@ def test_a_vehicle_that_is_silent_for_too_long_is_lost_returns_when_heard_and_st
 
 
 @pytest.mark.parametrize("at_end", ["return", "land", "hold"])
-def test_who_is_lost_before_take_off_is_told_to_stay_even_before_it_is_heard_again(
+def test_who_is_lost_before_take_off_is_ordered_to_stay_even_before_it_is_connected_again(
     at_end: str,
 ) -> None:
     led = follower(at_end=at_end)
@@ -255,7 +256,7 @@ def test_who_is_lost_before_take_off_is_told_to_stay_even_before_it_is_heard_aga
 
 def fly_mission(led: VehicleFollower) -> None:
     mission = search_mission(FRAME, [(0, 9), (1, 9)], [0, 0], SETTINGS, Home(-23.999, -45.999, 0.0))
-    led.follow(Leg(13, (1, 9), over=True), mission_task(mission, FENCE, "px4"))
+    led.follow(Leg(13, (1, 9), over=True), mission_task(mission, FENCE, PX4))
 
 
 def test_a_mission_that_waits_for_its_take_off_is_not_flown_by_who_was_lost() -> None:
@@ -270,7 +271,7 @@ ENDINGS = {
     "found elsewhere": (True, FlightRecord()),
     "has flown": (False, FlightRecord(took_off=True)),
     "link lost": (False, FlightRecord(took_off=True, lost="link lost: no heartbeat for 30 s")),
-    "lost before take-off": (False, FlightRecord(lost="not heard within 300 s")),
+    "lost before take-off": (False, FlightRecord(lost="no heartbeat within 300 s")),
     "taken over": (
         False, FlightRecord(took_off=True, lost="taken over: in LOITER", taken_over=True)
     ),
@@ -359,7 +360,7 @@ def test_nothing_takes_off_for_a_search_that_is_gone() -> None:
     assert led.advance(ON_GROUND, Outcome(), 0.0, search_alive=False) is None
     order = led.advance(ON_GROUND, Outcome(), 0.1)
     assert order == TakeOff(120.0)
-    outcome = Outcome(order, 1, "under_way", "waits until it is ready")
+    outcome = Outcome(order, 1, "under_way", "waiting until it is ready")
     assert led.advance(ON_GROUND, outcome, 0.2, search_alive=False) == Hold()
 
 
@@ -484,7 +485,7 @@ def test_an_order_that_fails_is_given_again_and_then_the_vehicle_is_lost() -> No
     assert led.lost == "failed: no progress"
 
 
-def test_a_vehicle_that_is_never_heard_is_lost_in_the_end() -> None:
+def test_a_vehicle_that_is_never_connected_is_lost_in_the_end() -> None:
     led = follower(join_timeout_s=3.0)
     vehicle = Vehicle(led, VehicleState())
     follow(led, 0, 0, 0)
@@ -492,15 +493,15 @@ def test_a_vehicle_that_is_never_heard_is_lost_in_the_end() -> None:
     assert not led.lost
     vehicle.now_s += 3.1
     assert vehicle.turn() is None
-    assert led.lost == "not heard within 3 s"
+    assert led.lost == "no heartbeat within 3 s"
 
 
-def test_what_is_wrong_with_the_link_is_told_of_who_is_lost() -> None:
+def test_what_is_wrong_with_the_link_is_reported_of_who_is_lost() -> None:
     led = follower(join_timeout_s=3.0)
     follow(led, 0, 0, 0)
     for now_s in (0.0, 3.1):
         led.advance(VehicleState(), Outcome(), now_s, "/dev/nope: No such file or directory")
-    assert led.lost == "not heard within 3 s: /dev/nope: No such file or directory"
+    assert led.lost == "no heartbeat within 3 s: /dev/nope: No such file or directory"
 
 
 @pytest.mark.parametrize(
@@ -541,7 +542,7 @@ def test_somebody_who_may_arm_later_has_all_the_time_in_the_world() -> None:
     follow(led, 0, 0, 0)
     vehicle.turn()
     vehicle.now_s += 1000.0
-    vehicle.turn(reason="waits for somebody to arm it")
+    vehicle.turn(reason="waiting for somebody to arm it")
     assert not led.lost and not led.blocked
 
 
@@ -601,7 +602,7 @@ def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> Non
 def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     home = Home(-23.999, -45.999, 0.0)
     mission = search_mission(FRAME, [(0, 9), (1, 9), (1, 9)], [0, 0, 1], SETTINGS, home)
-    task = mission_task(mission, FENCE, "ardupilot")
+    task = mission_task(mission, FENCE, ARDUPILOT)
     assert isinstance(task, Accepted)
     led = follower(whole=True)
     vehicle = Vehicle(led)
@@ -612,7 +613,7 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     assert vehicle.turn() is None
     vehicle.obey()
     assert led.arrived_stamp_ns == 26 and vehicle.turn() is None
-    far = mission_task(replace(mission, home=Home(0.0, 0.0, 0.0)), FENCE, "ardupilot")
+    far = mission_task(replace(mission, home=Home(0.0, 0.0, 0.0)), FENCE, ARDUPILOT)
     assert isinstance(far, Rejected)
 
 
@@ -652,16 +653,16 @@ def test_an_order_that_would_fail_again_is_given_once() -> None:
     vehicle = Vehicle(led)
     follow(led, 0, 3, 4)
     assert vehicle.turn() == TakeOff(120.0)
-    vehicle.turn(status="failed", reason="takes off: UNSUPPORTED", final=True)
-    assert led.lost == "failed: takes off: UNSUPPORTED"
+    vehicle.turn(status="failed", reason="taking off: UNSUPPORTED", final=True)
+    assert led.lost == "failed: taking off: UNSUPPORTED"
     assert vehicle.orders == [TakeOff(120.0)]
 
 
 @pytest.mark.parametrize("where", [{}, {"lat_deg": math.nan, "lon_deg": math.nan}])
-def test_what_a_vehicle_says_of_its_checks_is_why_it_cannot_take_off(where: Any) -> None:
+def test_what_a_vehicle_reports_of_its_checks_is_why_it_cannot_take_off(where: Any) -> None:
     led = follower()
-    said = (("PreArm: GPS 1: Bad fix", 0.0),)
-    vehicle = Vehicle(led, replace(ON_GROUND, ready=False, _complaints=said, **where))
+    complaints = (("PreArm: GPS 1: Bad fix", 0.0),)
+    vehicle = Vehicle(led, replace(ON_GROUND, ready=False, _complaints=complaints, **where))
     follow(led, 0, 3, 4)
     vehicle.turn()
     vehicle.turn(reason="")

@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The state is what the vehicle has said of itself, and nothing that it has not."""
+"""The state is what the vehicle has reported, and nothing else."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import Any, get_args
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.mavlink_messages import (
     BatteryStatus,
     EkfStatus,
@@ -26,7 +27,6 @@ from dsse_ros.flight.mavlink_messages import (
     StatusText,
     SysStatus,
 )
-from dsse_ros.flight.modes import mode_name, mode_parameters
 from dsse_ros.flight.vehicle_state import VehicleState, observe, without_link
 
 GUIDED = Heartbeat(2, 3, 1, 4, 3)
@@ -37,10 +37,10 @@ PLAIN = [kind for kind in get_args(Incoming) if not hasattr(kind, "target")]
 NUMBERS = st.integers(-(2**31), 2**32 - 1)
 
 
-def after(*messages: Incoming, dialect: Any = "ardupilot") -> VehicleState:
+def after(*messages: Incoming, autopilot: str = "ardupilot") -> VehicleState:
     state = VehicleState()
     for message in messages:
-        state = observe(state, message, 7.0, dialect)
+        state = observe(state, message, 7.0, AUTOPILOTS[autopilot])
     return state
 
 
@@ -51,7 +51,7 @@ def test_at_first_nothing_is_known() -> None:
     assert state.home is None and state.mode == "" and state.item_reached == -1
 
 
-def test_a_heartbeat_tells_mode_and_arming() -> None:
+def test_a_heartbeat_has_mode_and_arming() -> None:
     state = after(GUIDED)
     assert (state.connected, state.mode, state.armed, state.heard_s) == (True, "GUIDED", False, 7.0)
     assert after(ARMED).armed
@@ -86,7 +86,7 @@ def test_ready_takes_a_position_and_the_checks(flags: int, health: int, ready: b
 @pytest.mark.parametrize(
     ("landed", "flying"), [(1, False), (2, True), (3, True), (4, True), (0, True)]
 )
-def test_flying_is_what_it_says_of_the_ground(landed: int, flying: bool) -> None:
+def test_flying_is_its_landed_state(landed: int, flying: bool) -> None:
     assert after(ARMED, ExtendedSysState(landed)).flying is flying
     assert not after(GUIDED, ExtendedSysState(landed)).flying
 
@@ -113,7 +113,7 @@ def test_a_battery_that_is_not_measured_is_not_known() -> None:
         ("Reached command #3", ""),
     ],
 )
-def test_a_failsafe_is_named_by_what_the_vehicle_says(text: str, failsafe: str) -> None:
+def test_a_failsafe_is_named_by_what_the_vehicle_reports(text: str, failsafe: str) -> None:
     assert after(ARMED, StatusText(4, text)).failsafe == failsafe
     critical = Heartbeat(2, 3, 129, 6, 5)
     assert after(StatusText(4, text), critical).failsafe == (failsafe or "critical")
@@ -143,18 +143,18 @@ def unwell(sensor: int) -> SysStatus:
     ],
 )
 def test_a_failsafe_of_px4_is_named_by_what_is_not_well(message: Incoming, failsafe: str) -> None:
-    assert after(message, CRITICAL, dialect="px4").failsafe == failsafe
-    assert after(CRITICAL, message, dialect="px4").failsafe == failsafe
+    assert after(message, CRITICAL, autopilot="px4").failsafe == failsafe
+    assert after(CRITICAL, message, autopilot="px4").failsafe == failsafe
     # What is not well is no failsafe by itself.
-    assert after(ACTIVE, message, dialect="px4").failsafe == ""
-    assert after(CRITICAL, message, ACTIVE, dialect="px4").failsafe == ""
+    assert after(ACTIVE, message, autopilot="px4").failsafe == ""
+    assert after(CRITICAL, message, ACTIVE, autopilot="px4").failsafe == ""
 
 
 def test_px4_is_ready_when_its_checks_are_passed_and_its_place_is_known() -> None:
     checks = SysStatus(READY, 90)
-    assert after(HERE, checks, dialect="px4").ready
-    assert not after(checks, dialect="px4").ready
-    assert not after(HERE, SysStatus(0, 90), dialect="px4").ready
+    assert after(HERE, checks, autopilot="px4").ready
+    assert not after(checks, autopilot="px4").ready
+    assert not after(HERE, SysStatus(0, 90), autopilot="px4").ready
 
 
 def test_a_failsafe_that_is_cleared_is_none() -> None:
@@ -163,7 +163,7 @@ def test_a_failsafe_that_is_cleared_is_none() -> None:
     )
 
 
-def test_progress_home_and_target_are_told() -> None:
+def test_progress_home_and_target_are_known() -> None:
     state = after(
         HERE,
         MissionCurrent(4, 5),
@@ -186,24 +186,24 @@ def test_without_a_link_it_is_neither_connected_nor_ready_but_last_seen_somewher
 
 
 @given(st.data(), st.sampled_from(["ardupilot", "px4"]))
-def test_nothing_a_vehicle_says_makes_it_raise(data: st.DataObject, dialect: Any) -> None:
+def test_no_message_makes_it_raise(data: st.DataObject, autopilot: str) -> None:
     state = VehicleState()
     for kind in data.draw(st.lists(st.sampled_from(PLAIN), max_size=20)):
         values = {
             field.name: data.draw(st.text(max_size=50) if field.type == "str" else NUMBERS)
             for field in fields(kind)
         }
-        state = observe(state, kind(**values), 1.0, dialect)
+        state = observe(state, kind(**values), 1.0, AUTOPILOTS[autopilot])
     assert isinstance(state.mode, str)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["ardupilot", "px4"]))
-def test_every_mode_has_a_name(custom_mode: int, dialect: Any) -> None:
-    assert mode_name(custom_mode, dialect)
+def test_every_mode_has_a_name(custom_mode: int, autopilot: str) -> None:
+    assert AUTOPILOTS[autopilot].mode_name(custom_mode)
 
 
 @pytest.mark.parametrize(
-    ("name", "dialect", "custom_mode"),
+    ("name", "autopilot", "custom_mode"),
     [
         ("GUIDED", "ardupilot", 4),
         ("RTL", "ardupilot", 6),
@@ -211,8 +211,10 @@ def test_every_mode_has_a_name(custom_mode: int, dialect: Any) -> None:
         ("HOLD", "px4", 4 << 16 | 3 << 24),
     ],
 )
-def test_a_mode_is_asked_for_by_its_name(name: str, dialect: Any, custom_mode: int) -> None:
-    enabled, main, sub = mode_parameters(name, dialect)
+def test_a_mode_is_asked_for_by_its_name(name: str, autopilot: str, custom_mode: int) -> None:
+    one = AUTOPILOTS[autopilot]
+    enabled, *fields = map(int, one.mode_parameters(name))
     assert enabled == 1
-    assert mode_name(custom_mode, dialect) == name
-    assert (main if dialect == "ardupilot" else main << 16 | sub << 24) == custom_mode
+    assert one.mode_name(custom_mode) == name
+    shifted = zip(fields, one.mode_shifts, strict=True)
+    assert sum(field << shift for field, shift in shifted) == custom_mode

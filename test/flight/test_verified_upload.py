@@ -13,56 +13,60 @@ from lossy_world import OURSELVES, Channel, World
 from mission_vehicle import HOME, VEHICLE, VEHICLES, ArduPilot, Px4
 from sample_missions import mission
 
+from dsse_ros.flight.autopilots import ARDUPILOT, AUTOPILOTS, PX4
 from dsse_ros.flight.mission_messages import MissionAck, MissionItemInt
 from dsse_ros.flight.transfer import Done, Failed, Timeouts
 from dsse_ros.flight.upload import VerifiedUpload, difference
 
-DIALECTS = list(VEHICLES)
+NAMES = list(VEHICLES)
 BAD_LINK = Channel(loss=0.3, duplicate=0.2, reorder=0.3)
 
 
-def verified(items, dialect, **options):
-    return VerifiedUpload(items, VEHICLE, OURSELVES, dialect=dialect, **options)
+def verified(items, autopilot, **options):
+    return VerifiedUpload(items, VEHICLE, OURSELVES, autopilot=AUTOPILOTS[autopilot], **options)
 
 
-def complete(dialect, channel, runs):
+def complete(autopilot, channel, runs):
     """Return in how many runs 20 items were uploaded and read back; check what the vehicle held."""
     items = mission(1, 20)
     done = 0
     for seed in range(runs):
-        world = World(VEHICLES[dialect](), channel, seed)
-        result = world.run(verified(items, dialect), horizon_s=600)
-        assert all(not held or not difference(items, held, dialect) for held in world.vehicle.held)
+        world = World(VEHICLES[autopilot](), channel, seed)
+        result = world.run(verified(items, autopilot), horizon_s=600)
+        assert all(
+            not held or not difference(items, held, AUTOPILOTS[autopilot])
+            for held in world.vehicle.held
+        )
         if isinstance(result, Done):
             done += 1
-            assert difference(items, world.vehicle.mission, dialect) is None
+            assert difference(items, world.vehicle.mission, AUTOPILOTS[autopilot]) is None
             assert result.items == world.vehicle.mission
     return done
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_every_upload_is_complete_over_a_link_that_loses_5_percent(dialect):
-    assert complete(dialect, Channel(loss=0.05), 1000) == 1000
+@pytest.mark.parametrize("autopilot", NAMES)
+def test_every_upload_is_complete_over_a_link_that_loses_5_percent(autopilot):
+    assert complete(autopilot, Channel(loss=0.05), 1000) == 1000
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_uploads_are_complete_over_a_link_that_loses_30_percent_and_doubles_and_reorders(dialect):
-    assert complete(dialect, BAD_LINK, 2000) >= 0.999 * 2000
+@pytest.mark.parametrize("autopilot", NAMES)
+def test_uploads_are_complete_over_a_link_that_loses_30_percent_and_doubles_and_reorders(autopilot):
+    assert complete(autopilot, BAD_LINK, 2000) >= 0.999 * 2000
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_uploads_are_complete_over_a_link_that_only_doubles_and_reorders(dialect):
-    assert complete(dialect, Channel(duplicate=0.2, reorder=0.3), 300) == 300
+@pytest.mark.parametrize("autopilot", NAMES)
+def test_uploads_are_complete_over_a_link_that_only_doubles_and_reorders(autopilot):
+    assert complete(autopilot, Channel(duplicate=0.2, reorder=0.3), 300) == 300
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_no_vehicle_ever_holds_a_mixture_of_a_cancelled_mission_and_the_next(dialect):
+@pytest.mark.parametrize("autopilot", NAMES)
+def test_no_vehicle_ever_holds_a_mixture_of_a_cancelled_mission_and_the_next(autopilot):
     for seed in range(600):
         draw = random.Random(seed)
         channel = dataclasses.replace(BAD_LINK, loss=draw.choice([0.0, 0.05, 0.3]))
         missions = [mission(number, draw.randint(2, 20)) for number in (1, 2)]
-        world = World(VEHICLES[dialect](), channel, seed)
-        first = verified(missions[0], dialect)
+        world = World(VEHICLES[autopilot](), channel, seed)
+        first = verified(missions[0], autopilot)
         world.send(first.start(world.now))
         until = draw.uniform(0, draw.choice([1, 30]))
         while first.result is None and world.step(first, until):
@@ -70,9 +74,11 @@ def test_no_vehicle_ever_holds_a_mixture_of_a_cancelled_mission_and_the_next(dia
         world.send(first.cancel(world.now))
         while first.result is None:
             assert world.step(first, until + 12), "the cancelled upload goes on"
-        assert isinstance(world.run(verified(missions[1], dialect)), Done)
+        assert isinstance(world.run(verified(missions[1], autopilot)), Done)
         for held in world.vehicle.held:
-            assert not held or None in [difference(items, held, dialect) for items in missions]
+            assert not held or None in [
+                difference(items, held, AUTOPILOTS[autopilot]) for items in missions
+            ]
 
 
 class Corrupting(ArduPilot):
@@ -125,13 +131,13 @@ def test_without_a_reply_after_the_upload_the_mission_counts_as_changed():
     assert exchange.result.code == "no_reply" and exchange.result.changed
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_cancel_ends_an_upload_whenever_it_comes(dialect):
+@pytest.mark.parametrize("autopilot", NAMES)
+def test_cancel_ends_an_upload_whenever_it_comes(autopilot):
     """Cancels before the first, second, third, ... event of an undisturbed upload."""
     steps = 0
     while True:
-        world = World(VEHICLES[dialect](), Channel(), seed=0)
-        exchange = verified(mission(1, 4), dialect)
+        world = World(VEHICLES[autopilot](), Channel(), seed=0)
+        exchange = verified(mission(1, 4), autopilot)
         world.send(exchange.start(0.0))
         for _ in range(steps):
             world.step(exchange)
@@ -153,31 +159,31 @@ def test_cancel_ends_an_upload_whenever_it_comes(dialect):
 SENT = mission(1, 5)
 
 
-def stored(dialect, items=SENT):
-    vehicle = VEHICLES[dialect]()
+def stored(autopilot, items=SENT):
+    vehicle = VEHICLES[autopilot]()
     return tuple(vehicle.stored(item) for item in items)
 
 
-def changed(index, dialect="ardupilot", **values):
-    read = list(stored(dialect))
+def changed(index, autopilot="ardupilot", **values):
+    read = list(stored(autopilot))
     read[index] = dataclasses.replace(read[index], **values)
     return read
 
 
-@pytest.mark.parametrize("dialect", VEHICLES)
-def test_a_mission_is_the_same_as_its_vehicle_returns_it(dialect):
-    assert stored(dialect) != SENT
-    assert difference(SENT, stored(dialect), dialect) is None
+@pytest.mark.parametrize("autopilot", VEHICLES)
+def test_a_mission_is_the_same_as_its_vehicle_returns_it(autopilot):
+    assert stored(autopilot) != SENT
+    assert difference(SENT, stored(autopilot), AUTOPILOTS[autopilot]) is None
 
 
 def test_home_is_the_vehicles_own_with_ardupilot_only():
-    assert difference(SENT, (HOME, *SENT[1:]), "ardupilot") is None
-    assert "item 0" in difference(SENT, (HOME, *SENT[1:]), "px4")
+    assert difference(SENT, (HOME, *SENT[1:]), ARDUPILOT) is None
+    assert "item 0" in difference(SENT, (HOME, *SENT[1:]), PX4)
 
 
 def test_an_open_yaw_comes_back_as_anything():
     for yaw in (0.0, 90.0, math.nan):
-        assert difference(SENT, changed(1, param4=yaw), "ardupilot") is None
+        assert difference(SENT, changed(1, param4=yaw), ARDUPILOT) is None
 
 
 @pytest.mark.parametrize(
@@ -198,20 +204,20 @@ def test_an_open_yaw_comes_back_as_anything():
 )
 def test_every_field_that_matters_is_compared(values):
     name = next(iter(values))
-    assert f"item 1: {name} " in difference(SENT, changed(1, **values), "ardupilot")
+    assert f"item 1: {name} " in difference(SENT, changed(1, **values), ARDUPILOT)
 
 
 def test_px4_returns_times_and_radii_as_they_were():
-    assert difference(SENT, changed(1, "px4", param1=5.5), "px4") is not None
-    assert difference(SENT, changed(1, "ardupilot", param1=5.5), "ardupilot") is None
+    assert difference(SENT, changed(1, "px4", param1=5.5), PX4) is not None
+    assert difference(SENT, changed(1, "ardupilot", param1=5.5), ARDUPILOT) is None
 
 
 def test_a_mission_with_another_number_of_items_differs():
-    assert difference(SENT, SENT[:-1], "px4") == "5 items were sent, 4 read back"
-    assert difference(SENT, (), "ardupilot") is not None
-    assert difference((), (), "ardupilot") is None
+    assert difference(SENT, SENT[:-1], PX4) == "5 items were sent, 4 read back"
+    assert difference(SENT, (), ARDUPILOT) is not None
+    assert difference((), (), ARDUPILOT) is None
 
 
 def test_items_of_another_mission_are_found():
     mixture = (*SENT[:3], *mission(2, 5)[3:])
-    assert "item 3" in difference(SENT, mixture, "ardupilot")
+    assert "item 3" in difference(SENT, mixture, ARDUPILOT)

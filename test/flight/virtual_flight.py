@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pilot and a simulated vehicle on a bad link, without sockets, in a time of their own."""
+"""A controller and a simulated vehicle on a bad link, without sockets, in a time of their own."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from autopilot.main import make_vehicle
 from autopilot.settings import Settings
 
 from dsse_ros.flight.codec import Codec
+from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.mavlink_messages import (
     CommandLong,
     Heartbeat,
@@ -23,7 +24,7 @@ from dsse_ros.flight.mavlink_messages import (
 )
 from dsse_ros.flight.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import Order
-from dsse_ros.flight.pilot import Outcome, Pilot, PilotSettings
+from dsse_ros.flight.vehicle_controller import Outcome, VehicleController
 from dsse_ros.flight.vehicle_state import VehicleState
 
 VEHICLE, OURSELVES = Address(1, 1), Address(245, 191)
@@ -32,26 +33,26 @@ STEP_S = 0.05
 
 
 class VirtualFlight:
-    """One vehicle, one pilot.
+    """One vehicle, one controller.
 
     Args:
-        dialect: Whose autopilot.
+        autopilot: Which autopilot it has.
         loss: Share of messages that are lost, in each direction.
         duplicate: Share of the others that come twice.
         delay_s: Greatest delay of a message, which may so be overtaken.
         seed: Of the link and of the vehicle.
         vehicle: Fields of the vehicle's `Settings`.
-        settings: Fields of `PilotSettings`.
+        settings: Fields of `ControllerSettings`.
 
     Attributes:
-        said: What the pilot has sent, with the time.
-        heard: What has reached it.
+        sent: What the controller has sent, with the time.
+        received: What it has received.
         seen: What became of its orders, in turn.
     """
 
     def __init__(
         self,
-        dialect: Any = "ardupilot",
+        autopilot: Any = "ardupilot",
         *,
         loss: float = 0.0,
         duplicate: float = 0.0,
@@ -61,13 +62,13 @@ class VirtualFlight:
         **settings: Any,
     ) -> None:
         options = {"ready_s": 5.0, **(vehicle or {})}
-        self.vehicle = make_vehicle(Settings(dialect=dialect, seed=seed, **options))
-        self._settings = PilotSettings(dialect=dialect, **settings)
-        self.pilot = Pilot(VEHICLE, OURSELVES, self._settings)
+        self.vehicle = make_vehicle(Settings(autopilot=autopilot, seed=seed, **options))
+        self._settings = ControllerSettings(autopilot=autopilot, **settings)
+        self.controller = VehicleController(VEHICLE, OURSELVES, self._settings)
         self.now = 0.0
         self.loss, self.duplicate, self.delay_s = loss, duplicate, delay_s
-        self.said: list[tuple[float, Outgoing]] = []
-        self.heard: list[Incoming] = []
+        self.sent: list[tuple[float, Outgoing]] = []
+        self.received: list[Incoming] = []
         self.seen: list[Outcome] = []
         self._random = random.Random(seed)
         self._codec = Codec(OURSELVES, VEHICLE)
@@ -93,14 +94,14 @@ class VirtualFlight:
                 self.vehicle.receive(self._channel, data)
                 continue
             for message in self._codec.decode(data, self.now, datagram=True):
-                self.heard.append(message)
-                self._send(self.pilot.receive(message, self.now))
-        if self.now >= self.pilot.deadline:
-            self._send(self.pilot.tick(self.now))
-            # Whoever drives it would not get any rest.
-            assert self.pilot.deadline > self.now
-        if not self.seen or self.pilot.outcome != self.seen[-1]:
-            self.seen.append(self.pilot.outcome)
+                self.received.append(message)
+                self._send(self.controller.receive(message, self.now))
+        if self.now >= self.controller.deadline:
+            self._send(self.controller.tick(self.now))
+            # Its driver would not get any rest.
+            assert self.controller.deadline > self.now
+        if not self.seen or self.controller.outcome != self.seen[-1]:
+            self.seen.append(self.controller.outcome)
 
     def wait(self, seconds: float) -> None:
         """Let time pass."""
@@ -109,8 +110,8 @@ class VirtualFlight:
             self.step()
 
     def restart(self) -> None:
-        """Put a new pilot in place of the one there is, as when the program is restarted."""
-        self.pilot = Pilot(VEHICLE, OURSELVES, self._settings)
+        """Put a new controller in place of the one there is, as when the program is restarted."""
+        self.controller = VehicleController(VEHICLE, OURSELVES, self._settings)
 
     def until(self, condition: Callable[[], Any], limit_s: float = 600.0) -> None:
         """Let time pass until something is true."""
@@ -123,7 +124,7 @@ class VirtualFlight:
 
     def give(self, order: Order) -> None:
         """Give an order and go on."""
-        self._send(self.pilot.give(order, self.now))
+        self._send(self.controller.give(order, self.now))
 
     def fly(self, order: Order, limit_s: float = 600.0) -> Outcome:
         """Give an order, and return what has become of it in the end."""
@@ -134,12 +135,12 @@ class VirtualFlight:
     @property
     def outcome(self) -> Outcome:
         """Of the latest order."""
-        return self.pilot.outcome
+        return self.controller.outcome
 
     @property
     def state(self) -> VehicleState:
-        """As the pilot knows it."""
-        return self.pilot.state
+        """As the controller knows it."""
+        return self.controller.state
 
     def statuses(self) -> list[str]:
         """Return what the status has been, in turn."""
@@ -157,19 +158,19 @@ class VirtualFlight:
         craft = self.vehicle.craft
         return math.hypot(craft.north_m - north_m, craft.east_m - east_m)
 
-    # What was said
+    # What was sent
 
     def commands(self, number: int) -> list[CommandLong]:
         """Return the commands of a kind."""
-        return [m for _, m in self.said if isinstance(m, CommandLong) and m.command == number]
+        return [m for _, m in self.sent if isinstance(m, CommandLong) and m.command == number]
 
-    def set_points(self) -> list[SetPositionTarget]:
-        """Return all set-points."""
-        return [message for _, message in self.said if isinstance(message, SetPositionTarget)]
+    def setpoints(self) -> list[SetPositionTarget]:
+        """Return all setpoints."""
+        return [message for _, message in self.sent if isinstance(message, SetPositionTarget)]
 
-    def _send(self, said: list[Outgoing]) -> None:
-        for message in said:
-            self.said.append((self.now, message))
+    def _send(self, messages: list[Outgoing]) -> None:
+        for message in messages:
+            self.sent.append((self.now, message))
             self._put(self._codec.encode(message), to_vehicle=True)
 
     def _put(self, data: bytes, *, to_vehicle: bool) -> None:
@@ -191,7 +192,7 @@ def mission(
         return WireItem(len(items), 6, command, **place, **fields)
 
     items: list[WireItem] = []
-    if flight.vehicle.settings.dialect == "ardupilot":
+    if flight.vehicle.settings.autopilot == "ardupilot":
         items.append(item(16, 0.0, 0.0, 0.0))
     items.append(item(22, 0.0, 0.0, places[0][2]))
     for place in places:

@@ -4,16 +4,12 @@
 import sys
 from pathlib import Path
 
-from hypothesis import settings
 from hypothesis import strategies as st
 
 from msg_adapters.frames import GridFrame
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-# The machine may be busy: an example that takes long is no failure.
-settings.register_profile("msg_adapters", deadline=None)
-settings.load_profile("msg_adapters")
 
 st.register_type_strategy(
     GridFrame,

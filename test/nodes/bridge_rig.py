@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rig import LATCHED, RELIABLE, Process, Rig, Sim
+from rig import ALL, Process, Rig, Sim
 
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import map_to_geodetic
@@ -67,8 +67,8 @@ class Bridge:
             given | {"pose_rate": 20.0, "state_directory": str(rig.folder / "state")} | parameters,
         )
         names = [f"drone{i}" for i in range(len(vehicles))]
-        self.states = [rig.listen(DiagnosticArray, f"{n}/vehicle_state", LATCHED) for n in names]
-        self.poses = [rig.listen(PoseStamped, f"{n}/vehicle_pose", RELIABLE) for n in names]
+        self.states = [rig.listen(DiagnosticArray, f"{n}/vehicle_state", ALL) for n in names]
+        self.poses = [rig.listen(PoseStamped, f"{n}/vehicle_pose") for n in names]
 
     def state(self, i: int) -> Mapping[str, str]:
         """Return the last state of a vehicle."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS domain per module, and the profiles of properties."""
+"""A ROS domain per module."""
 
 from __future__ import annotations
 
@@ -9,16 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 from rig import ENVIRONMENT, Rig  # noqa: E402
 
 os.environ.update(ENVIRONMENT)
-# The machine may be busy: an example that takes long is no failure.
-settings.register_profile("nodes", deadline=None)
-settings.load_profile("nodes")
 
 
 @pytest.fixture(scope="module")

@@ -4,26 +4,24 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
-import random
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
 import time
 import warnings
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from domains import free_domain
 from numpy.typing import NDArray
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rcl_interfaces.srv import (
@@ -35,7 +33,7 @@ from rcl_interfaces.srv import (
 )
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -53,7 +51,7 @@ with warnings.catch_warnings():
 
 T = TypeVar("T")
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 120.0
 """Until a test gives up waiting; a first start compiles, and the machine may be busy."""
 
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -67,6 +65,8 @@ ALL = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 """Every report from the last one on: what waits is not overtaken by what comes."""
+EVERY = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
+"""Every message from now on, however slowly the test takes them."""
 
 # By default a node that missed the first announcements, or a message, waits 3 s for the next try.
 _PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
@@ -98,31 +98,6 @@ def _environment() -> dict[str, str]:
 
 ENVIRONMENT = _environment()
 """What the tests and the nodes they start have in common."""
-
-_locks: deque[IO[bytes]] = deque()
-_MOST_LOCKS = 40
-"""Those that came before the last of these have ended, or holds the port of its domain."""
-
-
-def free_domain() -> int:
-    """Return a ROS domain that no process of this machine is in, and keep it from other tests."""
-    # Domains above 101 take ports that the system gives to anybody.
-    for domain in random.sample(range(1, 102), 101):
-        path = Path(tempfile.gettempdir()) / f"dsse_ros_test_domain_{os.getuid()}_{domain}"
-        lock = path.open("wb")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-                # The port of a domain's first participant (DDSI-RTPS 2.3, 9.6.1.1).
-                probe.bind(("127.0.0.1", 7400 + 250 * domain + 10))
-        except OSError:
-            lock.close()
-            continue
-        _locks.append(lock)
-        if len(_locks) > _MOST_LOCKS:
-            _locks.popleft().close()
-        return domain
-    raise RuntimeError("no ROS domain is free")
 
 
 class Process:
@@ -259,14 +234,21 @@ class Rig:
             self.executor.spin_once(timeout_sec=0.02)
         return value
 
-    def listen(self, kind: Any, topic: str, qos: QoSProfile = RELIABLE) -> Inbox:
+    def drain(self) -> None:
+        """Take all messages that have come so far."""
+        with contextlib.suppress(TimeoutException):
+            while True:
+                handler, *_ = self.executor.wait_for_ready_callbacks(timeout_sec=0.0)
+                handler()
+
+    def listen(self, kind: Any, topic: str, qos: QoSProfile = EVERY) -> Inbox:
         """Return the messages of a topic as they come."""
         inbox = Inbox()
         self.node.create_subscription(kind, topic, inbox.append, qos)
         return inbox
 
     @contextlib.contextmanager
-    def listening(self, kind: Any, topic: str, qos: QoSProfile = RELIABLE) -> Iterator[Inbox]:
+    def listening(self, kind: Any, topic: str, qos: QoSProfile = EVERY) -> Iterator[Inbox]:
         """Listen for a while."""
         inbox = Inbox()
         subscription = self.node.create_subscription(kind, topic, inbox.append, qos)
@@ -296,13 +278,14 @@ class Rig:
             assert publisher.wait_for_all_acked(Duration(seconds=TIMEOUT_S))
 
     def call(self, kind: Any, service: str, **fields: Any) -> Any:
-        """Return the response of a service."""
+        """Return the response of a service, when what was published before it is here too."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, service)
         client = self._clients[service]
         self.until(client.service_is_ready, f"service {service}")
         future = client.call_async(kind.Request(**fields))
         self.until(future.done, f"a response of {service}")
+        self.drain()
         return future.result()
 
 
@@ -339,7 +322,7 @@ class Sim:
     @property
     def search(self) -> tuple[int, int]:
         """run_id and mission of the last report."""
-        return int(self.report["run_id"][0]), int(self.report["mission"][0])
+        return search_of(self.report)
 
     @property
     def cells(self) -> list[tuple[int, int]]:
@@ -395,9 +378,15 @@ class Sim:
 
     def reset(self) -> NDArray[Any]:
         """Start a new mission and return its first report."""
-        seen = len(self.reports)
+        seen, before = len(self.reports), self.search
         assert self.trigger("reset")[0]
-        return self.next_report(seen)
+
+        def of_new_mission() -> list[NDArray[Any]]:
+            reports = map(step_report_from_message, self.reports[seen:])
+            return [report for report in reports if search_of(report) != before]
+
+        # In real time steps of the old one may come first.
+        return self.rig.until(of_new_mission, "the first report of a new mission")[0]
 
     def pause(self, paused: bool) -> None:
         """Hold the mission, or let it go on."""
@@ -444,7 +433,8 @@ class Sim:
     def health_when(self, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
         """Return the first diagnostics from now on that satisfy the condition.
 
-        They are the values, with `level`, `message` and the message's first part as `state`.
+        What was published before them is here then too. They are the values, with `level`,
+        `message` and the message's first part as `state`.
         """
         name = f"{self.namespace}/dsse_sim".lstrip("/")
         with self.rig.listening(DiagnosticArray, "/diagnostics") as inbox:
@@ -465,6 +455,7 @@ class Sim:
                 return None
 
             health = self.rig.until(found, "such diagnostics")
+            self.rig.drain()
         assert health is not None
         return health
 
@@ -481,6 +472,11 @@ class Sim:
 def cells(report: NDArray[Any]) -> list[tuple[int, int]]:
     """Return the cells (col, row) of a report."""
     return list(zip(report["col"].tolist(), report["row"].tolist(), strict=True))
+
+
+def search_of(report: NDArray[Any]) -> tuple[int, int]:
+    """Return run_id and mission of a report."""
+    return int(report["run_id"][0]), int(report["mission"][0])
 
 
 def stamp_ns(message: Any) -> int:

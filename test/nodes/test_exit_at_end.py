@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from nav_msgs.msg import Path as PathMessage
 from rig import LATCHED, Rig
 from sensor_msgs.msg import Image
 
 from dsse_ros.mission.mission_log import read_log
-from msg_adapters.stamps import to_nanoseconds
+from msg_adapters.step_report import step_report_from_message
 
-SHORT = {
+SHORT: dict[str, Any] = {
     "num_drones": 2, "grid_size": 6, "probability_of_detection": 0.0, "timestep_limit": 5,
     "seed": 1, "exit_at_end": True,
 }  # fmt: skip
@@ -31,10 +32,9 @@ def test_a_node_ends_with_its_mission_and_its_listeners_have_all_of_it(
     assert sim.process.wait() == 0
     assert "Traceback" not in sim.process.output
     # All that it has sent is here, and the last of each topic is of the end.
-    rig.until(lambda: maps and paths and to_nanoseconds(maps.last.header.stamp) > 0)
-    end_ns = to_nanoseconds(sim.reports.last.header.stamp)
-    assert to_nanoseconds(maps.last.header.stamp) == end_ns
-    assert to_nanoseconds(paths.last.header.stamp) == end_ns
+    end = sim.reports.last.header.stamp
+    for inbox in (maps, paths):
+        rig.until(lambda inbox=inbox: inbox and inbox.last.header.stamp == end)  # type: ignore[misc]
     assert not read_log(csv).alive.any()
 
 
@@ -54,10 +54,16 @@ def test_a_mission_that_another_follows_is_no_end(rig: Rig) -> None:
 
 def test_a_reset_in_time_keeps_the_node(rig: Rig) -> None:
     sim = rig.sim(SHORT, namespace="/again")
+    ended = 0
     for _ in range(3):
-        while sim.flying:
+        while sim.step_number < SHORT["timestep_limit"]:
             sim.fly(4, 4)
+        # Right behind the last command: from the last step on the node stays for little more.
+        seen = len(sim.reports)
+        sim.joint(4, 4)
         assert sim.reset()["step"][0] == 0
+        ended += bool(step_report_from_message(sim.reports[seen])["truncated"].all())
+    assert ended
     sim.set(exit_at_end=False)
     while sim.flying:
         sim.fly(4, 4)

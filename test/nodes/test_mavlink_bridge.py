@@ -95,16 +95,17 @@ def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
         assert lost in sim.health()["lost.drone1"]
 
 
-@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
-def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
-    rig: Rig, dialect: str
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_who_is_lost_on_the_ground_stays_there_when_it_is_connected_again(
+    rig: Rig, autopilot: str
 ) -> None:
-    with autopilots((), dialect=dialect, ready_s=200.0) as vehicles:
-        rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles, dialect=dialect, link_timeout=1.0, lost_timeout=1.0)
+    rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+    # It is to be ready some time after the order.
+    with autopilots((), autopilot=autopilot, ready_s=400.0) as vehicles:
+        bridge = Bridge(rig, vehicles, autopilot=autopilot, link_timeout=4.0, lost_timeout=4.0)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
         os.kill(vehicles[0].pid, signal.SIGSTOP)
-        bridge.until(0, connected="false", lost="link lost: no heartbeat for 1 s")
+        bridge.until(0, connected="false", lost="link lost: no heartbeat for 4 s")
         os.kill(vehicles[0].pid, signal.SIGCONT)
         bridge.until(0, connected="true", ready="true", order="Return()", status="done")
         seen = len(bridge.states[0])
@@ -118,7 +119,7 @@ def test_who_is_lost_on_the_ground_stays_there_when_it_is_heard_again(
 
 
 def test_a_take_off_is_called_off_when_a_search_comes_that_cannot_be_flown(rig: Rig) -> None:
-    with autopilots((), ready_s=200.0) as vehicles:
+    with autopilots((), ready_s=10_000.0) as vehicles:
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
         bridge = Bridge(rig, vehicles)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
@@ -132,8 +133,8 @@ def test_a_take_off_is_called_off_when_a_search_comes_that_cannot_be_flown(rig: 
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        ({"ready_s": 10_000.0}, "no position within 3 s"),
-        ({"key": True}, "within 3 s"),
+        ({"ready_s": 10_000.0}, "no position within 12 s"),
+        ({"key": True}, "within 12 s"),
     ],
 )
 def test_who_cannot_take_off_is_lost_with_the_reason_and_the_other_goes_on(
@@ -145,7 +146,7 @@ def test_who_cannot_take_off_is_lost_with_the_reason_and_the_other_goes_on(
     with autopilots(()) as one, autopilots((), **given) as other:
         vehicles = [one[0], other[0]]
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5], "wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles, system_ids=[1, 1], join_timeout=3.0)
+        bridge = Bridge(rig, vehicles, system_ids=[1, 1], join_timeout=12.0)
         rig.until(lambda: bridge.state(1).get("lost"), "the second is lost")
         assert why in bridge.state(1)["lost"]
         assert bridge.process.output.count("drone1 is lost") == 1
@@ -196,7 +197,7 @@ def test_why_a_vehicle_cannot_be_reached_is_reported_once_and_for_the_lost(rig: 
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5]})
         bridge = Bridge(rig, [], connections=connections, join_timeout=3.0)
         states = rig.listen(DiagnosticArray, "drone0/vehicle_state", LATCHED)
-        lost = f"lost: not heard within 3 s: {connections[0]}: {reasons[0]}"
+        lost = f"lost: no heartbeat within 3 s: {connections[0]}: {reasons[0]}"
         rig.until(lambda: states and states.last.status[0].message == lost, lost)
         lines = bridge.process.output
         for i, (connection, reason) in enumerate(zip(connections, reasons, strict=True)):
@@ -204,14 +205,14 @@ def test_why_a_vehicle_cannot_be_reached_is_reported_once_and_for_the_lost(rig: 
             assert lines.count(f"drone{i}: {connection}: {reason}") == 1
 
 
-def test_who_is_not_heard_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> None:
+def test_who_has_no_heartbeat_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> None:
     start = {"drones_positions": [0, 5, 1, 5]}
     with autopilots((), ()) as vehicles:
         sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles, link_timeout=1.0, lost_timeout=2.0)
+        bridge = Bridge(rig, vehicles, link_timeout=4.0, lost_timeout=6.0)
         bridge.until(1, flying="true")
         vehicles[1].kill()
-        bridge.until(1, lost="link lost: no heartbeat for 2 s")
+        bridge.until(1, lost="link lost: no heartbeat for 6 s")
         fly(sim, UP, UP)
         fly(sim, RIGHT, RIGHT)
         assert sim.report["terminated"].tolist() == [0, 1]
@@ -221,7 +222,7 @@ def test_nothing_is_armed_unless_that_is_allowed(rig: Rig) -> None:
     with autopilots(()) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5]})
         bridge = Bridge(rig, vehicles, arm=False)
-        state = bridge.until(0, reason="waits for GUIDED: it is in STABILIZE")
+        state = bridge.until(0, reason="waiting for GUIDED: it is in STABILIZE")
         assert state["armed"] == "false" and state["ready"] == "true"
 
 
@@ -237,11 +238,13 @@ def test_without_a_planner_the_vehicles_hold_until_it_goes_on(rig: Rig) -> None:
 
 
 def test_px4_flies_cells_and_searches_too(rig: Rig) -> None:
-    with autopilots((), dialect="px4", speedup=8.0) as vehicles:
+    # A busy machine may keep the bridge from sending for a while.
+    patient = ("--param", "COM_OF_LOSS_T=80")
+    with autopilots((), autopilot="px4", speedup=8.0, options=patient) as vehicles:
         sim = rig.sim(
             SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1, "wait_for_vehicles": True}
         )
-        bridge = Bridge(rig, vehicles, dialect="px4", set_point_rate=50.0)
+        bridge = Bridge(rig, vehicles, autopilot="px4", setpoint_rate=50.0)
         fly(sim, SEARCH)
         fly(sim, UP)
         state = bridge.until(0, arrived="true", flying="false", armed="false")
@@ -277,11 +280,11 @@ def test_an_open_loop_goes_after_the_latest_step(rig: Rig) -> None:
         rig.until(lambda: away_m(bridge.poses[0].last, (1, 3)) <= 10.0, "the vehicle's pose")
 
 
-@pytest.mark.parametrize(("dialect", "mode"), [("ardupilot", "AUTO"), ("px4", "MISSION")])
-def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, dialect: str, mode: str) -> None:
-    with autopilots((), dialect=dialect) as vehicles:
+@pytest.mark.parametrize(("autopilot", "mode"), [("ardupilot", "AUTO"), ("px4", "MISSION")])
+def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, autopilot: str, mode: str) -> None:
+    with autopilots((), autopilot=autopilot) as vehicles:
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 3})
-        bridge = Bridge(rig, vehicles, mode="mission", dialect=dialect)
+        bridge = Bridge(rig, vehicles, mode="mission", autopilot=autopilot)
         bridge.until(0, ready="true")
         for action in (UP, UP, SEARCH, SEARCH):
             assert bridge.state(0)["armed"] == "false"
@@ -361,14 +364,22 @@ def test_twenty_vehicles_are_waited_for_and_each_gets_a_heartbeat_a_second(rig: 
         sim = rig.sim(SEARCHED | {"drones_positions": starts, "wait_for_vehicles": True})
         bridge = Bridge(rig, vehicles, pose_rate=5.0)
         bridge.until(0, flying="true")
-        began = [int(bridge.state(i)["count.heartbeats"]) for i in range(number)]
+
+        def counted(i: int) -> tuple[int, int]:
+            """Return the heartbeats that were sent, and those that were not on a busy machine."""
+            state = bridge.state(i)
+            return int(state["count.heartbeats"]), int(state.get("count.heartbeats_missed", 0))
+
+        began = [counted(i) for i in range(number)]
         since = [stamp_ns(states.last) for states in bridge.states]
         fly(sim, *[UP if i >= 18 else SEARCH for i in range(number)])
         fly(sim, *[SEARCH] * number)
         for i in range(number):
             took_s = (stamp_ns(bridge.states[i].last) - since[i]) / 1e9
-            beats = int(bridge.state(i)["count.heartbeats"]) - began[i]
-            assert took_s > 5 and abs(beats - took_s) <= 2
+            beats, missed = (now - then for now, then in zip(counted(i), began[i], strict=True))
+            assert took_s > 5 and missed < took_s / 2
+            # The next one comes a second after one that is late by more.
+            assert -2 <= took_s - beats - missed <= 2 + missed
             assert bridge.state(i)["lost"] == "" and "count.link_lost" not in bridge.state(i)
         assert not sim.report["terminated"].any()
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +23,7 @@ from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import make_step_report, step_report_message
 
 PLANNER = "expanding_square"
+RESEND_S = 0.1
 
 
 class Stage:
@@ -69,7 +71,7 @@ class Stage:
         self._topics[topic].publish(message)
 
     def answer(self, mission: Mission) -> list[int]:
-        """Return the first answer to the mission's step."""
+        """Return the first answer to the step of a mission whose number no other has."""
         step, size = mission.result.step, 2 + mission.env.world.num_drones
         self.rig.until(
             lambda: (
@@ -81,13 +83,34 @@ class Stage:
         )
         return list(self.answers.last.data[2:])
 
+    def until_answered(self, mission: Mission, *actions: int) -> None:
+        """Wait until the last answer is this one to the mission's step."""
+        wanted = [mission.number, mission.result.step, *actions]
+        self.rig.until(
+            lambda: self.answers and list(self.answers.last.data) == wanted, f"answer {wanted}"
+        )
+
+    def steps_answered(self, mission: Mission) -> set[int]:
+        """Return the steps of the mission that have been answered."""
+        return {data[1] for data in self.datas() if data[0] == mission.number}
+
+    def datas(self) -> set[tuple[int, ...]]:
+        """Return mission, step and actions of all answers."""
+        return {tuple(message.data) for message in self.answers}
+
+
+_numbers = itertools.count(1, 100)
+"""Of missions: an answer that is sent again is none to the mission of a later test."""
+
 
 def mission(seed: int = 0, drones: int = 3, grid: int = 6, **options: Any) -> Mission:
     env = parallel_env(
         num_drones=drones, grid_size=grid, probability_of_detection=0.0, sigma=2.0,
         timestep_limit=40, **options,
     )  # fmt: skip
-    return Mission(env, seed)
+    made = Mission(env, seed)
+    made.number = next(_numbers)
+    return made
 
 
 def expected(flown: Mission, planner: object) -> list[int]:
@@ -109,7 +132,7 @@ def expected(flown: Mission, planner: object) -> list[int]:
 @pytest.fixture(scope="module")
 def stage(rig: Rig) -> Stage:
     made = Stage(rig)
-    rig.start("planner_node", {"planner": PLANNER, "resend_period": 0.1})
+    rig.start("planner_node", {"planner": PLANNER, "resend_period": RESEND_S})
     return made
 
 
@@ -138,14 +161,14 @@ def test_an_unanswered_command_is_sent_again(quiet: Stage) -> None:
     actions = quiet.answer(flown)
     quiet.answers.clear()
     quiet.rig.until(lambda: len(quiet.answers) >= 3, "the command again and again")
-    assert {tuple(m.data) for m in quiet.answers} == {(1, 0, *actions)}
+    assert quiet.datas() == {(flown.number, 0, *actions)}
     flown.command_all(actions)
     flown.advance("hold")
     quiet.show(flown)
     quiet.answer(flown)
     quiet.answers.clear()
     quiet.rig.until(lambda: len(quiet.answers) >= 2)
-    assert {m.data[1] for m in quiet.answers} == {1}
+    assert quiet.steps_answered(flown) == {1}
 
 
 def test_a_report_is_answered_with_the_map_of_its_step(quiet: Stage) -> None:
@@ -174,7 +197,7 @@ def test_nobody_is_commanded_when_the_mission_is_over(quiet: Stage) -> None:
     other.advance("hold")
     quiet.show(other)
     quiet.answer(other)
-    assert {m.data[1] for m in quiet.answers} == {0, 2}
+    assert quiet.steps_answered(flown) == {0} and quiet.steps_answered(other) == {2}
 
 
 def test_nobody_is_commanded_any_more_when_all_drones_are_lost(quiet: Stage) -> None:
@@ -184,29 +207,26 @@ def test_nobody_is_commanded_any_more_when_all_drones_are_lost(quiet: Stage) -> 
     for drone in range(3):
         flown.lose(drone)
         quiet.show(flown, "step_report")
-    other = mission(drones=2)
-    other.advance("hold")
-    # What it has sent before it received the loss may still come.
-    quiet.rig.until(lambda: not quiet.answers.clear() and quiet_for_resends(quiet))
-    quiet.show(other)
-    quiet.answer(other)
-    assert {len(m.data) for m in quiet.answers} == {4}
-
-
-def quiet_for_resends(stage: Stage) -> bool:
-    """Return whether no answer comes for as long as three would."""
-    end = time.monotonic() + 0.3
+    planner, over = quiet.rig.processes[0], f"mission {flown.number} is over"
+    quiet.rig.until(lambda: over in planner.output, over)
+    quiet.rig.drain()
+    quiet.answers.clear()
+    # As long as ten answers would take.
+    end = time.monotonic() + 10 * RESEND_S
     while time.monotonic() < end:
-        stage.rig.executor.spin_once(timeout_sec=0.02)
-    return not stage.answers
+        quiet.rig.executor.spin_once(timeout_sec=0.02)
+    assert not quiet.answers
 
 
 def test_a_foreign_simulation_that_comes_and_goes_leaves_the_mission_answered(quiet: Stage) -> None:
-    flown, foreign = mission(), mission(seed=4)
+    flown, foreign = mission(), mission(seed=4, drones_positions=[(5, 5), (5, 4), (4, 5)])
+    foreign.number = flown.number
     quiet.show(flown)
     actions = quiet.answer(flown)
+    wanted = expected(foreign, make_planner(PLANNER, foreign.env.rules.actions))
+    assert wanted != actions
     quiet.show(foreign)
-    quiet.answer(foreign)
+    quiet.until_answered(foreign, *wanted)
     flown.command_all(actions)
     flown.advance("hold")
     quiet.show(flown, "probability", "step_report")
@@ -240,15 +260,17 @@ def test_a_simulation_restarted_before_its_first_step_is_answered_for_where_its_
     restarted = mission(
         seed=9, drones_positions=[(5, 5), (5, 4), (4, 5)], person_initial_position=(1, 4)
     )
+    restarted.number = killed.number
     quiet.show(killed)
-    quiet.answer(killed)
+    before = quiet.answer(killed)
     wanted = expected(restarted, make_planner(PLANNER, restarted.env.rules.actions))
+    assert wanted != before
     for topic in topics:
         quiet.show(restarted, topic)
-    quiet.rig.until(lambda: list(quiet.answers.last.data) == [1, 0, *wanted], "the new answer")
+    quiet.until_answered(restarted, *wanted)
     quiet.answers.clear()
     quiet.rig.until(lambda: len(quiet.answers) >= 3, "the answer again and again")
-    assert {tuple(m.data) for m in quiet.answers} == {(1, 0, *wanted)}
+    assert quiet.datas() == {(restarted.number, 0, *wanted)}
 
 
 def test_messages_that_make_no_sense_are_survived(quiet: Stage) -> None:
@@ -290,8 +312,8 @@ def test_a_planner_that_was_restarted_goes_on_with_the_mission(rig: Rig) -> None
         sim.wait_until_quiet()
         step = sim.step_number
         if sim.flying:
-            health = sim.health()
-            assert health["missing_drones"] == "drone0, drone1, drone2"
+            # Its last command may still be waiting for the rate.
+            health = sim.health_when(lambda h: h["missing_drones"] == "drone0, drone1, drone2")
             assert health["step"] == str(sim.step_number) and step >= until
     # One more: the action after the last.
     assert sim.step_number >= 60

@@ -61,7 +61,7 @@ def test_a_second_simulation_on_the_same_topics_is_noticed(rig: Rig) -> None:
 
 def test_a_second_clock_is_noticed_by_each_that_publishes_one(rig: Rig) -> None:
     one = rig.sim(ENDLESS, "-r", "/clock:=/ours/clock", namespace="/one_clock")
-    assert one.health()["publishers./clock"] == "1"
+    one.health_when(lambda values: values["publishers./clock"] == "1")
     other = rig.sim(ENDLESS, "-r", "/clock:=/ours/clock", namespace="/two_clocks")
     for sim in (one, other):
         health = sim.health_when(lambda values: values["publishers./clock"] == "2")
@@ -97,6 +97,7 @@ def test_the_names_of_all_frames_begin_with_the_prefix(rig: Rig) -> None:
         pose.header.frame_id = frame
         pose.pose.position.x = pose.pose.position.y = 65.0
         sim.talk(PoseStamped, "drone0/command_pose").publish(pose)
+    sim.wait_until_quiet()
     health = sim.health_after("foreign_frame")
     assert health["missing_drones"] == "drone1"
 

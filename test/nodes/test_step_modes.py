@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rig import RELIABLE, Inbox, Rig, Sim, stamp_ns
+from rig import Inbox, Rig, Sim, stamp_ns
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
@@ -49,7 +50,7 @@ def clock(node: Sim) -> Iterator[Inbox]:
     """All of /clock during a test, which never runs backwards."""
     node.pause(False)
     node.set(**DEFAULTS)
-    with node.rig.listening(Clock, "/clock", RELIABLE) as inbox:
+    with node.rig.listening(Clock, "/clock") as inbox:
         node.rig.until(lambda: inbox)
         yield inbox
         times = times_of(inbox)
@@ -76,15 +77,15 @@ def test_real_time_waits_for_nobody(sim: Sim) -> None:
     seen = len(sim.reports)
     assert sim.next_report(seen)["action"].tolist() == [SEARCH]
     sim.set(missing_action="hold")
-    seen = len(sim.reports)
-    report = sim.next_report(seen + 1)
+    report = sim.next_report(len(sim.reports))
     assert report["action"].tolist() == [HOLD] and report["held"].tolist() == [1]
 
 
 def test_odometry_flies_from_cell_to_cell_at_the_speed_of_the_drone(sim: Sim) -> None:
-    with sim.rig.listening(Odometry, "/drone0/odom", RELIABLE) as odom:
+    with sim.rig.listening(Odometry, "/drone0/odom") as odom:
+        sim.rig.until(lambda: odom)
         go_east(sim)
-        sim.rig.until(lambda: odom and odom.last.pose.pose.position.x > 4.5 * CELL_M)
+        sim.rig.until(lambda: odom.last.pose.pose.position.x > 4.5 * CELL_M)
         messages = list(odom)
     x = np.array([m.pose.pose.position.x for m in messages])
     speed = np.array([m.twist.twist.linear.x for m in messages])
@@ -94,7 +95,9 @@ def test_odometry_flies_from_cell_to_cell_at_the_speed_of_the_drone(sim: Sim) ->
     flying = x > 0.5 * CELL_M
     start = seconds[flying] - x[flying] / SPEED_MPS
     assert np.ptp(start) < 1e-3
-    assert (speed[flying] == SPEED_MPS).all()
+    # Where a step is late, the drone has arrived and stands until then.
+    arrived = np.isclose(x / CELL_M % 1.0, 0.5)
+    assert (speed[flying & ~arrived] == SPEED_MPS).all()
     # Not only where the drone is at the steps.
     assert len(np.unique(np.round(x[flying], 3))) > 4
     for message in messages:
@@ -128,8 +131,13 @@ def test_other_speeds_do_not_turn_the_clock_back(sim: Sim, clock: Inbox) -> None
 
 def test_time_stands_still_while_paused_and_goes_on_from_there(sim: Sim, clock: Inbox) -> None:
     sim.next_report(len(sim.reports))
+    began_s = time.monotonic()
     sim.set(step_rate=0.5)
+    ticks = len(clock)
+    sim.rig.until(lambda: len(clock) > ticks)
+    first_ns = times_of(clock)[ticks]
     sim.pause(True)
+    moved_s = time.monotonic() - began_s
     sim.health_when(lambda h: h["state"] == "paused")
     steps, ticks = len(sim.reports), len(clock)
     # More than a second, half a step.
@@ -138,9 +146,13 @@ def test_time_stands_still_while_paused_and_goes_on_from_there(sim: Sim, clock: 
     # Repeated for who comes late, and the same.
     paused_ns = times_of(clock)[ticks - 1]
     assert len(sim.reports) == steps and set(times_of(clock)[ticks:]) == {paused_ns}
+    resumed_s = time.monotonic()
     sim.pause(False)
     sim.rig.until(lambda: times_of(clock)[-1] > paused_ns)
-    assert next(ns for ns in times_of(clock) if ns > paused_ns) - paused_ns < 0.3 * STEP_NS
+    # The wall time of the pause, more than a second, is not in it.
+    moved_s += time.monotonic() - resumed_s
+    next_ns = next(ns for ns in times_of(clock) if ns > paused_ns)
+    assert next_ns - first_ns <= 0.5 * moved_s * STEP_NS
     sim.set(step_rate=5.0)
     last = step_report_from_message(sim.reports[steps - 1])
     assert sim.next_report(steps)["step"][0] == last["step"][0] + 1
@@ -159,7 +171,7 @@ def test_a_mission_in_real_time_ends_and_starts_anew(sim: Sim, clock: Inbox) -> 
 
 def test_who_leaves_real_time_between_two_cells_stands_in_the_next(sim: Sim) -> None:
     sim.set(step_rate=1.0)
-    with sim.rig.listening(Odometry, "/drone0/odom", RELIABLE) as odom:
+    with sim.rig.listening(Odometry, "/drone0/odom") as odom:
         sim.rig.until(lambda: odom)
         sim.command(0, RIGHT)
         sim.rig.until(lambda: odom and odom.last.twist.twist.linear.x == SPEED_MPS)

@@ -87,6 +87,7 @@ def test_a_step_waits_until_the_last_vehicle_is_near_the_centre_of_its_cell(sim:
 def test_the_node_says_whose_vehicles_it_waits_for(sim: Sim) -> None:
     all_there(sim)
     pose(sim, 1, 0, 0)
+    sim.wait_until_quiet()
     sim.joint(RIGHT, RIGHT, LEFT)
     sim.health_when(lambda h: "waiting for vehicles of drone1" in h["message"])
     pose(sim, 2, 0, 0)
@@ -157,7 +158,7 @@ def test_a_lost_drone_is_shown_as_such_before_the_next_step(sim: Sim) -> None:
 def test_a_second_bridge_on_the_same_vehicles_is_noticed(sim: Sim) -> None:
     topic = "drone0/vehicle_state"
     sim.talk(DiagnosticArray, topic)
-    assert sim.health()[f"publishers.{topic}"] == "1"
+    sim.health_when(lambda h: h[f"publishers.{topic}"] == "1")
     second = sim.rig.node.create_publisher(DiagnosticArray, topic, RELIABLE)
     health = sim.health_when(lambda h: h[f"publishers.{topic}"] == "2")
     assert health["level"] == DiagnosticStatus.WARN

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import functools
 import json
 import os
 import re
@@ -20,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from domains import free_domain
 
 from dsse_ros.cli.run_mission import parse, summary
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
@@ -95,13 +97,19 @@ def anchors(page: Path) -> set[str]:
 # Processes
 
 
+@functools.cache
+def domain() -> int:
+    """ROS domain of all processes here, and of no other tests."""
+    return free_domain()
+
+
 def environment() -> dict[str, str]:
     """Environment of a process: the package that is tested, this machine, a domain of its own."""
     paths = [os.path.abspath(p) for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p]
     return os.environ | {
         "PYTHONPATH": os.pathsep.join(paths),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_DOMAIN_ID": str(domain()),
     }
 
 
@@ -352,7 +360,8 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     assert options == set(re.findall(r"\$\(if \$\(([A-Z]+)\),--\w+ '", makefile))
     assert {name for _, given in made for name in re.findall(r"\b([A-Z]+)=", given)} <= options
 
-    assert set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text)) - {"pytest", "python"} <= SCRIPTS
+    programs = set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text))
+    assert programs - {"pytest", "python"} <= SCRIPTS
     known = {name for node in interface.values() for name in node["parameters"]}
     assert set(re.findall(r"-p (\w+):=", text)) <= known
     for flags in re.findall(r"\brun_mission( --.*)", text):

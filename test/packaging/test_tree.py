@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
-from tree import ROOT, files, in_place, text
+from tree import ROOT, by_name, files, text
 
 LICENCE = "SPDX-License-Identifier: Apache-2.0"
 # A path of somebody's machine; a web address or a longer word before it is none.
@@ -64,7 +64,7 @@ def lines(path: Path) -> int:
 def test_a_module_is_short_enough_to_be_read_at_once() -> None:
     long = {
         name: lines(path)
-        for name, path in in_place(files()).items()
+        for name, path in by_name(files()).items()
         if name.startswith(PACKAGES) and name.endswith(".py") and name not in LONG
         if lines(path) > MAX_OWN_LINES.get(name, MAX_LINES)
     }
@@ -79,6 +79,6 @@ def test_a_long_module_says_why(name: str) -> None:
 
 
 def test_flight_has_few_modules() -> None:
-    found = [name for name in in_place(files()) if name.startswith("dsse_ros/flight/")]
+    found = [name for name in by_name(files()) if name.startswith("dsse_ros/flight/")]
     modules = [name for name in found if name.endswith(".py") and "__init__" not in name]
     assert len(modules) <= MAX_FLIGHT_MODULES, modules

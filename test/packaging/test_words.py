@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from tree import files, in_place, text
+from tree import by_name, files, text
 
 # Private words, and what is written in their place. Of an identifier each part is a word.
 WORDS = {
@@ -97,7 +97,7 @@ PATTERNS = [
 
 
 def test_no_file_has_a_private_word() -> None:
-    found = [line for name, path in in_place(files()).items() for line in private(name, text(path))]
+    found = [line for name, path in by_name(files()).items() for line in private(name, text(path))]
     assert found == []
 
 

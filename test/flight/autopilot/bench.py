@@ -129,11 +129,11 @@ class Bench:
     def fly_to_altitude(self, up_m: float = 20.0) -> None:
         """Wait until it is ready, and take off: ArduCopter in GUIDED, PX4 then in HOLD."""
         self.until(lambda: self.vehicle.ready)
-        if self.vehicle.settings.dialect == "ardupilot":
+        if self.vehicle.settings.autopilot == "ardupilot":
             assert self.command(176, 1, GUIDED) == ACCEPTED
         assert self.command(400, 1) == ACCEPTED
         open_ = math.nan
-        above_sea = self.vehicle.settings.dialect == "px4"
+        above_sea = self.vehicle.settings.autopilot == "px4"
         z = up_m + (self.vehicle.settings.home.alt_amsl_m if above_sea else 0.0)
         assert self.command(22, 0, 0, 0, open_, open_, open_, z) == ACCEPTED
         self.until(lambda: self.vehicle.craft.up_m > up_m - 0.3)

@@ -30,7 +30,7 @@ _STRIDE_S = 0.25
 
 def make_vehicle(settings: Settings) -> Vehicle:
     """Return a vehicle with the behaviour of its autopilot."""
-    return {"ardupilot": ArduCopter, "px4": Px4}[settings.dialect](settings)
+    return {"ardupilot": ArduCopter, "px4": Px4}[settings.autopilot](settings)
 
 
 def run(

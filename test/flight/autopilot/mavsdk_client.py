@@ -24,7 +24,7 @@ from mavsdk.plugins.telemetry import FlightMode, Telemetry
 
 T = TypeVar("T")
 
-TIMEOUT_S = 40.0
+TIMEOUT_S = 100.0
 HOME = (-24.0, -46.3)
 _FRAME_GLOBAL, _FRAME_RELATIVE_INT = 0, 6
 _WAYPOINT, _RETURN, _TAKEOFF = 16, 20, 22
@@ -46,7 +46,7 @@ def places(count: int) -> list[tuple[float, float, float]]:
     return [(lat + 3e-4 * (i + 1), lon + 4e-4 * (i % 2), 20.0 + 5 * i) for i in range(count)]
 
 
-class Pilot:
+class Client:
     """A system, and what can be done with it."""
 
     def __init__(self, system: System) -> None:
@@ -88,7 +88,7 @@ class Pilot:
         until(lambda: not self.telemetry.armed(), "disarmed")
 
 
-def px4_mission(pilot: Pilot) -> dict[str, Any]:
+def px4_mission(pilot: Client) -> dict[str, Any]:
     """Upload a mission with a return at its end, read it back, fly it."""
     items = [
         MissionItem(*place, speed_m_s=8.0, is_fly_through=i % 2 == 0, acceptance_radius_m=1.0)
@@ -107,7 +107,7 @@ def px4_mission(pilot: Pilot) -> dict[str, Any]:
     }
 
 
-def px4_setpoints(pilot: Pilot) -> dict[str, Any]:
+def px4_setpoints(pilot: Client) -> dict[str, Any]:
     """Take off, go somewhere, fly setpoints, land."""
     pilot.action.set_takeoff_altitude(5.0)
     pilot.arm()
@@ -135,7 +135,7 @@ def px4_setpoints(pilot: Pilot) -> dict[str, Any]:
     return {"went_to": went_to}
 
 
-def ardupilot_mission(pilot: Pilot) -> dict[str, Any]:
+def ardupilot_mission(pilot: Client) -> dict[str, Any]:
     """Upload a mission as it is on the wire, read it back, take off, fly it."""
     home = (*HOME, 0.0)
     items = [_raw(0, _FRAME_GLOBAL, _WAYPOINT, home), _raw(1, 6, _TAKEOFF, (*HOME, 20.0))]
@@ -181,7 +181,7 @@ def main(scene: str, connection: str) -> int:
         system = mavsdk.first_autopilot(TIMEOUT_S)
         if system is None:
             raise TimeoutError(f"no autopilot within {TIMEOUT_S} s")
-        pilot = Pilot(system)
+        pilot = Client(system)
         result = SCENES[scene](pilot)
         print(json.dumps(result | pilot.seen() | {"autopilot": system.autopilot_type().name}))
     finally:

@@ -33,7 +33,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     )
     add = parser.add_argument
     add("--sysid", type=_system, default=1, help="system id (%(default)s)")
-    add("--dialect", choices=_MODES, default="ardupilot", help="whose behaviour (%(default)s)")
+    add("--autopilot", choices=_MODES, default="ardupilot", help="whose behaviour (%(default)s)")
     add("--udp", type=_argument(address), action="append", default=[], metavar="[HOST:]PORT",
         help="send there first, and to every peer that sends something")  # fmt: skip
     add("--udpin", type=_argument(address), action="append", default=[], metavar="[HOST:]PORT",
@@ -64,17 +64,17 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     options = parser.parse_args(arguments)
     if not options.udp + options.udpin + options.tcp:
         parser.error("no link: give --udp, --udpin or --tcp")
-    modes = _MODES[options.dialect].__members__
+    modes = _MODES[options.autopilot].__members__
     for fault in options.fault:
         if fault.kind == "pilot" and fault.value not in {"", *modes}:
             parser.error(f"pilot: {fault.value} is not allowed; one of {', '.join(modes)}")
     options.settings = Settings(
         system=options.sysid,
-        dialect=options.dialect,
+        autopilot=options.autopilot,
         home=options.home,
         seed=options.seed,
         key=options.key,
-        ready_s=options.ready or _READY_S[options.dialect],
+        ready_s=options.ready or _READY_S[options.autopilot],
         requests_lost_s=options.requests_lost,
         gps=options.gps,
         endurance_s=options.endurance,

@@ -146,7 +146,8 @@ class Px4(Vehicle):
 
     def set_speedup(self, speedup: float) -> None:
         # As its start script does in simulation: the sender's clock is not sped up.
-        self.parameters["COM_OF_LOSS_T"] = max(speedup, 1.0)
+        if "COM_OF_LOSS_T" not in dict(self.settings.parameters):
+            self.parameters["COM_OF_LOSS_T"] = max(speedup, 1.0)
 
     def _own_parameters(self) -> Mapping[str, Number]:
         return {"MAV_SYS_ID": self.settings.system}

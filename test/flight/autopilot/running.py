@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import random
 import select
 import socket
 import subprocess
@@ -18,10 +19,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from .settings import Dialect
+from .settings import AutopilotName
 
 FOLDER = Path(__file__).resolve().parent
-TIMEOUT_S = 30.0
+TIMEOUT_S = 60.0
 """Wall time within which a process starts or ends."""
 
 Link = Literal["udpin", "udp", "tcp"]
@@ -66,17 +67,35 @@ class Running:
         self.process.wait(TIMEOUT_S)
 
 
+_PORTS = range(61_000, 65_536)
+"""What Linux gives to nobody who asks for any port (ip_local_port_range), nor ROS 2 to a domain."""
+_reserved: list[socket.socket] = []
+
+
 def free_udp_port() -> int:
-    """Return a free port of this machine."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
+    """Return a free port of this machine, and keep it from other processes that ask here.
+
+    Raises:
+        RuntimeError: If none is free.
+    """
+    for port in random.sample(_PORTS, len(_PORTS)):
+        # A name of this machine that ends with the process; it is no file.
+        reservation = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            reservation.bind(f"\0dsse_ros_test_port_{port}")
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                probe.bind(("127.0.0.1", port))
+        except OSError:
+            reservation.close()
+            continue
+        _reserved.append(reservation)
         return port
+    raise RuntimeError("no UDP port is free")
 
 
 @contextlib.contextmanager
 def running_autopilot(
-    dialect: Dialect = "ardupilot",
+    autopilot: AutopilotName = "ardupilot",
     *,
     link: Link = "udpin",
     port: int = 0,
@@ -93,7 +112,7 @@ def running_autopilot(
     """Run an autopilot; it is stopped at the end, and must not have failed.
 
     Args:
-        dialect: Whose behaviour it has.
+        autopilot: Whose behaviour it has.
         link: `udpin` listens, `udp` sends first, with `tcp` vehicle time starts when a client
             connects.
         port: Of the link; 0 takes a free one. With `udp` it is the client's.
@@ -112,7 +131,7 @@ def running_autopilot(
     """
     if link == "udp" and not port:
         port = free_udp_port()
-    command = [f"--dialect={dialect}", f"--{link}={port}", f"--sysid={system}"]
+    command = [f"--autopilot={autopilot}", f"--{link}={port}", f"--sysid={system}"]
     command += [f"--speedup={speedup}", f"--seed={seed}", *(f"--fault={fault}" for fault in faults)]
     if home is not None:
         command.append("--home={},{},{}".format(*home))

@@ -9,7 +9,7 @@ from typing import Literal
 from .faults import Fault
 from .local_frame import Place
 
-Dialect = Literal["ardupilot", "px4"]
+AutopilotName = Literal["ardupilot", "px4"]
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Settings:
 
     Attributes:
         system: System id.
-        dialect: Whose behaviour it has.
+        autopilot: Whose behaviour it has.
         home: Where it stands.
         seed: Random seed.
         key: 32 bytes to sign with, None not to sign.
@@ -32,7 +32,7 @@ class Settings:
     """
 
     system: int = 1
-    dialect: Dialect = "ardupilot"
+    autopilot: AutopilotName = "ardupilot"
     home: Place = Place(-24.0, -46.3, 0.0)
     seed: int = 0
     key: bytes | None = None

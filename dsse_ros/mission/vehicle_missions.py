@@ -1,24 +1,59 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Searches as missions of vehicles, and their files; without ROS."""
+"""Searches as missions of vehicles, and their files: how they are flown, and in which layers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
 
 from numpy.typing import ArrayLike
 
-from dsse_ros.flight.flight_settings import FlightSettings
-from dsse_ros.search.fields import FieldError
+from dsse_ros.search.fields import FieldError, check_all, field
 from msg_adapters.frames import GridFrame
-from msg_adapters.mission_files import Firmware, Home, Mission, plan_text, qgc_wpl, track_mission
+from msg_adapters.mission_files import Home, Mission, plan_text, qgc_wpl, track_mission
+from msg_adapters.mission_items import FIRMWARES
+from msg_adapters.track_missions import acceptance_radius_m
 
 ALTITUDE_STEP_M = 5.0
 """Between the altitudes of two vehicles, where there is room for it."""
 LOWEST_LAYER_M = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSettings:
+    """How a drone's moves and searches are flown.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    autopilot: str = field("str", "Which autopilots the vehicles have.", "ardupilot",
+        choices=tuple(FIRMWARES),
+    )  # fmt: skip
+    acceptance_radius: float = field(
+        "float", "Distance from the centre of a cell at which a vehicle is there; in cells that "
+        "are too small for it half their side.", 10.0, low=1, high=255, unit="m",
+    )  # fmt: skip
+    search_altitude: float = field(
+        "float", "Altitude above home to which a vehicle descends to search a cell; flight "
+        "altitude where that is lower.", 30.0, low=1, high=20000, unit="m",
+    )  # fmt: skip
+    search_hold: float = field(
+        "float", "How long a vehicle holds there.", 5.0, low=0, high=600, unit="s"
+    )
+    altitude_step: float = field(
+        "float", "How much lower each vehicle flies than the one before it, so that paths do not "
+        "cross; 0 for all at one altitude, negative for 5 or, where there is not room for that, "
+        "less.", -1.0, low=-1, high=1000, unit="m",
+    )  # fmt: skip
+    merge_legs: bool = field(
+        "bool", "Whether missions fly a straight leg in one, without a waypoint in each cell.", True
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self)
 
 
 def search_mission(
@@ -43,7 +78,7 @@ def search_mission(
         searched,
         home=home,
         merge_legs=settings.merge_legs,
-        acceptance_radius_m=acceptance_radius_m(frame, settings),
+        acceptance_radius_m=acceptance_radius_m(frame, settings.acceptance_radius),
         search_alt_m=min(settings.search_altitude, frame.alt_m),
         search_hold_s=settings.search_hold,
     )
@@ -75,18 +110,17 @@ def layers(
     return [replace(frame, alt_m=frame.alt_m - i * step_m) for i in range(vehicles)]
 
 
-def acceptance_radius_m(frame: GridFrame, settings: FlightSettings) -> float:
-    """Return the distance from a cell's centre at which a vehicle is there."""
-    return min(settings.acceptance_radius, frame.cell_size_m / 2)
-
-
-def write_missions(directory: Path, missions: Mapping[str, Mission], dialect: str) -> list[Path]:
+def write_missions(directory: Path, missions: Mapping[str, Mission], firmware: str) -> list[Path]:
     """Write missions, by the names of their drones, as `.waypoints` and as `.plan` files.
+
+    Args:
+        directory: Where; made if it is not there.
+        missions: By name.
+        firmware: One of `FIRMWARES`.
 
     Raises:
         OSError: If that is not possible.
     """
-    firmware = cast(Firmware, dialect)
     directory.mkdir(parents=True, exist_ok=True)
     written = []
     for name, mission in missions.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orders are carried out, and believed only when the vehicle has done what they say."""
+"""Orders are carried out, and done only when the vehicle has done what they ask for."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
+from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.mavlink_messages import (
     CommandAck,
     CommandLong,
@@ -27,18 +28,18 @@ from dsse_ros.flight.mavlink_messages import (
 )
 from dsse_ros.flight.mission_messages import Address
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
-from dsse_ros.flight.pilot import Pilot, PilotSettings
 from dsse_ros.flight.transfer import Timeouts
+from dsse_ros.flight.vehicle_controller import VehicleController
 
-DIALECTS = ("ardupilot", "px4")
+AUTOPILOTS = ("ardupilot", "px4")
 ARM, TAKEOFF, SET_MODE, CHANGE_SPEED, START, INTERVAL = 400, 22, 176, 178, 300, 511
 # To find a shorter one that fails takes too many flights.
 AS_DRAWN = (Phase.explicit, Phase.reuse, Phase.generate)
-both = pytest.mark.parametrize("dialect", DIALECTS)
+both = pytest.mark.parametrize("autopilot", AUTOPILOTS)
 
 
-def flying(dialect: str = "ardupilot", up_m: float = 20.0, **options: Any) -> VirtualFlight:
-    flight = VirtualFlight(dialect, arm=True, **options)
+def flying(autopilot: str = "ardupilot", up_m: float = 20.0, **options: Any) -> VirtualFlight:
+    flight = VirtualFlight(autopilot, arm=True, **options)
     assert flight.fly(TakeOff(up_m)).status == "done"
     return flight
 
@@ -51,8 +52,8 @@ def go_to(flight: VirtualFlight, north_m: float, east_m: float, up_m: float = 20
 
 
 @both
-def test_take_off_is_done_when_it_is_up_there(dialect: str) -> None:
-    flight = VirtualFlight(dialect, arm=True)
+def test_take_off_is_done_when_it_is_up_there(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot, arm=True)
     outcome = flight.fly(TakeOff(30.0))
     assert (outcome.status, outcome.number) == ("done", 1)
     assert abs(flight.vehicle.craft.up_m - 30.0) < 4.0
@@ -60,8 +61,8 @@ def test_take_off_is_done_when_it_is_up_there(dialect: str) -> None:
 
 
 @both
-def test_take_off_of_what_flies_climbs_on_the_spot(dialect: str) -> None:
-    flight = flying(dialect)
+def test_take_off_of_what_flies_climbs_on_the_spot(autopilot: str) -> None:
+    flight = flying(autopilot)
     assert flight.fly(TakeOff(40.0)).status == "done"
     assert len(flight.commands(TAKEOFF)) == 1
     assert abs(flight.vehicle.craft.up_m - 40.0) < 4.0
@@ -69,16 +70,16 @@ def test_take_off_of_what_flies_climbs_on_the_spot(dialect: str) -> None:
 
 
 @both
-def test_a_place_is_reached_when_the_vehicle_is_there(dialect: str) -> None:
-    flight = flying(dialect)
+def test_a_place_is_reached_when_the_vehicle_is_there(autopilot: str) -> None:
+    flight = flying(autopilot)
     assert flight.fly(go_to(flight, 40.0, -60.0, 35.0)).status == "done"
     assert flight.off_m(40.0, -60.0) < 4.0
     assert abs(flight.vehicle.craft.up_m - 35.0) < 4.0
 
 
 @both
-def test_a_search_descends_holds_and_climbs_back(dialect: str) -> None:
-    flight = flying(dialect, up_m=40.0)
+def test_a_search_descends_holds_and_climbs_back(autopilot: str) -> None:
+    flight = flying(autopilot, up_m=40.0)
     flight.give(Search(*flight.place(30.0, 0.0), 40.0, 12.0, hold_s=8.0, radius_m=3.0))
     heights = []
     while flight.outcome.status == "under_way":
@@ -92,8 +93,8 @@ def test_a_search_descends_holds_and_climbs_back(dialect: str) -> None:
 
 
 @both
-def test_a_hold_in_flight_stops_where_it_is(dialect: str) -> None:
-    flight = flying(dialect)
+def test_a_hold_in_flight_stops_where_it_is(autopilot: str) -> None:
+    flight = flying(autopilot)
     flight.give(go_to(flight, 500.0, 0.0))
     flight.until(lambda: flight.vehicle.craft.north_m > 150.0)
     assert flight.fly(Hold()).status == "done"
@@ -105,16 +106,16 @@ def test_a_hold_in_flight_stops_where_it_is(dialect: str) -> None:
 
 
 @both
-def test_a_hold_on_the_ground_sends_nothing(dialect: str) -> None:
-    flight = VirtualFlight(dialect, arm=True)
+def test_a_hold_on_the_ground_sends_nothing(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot, arm=True)
     assert flight.fly(Hold()).status == "done"
-    assert {m.command for _, m in flight.said if isinstance(m, CommandLong)} <= {INTERVAL, 512}
+    assert {m.command for _, m in flight.sent if isinstance(m, CommandLong)} <= {INTERVAL, 512}
 
 
 @both
 @pytest.mark.parametrize("order", [Return(), Land()])
-def test_a_return_and_a_landing_are_done_when_the_motors_stand(dialect: str, order: Any) -> None:
-    flight = flying(dialect)
+def test_a_return_and_a_landing_are_done_when_the_motors_stand(autopilot: str, order: Any) -> None:
+    flight = flying(autopilot)
     flight.fly(go_to(flight, 30.0, 0.0))
     assert flight.fly(order).status == "done"
     assert flight.vehicle.landed and not flight.vehicle.armed
@@ -123,8 +124,8 @@ def test_a_return_and_a_landing_are_done_when_the_motors_stand(dialect: str, ord
 
 
 @both
-def test_a_mission_is_read_back_and_flown_to_its_last_item(dialect: str) -> None:
-    flight = VirtualFlight(dialect, arm=True)
+def test_a_mission_is_read_back_and_flown_to_its_last_item(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot, arm=True)
     items = mission(flight, (40.0, 0.0, 20.0), (40.0, 40.0, 30.0), hold_s=3.0)
     flight.give(FlyMission(items))
     near = {0: 99.0, 1: 99.0}
@@ -139,8 +140,8 @@ def test_a_mission_is_read_back_and_flown_to_its_last_item(dialect: str) -> None
 
 
 @both
-def test_a_mission_in_the_air_replaces_the_one_that_is_flown(dialect: str) -> None:
-    flight = flying(dialect)
+def test_a_mission_in_the_air_replaces_the_one_that_is_flown(autopilot: str) -> None:
+    flight = flying(autopilot)
     flight.give(FlyMission(mission(flight, (300.0, 0.0, 20.0))))
     flight.until(lambda: flight.vehicle.craft.north_m > 50.0)
     assert flight.fly(FlyMission(mission(flight, (0.0, 60.0, 20.0)))).status == "done"
@@ -149,8 +150,8 @@ def test_a_mission_in_the_air_replaces_the_one_that_is_flown(dialect: str) -> No
 
 
 @both
-def test_a_mission_flown_before_starts_at_its_first_item_again(dialect: str) -> None:
-    flight = VirtualFlight(dialect, arm=True)
+def test_a_mission_flown_before_starts_at_its_first_item_again(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot, arm=True)
     items = mission(flight, (40.0, 0.0, 20.0))
     for _ in range(2):
         flight.give(FlyMission(items))
@@ -162,34 +163,36 @@ def test_a_mission_flown_before_starts_at_its_first_item_again(dialect: str) -> 
         assert near_m < 3.0
 
 
-# What is believed, and what is not
+# What counts as done, and what does not
 
 
 @both
-def test_an_acknowledgement_alone_proves_nothing(dialect: str) -> None:
-    pilot = Pilot(VEHICLE, OURSELVES, PilotSettings(dialect=dialect, arm=True, command_tries=3))
-    mode = (4 << 16 | 3 << 24) if dialect == "px4" else 4
-    sent = pilot.give(TakeOff(10.0), 0.0)
+def test_an_acknowledgement_alone_proves_nothing(autopilot: str) -> None:
+    controller = VehicleController(
+        VEHICLE, OURSELVES, ControllerSettings(autopilot=autopilot, arm=True, command_tries=3)
+    )
+    mode = (4 << 16 | 3 << 24) if autopilot == "px4" else 4
+    sent = controller.give(TakeOff(10.0), 0.0)
     for tick in range(600):
         now = tick * 0.1
         if tick % 10 == 0:
-            sent += pilot.receive(Heartbeat(2, 3, 1, mode, 3), now)
+            sent += controller.receive(Heartbeat(2, 3, 1, mode, 3), now)
         for message in sent:
             if isinstance(message, CommandLong):
-                pilot.receive(CommandAck(message.command, ACCEPTED), now)
-        sent = pilot.tick(now)
-        assert pilot.outcome.status == "under_way"
+                controller.receive(CommandAck(message.command, ACCEPTED), now)
+        sent = controller.tick(now)
+        assert controller.outcome.status == "under_way"
 
 
 @both
-def test_lost_acknowledgements_do_no_harm(dialect: str) -> None:
-    flight = flying(dialect, vehicle={"faults": (Fault("acks", 0.0),)}, speed_mps=5.0)
+def test_lost_acknowledgements_do_no_harm(autopilot: str) -> None:
+    flight = flying(autopilot, vehicle={"faults": (Fault("acks", 0.0),)}, speed_mps=5.0)
     assert flight.fly(go_to(flight, 50.0, 0.0)).status == "done"
     assert flight.fly(Land()).status == "done"
-    assert not [m for m in flight.heard if isinstance(m, CommandAck)]
+    assert not [m for m in flight.received if isinstance(m, CommandAck)]
 
 
-def test_a_set_point_that_gets_lost_is_sent_again_until_it_is_taken_up() -> None:
+def test_a_setpoint_that_gets_lost_is_sent_again_until_it_is_taken_up() -> None:
     flight = flying()
     flight.loss = 1.0
     flight.give(go_to(flight, 50.0, 0.0))
@@ -197,9 +200,9 @@ def test_a_set_point_that_gets_lost_is_sent_again_until_it_is_taken_up() -> None
     flight.loss = 0.0
     flight.until(lambda: flight.outcome.status == "done")
     assert flight.off_m(50.0, 0.0) < 4.0
-    sent = len(flight.set_points())
+    sent = len(flight.setpoints())
     flight.wait(20.0)
-    assert len(flight.set_points()) == sent
+    assert len(flight.setpoints()) == sent
 
 
 def test_being_at_a_place_already_is_not_enough() -> None:
@@ -227,10 +230,10 @@ def test_places_and_targets_are_asked_for_at_the_rate_that_is_set() -> None:
     flight.give(go_to(flight, 900.0, 0.0))
     flight.wait(10.0)
     for kind in (GlobalPosition, PositionTarget):
-        before = sum(isinstance(m, kind) for m in flight.heard)
+        before = sum(isinstance(m, kind) for m in flight.received)
         flight.wait(5.0)
-        heard = sum(isinstance(m, kind) for m in flight.heard) - before
-        assert heard == pytest.approx(40, abs=3)
+        received = sum(isinstance(m, kind) for m in flight.received) - before
+        assert received == pytest.approx(40, abs=3)
 
 
 def test_messages_that_stop_to_come_are_asked_for_again() -> None:
@@ -244,8 +247,8 @@ def test_messages_that_stop_to_come_are_asked_for_again() -> None:
 
 
 @both
-def test_a_speed_is_asked_for_and_flown(dialect: str) -> None:
-    flight = flying(dialect, speed_mps=3.0)
+def test_a_speed_is_asked_for_and_flown(autopilot: str) -> None:
+    flight = flying(autopilot, speed_mps=3.0)
     flight.give(go_to(flight, 200.0, 0.0))
     flight.until(lambda: flight.vehicle.craft.north_m > 50.0)
     assert flight.vehicle.craft.ground_speed_mps == pytest.approx(3.0, abs=0.3)
@@ -255,23 +258,23 @@ def test_a_speed_is_asked_for_and_flown(dialect: str) -> None:
 
 
 @both
-def test_nothing_is_armed_unless_it_may_be(dialect: str) -> None:
-    flight = VirtualFlight(dialect)
+def test_nothing_is_armed_unless_it_may_be(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot)
     flight.give(TakeOff(10.0))
     flight.wait(60.0)
     assert flight.outcome.status == "under_way"
-    assert "waits for" in flight.outcome.reason
+    assert "waiting for" in flight.outcome.reason
     assert not flight.commands(ARM) and not flight.commands(START)
     assert not flight.commands(SET_MODE)
     assert not flight.vehicle.armed
 
 
 @both
-def test_who_may_not_arm_takes_off_once_somebody_else_has(dialect: str) -> None:
-    flight = VirtualFlight(dialect)
+def test_who_may_not_arm_takes_off_once_somebody_else_has(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot)
     flight.give(TakeOff(10.0))
     flight.wait(20.0)
-    if dialect == "ardupilot":
+    if autopilot == "ardupilot":
         assert flight.vehicle.request_mode(4, 0) == ACCEPTED
     flight.wait(2.0)
     assert "arm" in flight.outcome.reason
@@ -292,8 +295,8 @@ def test_armed_in_another_mode_it_waits_for_guided() -> None:
 
 
 @both
-def test_arming_waits_until_the_vehicle_is_ready(dialect: str) -> None:
-    flight = VirtualFlight(dialect, arm=True, vehicle={"ready_s": 40.0})
+def test_arming_waits_until_the_vehicle_is_ready(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot, arm=True, vehicle={"ready_s": 40.0})
     flight.give(TakeOff(10.0))
     flight.wait(38.0)
     assert "ready" in flight.outcome.reason
@@ -302,13 +305,13 @@ def test_arming_waits_until_the_vehicle_is_ready(dialect: str) -> None:
     assert len(flight.commands(ARM)) <= 2
 
 
-def test_a_take_off_waits_as_long_as_it_takes_and_says_for_what() -> None:
+def test_a_take_off_waits_as_long_as_it_takes_and_reports_for_what() -> None:
     flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0})
     flight.give(TakeOff(10.0))
     flight.wait(600.0)
     assert (flight.outcome.status, flight.state.has_position) == ("under_way", True)
-    complaint = "waits until it is ready (PreArm: AHRS: waiting for home)"
-    # It says so every 30 s, and is known all the time.
+    complaint = "waiting until it is ready (PreArm: AHRS: waiting for home)"
+    # It reports it every 30 s, and is known all the time.
     while not flight.state.ready:
         assert flight.outcome.reason == complaint and flight.state.unready in complaint
         flight.step()
@@ -322,24 +325,24 @@ def test_a_vehicle_that_never_has_a_position_is_waited_for_without_a_word_of_its
     flight = VirtualFlight(arm=True, vehicle={"gps": False, "ready_s": 5.0})
     flight.give(TakeOff(10.0))
     flight.wait(600.0)
-    waits = "waits for the vehicle's position"
+    waits = "waiting for the vehicle's position"
     assert (flight.outcome.status, flight.outcome.reason) == ("under_way", waits)
     assert flight.state.connected and not flight.state.has_position and not flight.state.ready
     assert not flight.commands(ARM)
 
 
-def test_a_vehicle_without_a_position_says_why_it_is_not_ready() -> None:
+def test_a_vehicle_without_a_position_reports_why_it_is_not_ready() -> None:
     flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0})
     flight.give(TakeOff(10.0))
     flight.wait(100.0)
     assert not flight.state.has_position
-    waits = "waits for the vehicle's position (PreArm: AHRS: waiting for home)"
+    waits = "waiting for the vehicle's position (PreArm: AHRS: waiting for home)"
     assert (flight.outcome.status, flight.outcome.reason) == ("under_way", waits)
 
 
 @both
-def test_who_is_on_the_ground_goes_nowhere(dialect: str) -> None:
-    flight = VirtualFlight(dialect, arm=True)
+def test_who_is_on_the_ground_goes_nowhere(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot, arm=True)
     outcome = flight.fly(go_to(flight, 10.0, 0.0))
     assert (outcome.status, "not in the air" in outcome.reason) == ("failed", True)
     assert not flight.vehicle.armed
@@ -349,9 +352,9 @@ def test_who_is_on_the_ground_goes_nowhere(dialect: str) -> None:
 
 
 @both
-def test_a_mission_that_fails_to_get_across_is_not_flown(dialect: str) -> None:
+def test_a_mission_that_fails_to_get_across_is_not_flown(autopilot: str) -> None:
     patience = Timeouts(retries=2, upload_retries=1)
-    flight = VirtualFlight(dialect, arm=True, transfer=patience)
+    flight = VirtualFlight(autopilot, arm=True, transfer=patience)
     flight.wait(10.0)
     bad = list(mission(flight, (40.0, 0.0, 20.0)))
     # No autopilot knows this command.
@@ -382,8 +385,8 @@ def test_a_mission_of_home_alone_is_refused() -> None:
 
 
 @both
-def test_the_latest_order_wins(dialect: str) -> None:
-    flight = flying(dialect)
+def test_the_latest_order_wins(autopilot: str) -> None:
+    flight = flying(autopilot)
     flight.give(go_to(flight, 200.0, 0.0))
     flight.wait(5.0)
     assert flight.fly(go_to(flight, 0.0, 50.0)).status == "done"
@@ -393,8 +396,8 @@ def test_the_latest_order_wins(dialect: str) -> None:
 
 
 @both
-def test_a_return_ends_a_climb(dialect: str) -> None:
-    flight = VirtualFlight(dialect, arm=True)
+def test_a_return_ends_a_climb(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot, arm=True)
     flight.give(TakeOff(60.0))
     flight.until(lambda: flight.vehicle.craft.up_m > 20.0)
     assert flight.fly(Return()).status == "done"
@@ -404,9 +407,9 @@ def test_a_return_ends_a_climb(dialect: str) -> None:
 @both
 @pytest.mark.parametrize("order", ["go", "hold", "land"])
 def test_an_order_just_after_a_start_is_about_the_flight_that_begins(
-    dialect: str, order: str
+    autopilot: str, order: str
 ) -> None:
-    flight = VirtualFlight(dialect, arm=True)
+    flight = VirtualFlight(autopilot, arm=True)
     orders = {"go": go_to(flight, 20.0, 0.0, 15.0), "hold": Hold(), "land": Land()}
     flight.give(FlyMission(mission(flight, (400.0, 0.0, 15.0))))
     flight.until(lambda: "item" in flight.outcome.reason and flight.vehicle.armed)
@@ -421,8 +424,8 @@ def test_an_order_just_after_a_start_is_about_the_flight_that_begins(
 
 @both
 @pytest.mark.parametrize("during", ["climb", "flight", "search", "rest", "mission", "return"])
-def test_a_pilot_who_takes_over_is_left_alone(dialect: str, during: str) -> None:
-    flight = flying(dialect, up_m=30.0)
+def test_a_pilot_who_takes_over_is_left_alone(autopilot: str, during: str) -> None:
+    flight = flying(autopilot, up_m=30.0)
     orders: dict[str, Any] = {
         "climb": TakeOff(90.0),
         "flight": go_to(flight, 300.0, 0.0, 30.0),
@@ -433,13 +436,13 @@ def test_a_pilot_who_takes_over_is_left_alone(dialect: str, during: str) -> None
     if during in orders:
         flight.give(orders[during])
     flight.wait(8.0)
-    mode = "POSCTL" if dialect == "px4" else "LOITER"
+    mode = "POSCTL" if autopilot == "px4" else "LOITER"
     flight.vehicle.pilot_takes_over(mode)
     flight.until(lambda: flight.outcome.status == "taken_over", limit_s=4.0)
     assert mode in flight.outcome.reason
-    sent = len(flight.said)
+    sent = len(flight.sent)
     flight.wait(60.0)
-    assert len(flight.said) == sent
+    assert len(flight.sent) == sent
     assert flight.state.mode == mode
 
 
@@ -467,27 +470,27 @@ def test_a_vehicle_in_anothers_hands_at_the_start_is_not_taken() -> None:
     flight.wait(5.0)
     for order in (go_to(flight, 20.0, 0.0), Hold(), Return(), Land()):
         assert flight.fly(order).status == "taken_over"
-    assert not flight.commands(SET_MODE) and not flight.set_points()
+    assert not flight.commands(SET_MODE) and not flight.setpoints()
 
 
 @both
-def test_a_failsafe_is_a_take_over_and_is_named(dialect: str) -> None:
+def test_a_failsafe_is_a_take_over_and_is_named(autopilot: str) -> None:
     fault = Fault("battery", 20.0, since_airborne=True)
-    flight = flying(dialect, vehicle={"faults": (fault,)})
+    flight = flying(autopilot, vehicle={"faults": (fault,)})
     flight.give(go_to(flight, 900.0, 0.0))
     flight.until(lambda: flight.outcome.status == "taken_over")
-    mode = "HOLD" if dialect == "px4" else "RTL"
+    mode = "HOLD" if autopilot == "px4" else "RTL"
     assert mode in flight.outcome.reason and "battery" in flight.outcome.reason
     assert flight.state.failsafe == "battery"
-    assert not flight.pilot.counts["offboard_lost"]
+    assert not flight.controller.counts["offboard_lost"]
     assert flight.state.battery < 0.2
 
 
-# PX4 without set-points
+# PX4 without setpoints
 
 
-def px4_without_set_points(action: int, seconds: float) -> VirtualFlight:
-    """Return a flight of which the set-points have been lost for a while."""
+def px4_without_setpoints(action: int, seconds: float) -> VirtualFlight:
+    """Return a flight of which the setpoints have been lost for a while."""
     flight = flying("px4")
     flight.vehicle.parameters["COM_OBL_RC_ACT"] = action
     flight.fly(go_to(flight, 20.0, 0.0))
@@ -508,21 +511,21 @@ def px4_without_set_points(action: int, seconds: float) -> VirtualFlight:
 @pytest.mark.parametrize(
     ("action", "mode"), [(0, "RTL"), (3, "RTL"), (4, "LAND"), (5, "HOLD")], ids=str
 )
-def test_px4_that_missed_set_points_gets_them_and_flies_on(action: int, mode: str) -> None:
-    flight = px4_without_set_points(action, 2.5)
+def test_px4_that_missed_setpoints_gets_them_and_flies_on(action: int, mode: str) -> None:
+    flight = px4_without_setpoints(action, 2.5)
     assert flight.state.mode == mode
     assert (flight.state.failsafe, flight.outcome.status) == ("offboard", "under_way")
-    assert not [m for m in flight.heard if isinstance(m, StatusText)]
+    assert not [m for m in flight.received if isinstance(m, StatusText)]
     modes = len(flight.commands(SET_MODE))
     flight.until(lambda: flight.outcome.status != "under_way")
     assert flight.outcome.status == "done"
     assert flight.off_m(200.0, 0.0) < 4.0
     assert len(flight.commands(SET_MODE)) == modes
-    assert flight.pilot.counts["offboard_lost"] == 1
+    assert flight.controller.counts["offboard_lost"] == 1
 
 
 @pytest.mark.parametrize("seconds", [2.0, 6.0])
-def test_a_restarted_pilot_gives_px4_the_set_points_that_it_misses(seconds: float) -> None:
+def test_a_restarted_pilot_gives_px4_the_setpoints_that_it_misses(seconds: float) -> None:
     flight = flying("px4")
     flight.fly(go_to(flight, 60.0, 0.0))
     flight.restart()
@@ -530,9 +533,9 @@ def test_a_restarted_pilot_gives_px4_the_set_points_that_it_misses(seconds: floa
     assert flight.state.mode == "RTL" and flight.state.failsafe == "offboard"
     # Nothing is sent before there is an order.
     modes = len(flight.commands(SET_MODE))
-    said = len(flight.set_points())
+    sent = len(flight.setpoints())
     flight.wait(1.0)
-    assert len(flight.set_points()) == said
+    assert len(flight.setpoints()) == sent
     assert flight.fly(go_to(flight, 90.0, 0.0)).status == "done"
     assert flight.off_m(90.0, 0.0) < 4.0
     assert len(flight.commands(SET_MODE)) == modes
@@ -551,9 +554,9 @@ def test_px4_that_does_not_give_offboard_back_has_a_failsafe() -> None:
     assert flight.now - struck_s > 4.0
     assert "RTL, critical failsafe" in flight.outcome.reason
     assert flight.state.failsafe == "critical"
-    sent = len(flight.said)
+    sent = len(flight.sent)
     flight.wait(20.0)
-    assert len(flight.said) == sent
+    assert len(flight.sent) == sent
 
 
 def test_a_return_that_a_pilot_chooses_is_a_take_over_at_once() -> None:
@@ -593,14 +596,14 @@ def test_px4_flies_above_home_wherever_the_origin_of_its_estimate_is() -> None:
     assert flight.vehicle.craft.up_m == pytest.approx(30.0, abs=0.5)
 
 
-def test_who_may_not_arm_says_that_px4_has_to_leave_offboard() -> None:
+def test_who_may_not_arm_reports_that_px4_has_to_leave_offboard() -> None:
     flight = VirtualFlight("px4")
     flight.wait(10.0)
     flight.vehicle.request_mode(6, 0)
     flight.wait(3.0)
     flight.give(TakeOff(10.0))
     flight.wait(3.0)
-    assert flight.outcome.reason == "waits for HOLD: it is in OFFBOARD"
+    assert flight.outcome.reason == "waiting for HOLD: it is in OFFBOARD"
     assert not flight.commands(SET_MODE)
 
 
@@ -608,19 +611,19 @@ def test_who_may_not_arm_says_that_px4_has_to_leave_offboard() -> None:
 
 
 @both
-def test_a_lost_link_is_told_and_the_vehicle_flown_on_after_it(dialect: str) -> None:
+def test_a_lost_link_is_reported_and_the_vehicle_flown_on_after_it(autopilot: str) -> None:
     fault = Fault("link", 15.0, since_airborne=True, duration_s=20.0)
-    flight = flying(dialect, vehicle={"faults": (fault,)})
+    flight = flying(autopilot, vehicle={"faults": (fault,)})
     flight.give(go_to(flight, 150.0, 0.0))
     flight.until(lambda: flight.outcome.status == "silent")
     assert not flight.state.connected
-    sent = len(flight.said)
+    sent = len(flight.sent)
     flight.until(lambda: flight.outcome.status != "silent")
-    assert len(flight.said) - sent < 20
+    assert len(flight.sent) - sent < 20
     flight.until(lambda: flight.outcome.status != "under_way")
     assert flight.outcome.status == "done"
     assert flight.off_m(150.0, 0.0) < 4.0
-    assert flight.pilot.counts["link_lost"] == flight.pilot.counts["link_found"] == 1
+    assert flight.controller.counts["link_lost"] == flight.controller.counts["link_found"] == 1
 
 
 def test_taken_over_while_the_link_was_lost_is_seen_after_it() -> None:
@@ -629,21 +632,21 @@ def test_taken_over_while_the_link_was_lost_is_seen_after_it() -> None:
     flight.give(go_to(flight, 900.0, 0.0))
     flight.until(lambda: flight.outcome.status == "taken_over")
     assert "silent" in flight.statuses()
-    assert not [m for now, m in flight.said if now > 50.0 and isinstance(m, SetPositionTarget)]
+    assert not [m for now, m in flight.sent if now > 50.0 and isinstance(m, SetPositionTarget)]
 
 
 def test_a_vehicle_that_is_not_there_gets_nothing() -> None:
-    pilot = Pilot(VEHICLE, OURSELVES, PilotSettings(arm=True))
-    said = pilot.give(TakeOff(10.0), 0.0)
+    controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings(arm=True))
+    sent = controller.give(TakeOff(10.0), 0.0)
     for tick in range(1000):
-        said += pilot.tick(tick * 0.1)
-    assert said == []
-    assert pilot.outcome.status == "under_way"
+        sent += controller.tick(tick * 0.1)
+    assert sent == []
+    assert controller.outcome.status == "under_way"
 
 
 @both
-def test_a_vehicle_that_does_not_move_fails_the_order(dialect: str) -> None:
-    flight = flying(dialect, stall_s=10.0)
+def test_a_vehicle_that_does_not_move_fails_the_order(autopilot: str) -> None:
+    flight = flying(autopilot, stall_s=10.0)
     vehicle, stuck = flight.vehicle, type(flight.vehicle.limits)(0.001, 0.001, 0.001, 0.001, 0.001)
     vehicle.limits = stuck
     if isinstance(vehicle, Px4):
@@ -654,24 +657,24 @@ def test_a_vehicle_that_does_not_move_fails_the_order(dialect: str) -> None:
 
 @settings(max_examples=12, phases=AS_DRAWN)
 @given(
-    dialect=st.sampled_from(DIALECTS),
+    autopilot=st.sampled_from(AUTOPILOTS),
     seed=st.integers(0, 2**32),
     loss=st.floats(0.0, 0.3),
     duplicate=st.floats(0.0, 0.2),
     delay_s=st.floats(0.0, 0.1),
 )
 def test_on_a_bad_link_done_means_done(
-    dialect: str, seed: int, loss: float, duplicate: float, delay_s: float
+    autopilot: str, seed: int, loss: float, duplicate: float, delay_s: float
 ) -> None:
     flight = VirtualFlight(
-        dialect,
+        autopilot,
         arm=True,
         seed=seed,
         loss=loss,
         duplicate=duplicate,
         delay_s=delay_s,
         # Enough that with 30 % lost it does not miss three of four.
-        set_point_hz=10.0,
+        setpoint_hz=10.0,
         link_timeout_s=8.0,
     )
     assert flight.fly(TakeOff(20.0)).status == "done"
@@ -696,11 +699,11 @@ def any_order(flight: VirtualFlight) -> st.SearchStrategy[Any]:
 
 
 @settings(max_examples=15, phases=AS_DRAWN)
-@given(data=st.data(), seed=st.integers(0, 2**32), dialect=st.sampled_from(DIALECTS))
+@given(data=st.data(), seed=st.integers(0, 2**32), autopilot=st.sampled_from(AUTOPILOTS))
 def test_whatever_is_ordered_in_the_end_it_lands(
-    data: st.DataObject, seed: int, dialect: str
+    data: st.DataObject, seed: int, autopilot: str
 ) -> None:
-    flight = VirtualFlight(dialect, arm=True, seed=seed, delay_s=0.1)
+    flight = VirtualFlight(autopilot, arm=True, seed=seed, delay_s=0.1)
     for number in range(1, 7):
         flight.give(data.draw(any_order(flight)))
         flight.wait(data.draw(st.floats(0.1, 40.0)))
@@ -711,11 +714,11 @@ def test_whatever_is_ordered_in_the_end_it_lands(
 
 
 @settings(max_examples=10, phases=AS_DRAWN)
-@given(data=st.data(), seed=st.integers(0, 2**32), dialect=st.sampled_from(DIALECTS))
+@given(data=st.data(), seed=st.integers(0, 2**32), autopilot=st.sampled_from(AUTOPILOTS))
 def test_whatever_is_ordered_nothing_is_armed_unless_it_may_be(
-    data: st.DataObject, seed: int, dialect: str
+    data: st.DataObject, seed: int, autopilot: str
 ) -> None:
-    flight = VirtualFlight(dialect, arm=False, seed=seed, delay_s=0.1)
+    flight = VirtualFlight(autopilot, arm=False, seed=seed, delay_s=0.1)
     for _ in range(5):
         flight.give(data.draw(any_order(flight)))
         flight.wait(data.draw(st.floats(0.1, 30.0)))
@@ -727,56 +730,56 @@ def test_whatever_is_ordered_nothing_is_armed_unless_it_may_be(
 @given(
     data=st.data(),
     seed=st.integers(0, 2**32),
-    dialect=st.sampled_from(DIALECTS),
+    autopilot=st.sampled_from(AUTOPILOTS),
     after_s=st.floats(0.0, 30.0),
 )
 def test_whenever_a_pilot_takes_over_nothing_is_sent_any_more(
-    data: st.DataObject, seed: int, dialect: str, after_s: float
+    data: st.DataObject, seed: int, autopilot: str, after_s: float
 ) -> None:
-    flight = flying(dialect, seed=seed, delay_s=0.1)
+    flight = flying(autopilot, seed=seed, delay_s=0.1)
     flight.give(data.draw(any_order(flight)))
     flight.wait(after_s)
     if flight.vehicle.landed:
         return
-    mode = "POSCTL" if dialect == "px4" else "LOITER"
+    mode = "POSCTL" if autopilot == "px4" else "LOITER"
     for _ in range(5):
-        # A command that was sent before a heartbeat told of it comes after it: then once more.
+        # A command that was sent before a heartbeat showed it comes after it: then once more.
         if flight.vehicle.mode.name != mode:
             flight.vehicle.pilot_takes_over(mode)
         flight.wait(3.0)
     assert flight.vehicle.mode.name == mode
-    sent = len(flight.said)
+    sent = len(flight.sent)
     flight.wait(10.0)
     flight.give(data.draw(any_order(flight)))
     flight.wait(10.0)
-    assert len(flight.said) == sent
+    assert len(flight.sent) == sent
     assert flight.outcome.status == "taken_over"
     assert flight.state.mode == mode
 
 
-def test_no_message_makes_the_pilot_raise_or_believe() -> None:
-    pilot = Pilot(VEHICLE, OURSELVES, PilotSettings())
-    pilot.give(GoTo(0.0, 0.0, 10.0, 5.0), 0.0)
+def test_no_message_makes_the_controller_raise_or_end_an_order() -> None:
+    controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
+    controller.give(GoTo(0.0, 0.0, 10.0, 5.0), 0.0)
     for mode, status, base in itertools.product((0, 4, 2**32 - 1), range(0, 256, 51), (0, 255)):
-        pilot.receive(Heartbeat(2, 3, base, mode, status), 1.0)
-        pilot.tick(1.0)
-        assert pilot.outcome.status != "done"
+        controller.receive(Heartbeat(2, 3, base, mode, status), 1.0)
+        controller.tick(1.0)
+        assert controller.outcome.status != "done"
 
 
 def test_the_target_is_one_vehicle() -> None:
     for system in (0, 256):
         with pytest.raises(ValueError, match="not allowed"):
-            Pilot(Address(system, 1), OURSELVES, PilotSettings())
+            VehicleController(Address(system, 1), OURSELVES, ControllerSettings())
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("dialect", "cleanflight"),
+        ("autopilot", "cleanflight"),
         ("speed_mps", -1.0),
         ("speed_mps", math.nan),
-        ("set_point_hz", 1.0),
-        ("set_point_hz", 2.0),
+        ("setpoint_hz", 1.0),
+        ("setpoint_hz", 2.0),
         ("link_timeout_s", 0.0),
         ("command_tries", 0),
         ("stall_s", math.inf),
@@ -784,7 +787,7 @@ def test_the_target_is_one_vehicle() -> None:
 )
 def test_a_setting_that_makes_no_sense_is_refused(name: str, value: Any) -> None:
     with pytest.raises(ValueError, match=name):
-        PilotSettings(**{name: value})
+        ControllerSettings(**{name: value})
 
 
 def test_the_simulated_vehicles_home_is_where_the_test_thinks() -> None:

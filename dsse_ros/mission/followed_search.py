@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.flight.vehicle_follower import Leg
 from msg_adapters.agents import AgentsInfo
+from msg_adapters.track_missions import Leg
 
 MISSION_REPORT_S = 5.0
 """Time in which the report of a mission comes that is over."""
@@ -31,7 +31,7 @@ class News(Enum):
 
 
 class FollowedSearch:
-    """What was heard of searches, in any order, and the one mission of them that is followed.
+    """The messages of searches, in any order, and the one mission of them that is followed.
 
     After each message the caller takes `next_news` until there is none: what comes of a message may
     depend on what the caller makes of the news before, see `fail`.
@@ -45,7 +45,7 @@ class FollowedSearch:
         legs: What its last step asks of each vehicle; empty before the first.
         final_legs: What the end of the mission asks of them, with its `tracks`.
         tracks: (steps + 1, N) report of the whole mission; None if it is not wanted or not there.
-        foreign: Why the agents heard last are not followed; empty if they are.
+        foreign: Why the latest agents are not followed; empty if they are.
     """
 
     def __init__(self, vehicles: int | None, *, whole: bool) -> None:
@@ -69,7 +69,7 @@ class FollowedSearch:
         """Take who searches in which mission."""
         count = len(info.agents)
         if self._vehicles not in (None, count):
-            # Those of another simulation; our own goes on if it is heard again.
+            # Those of another simulation; our own goes on if its next step comes.
             self.foreign = f"{self._vehicles} vehicles for {count} drones: nothing is flown"
             return
         self.foreign = ""

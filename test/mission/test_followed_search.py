@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dsse_ros.flight.followed_search import MISSION_REPORT_S, FollowedSearch, News
+from dsse_ros.mission.followed_search import MISSION_REPORT_S, FollowedSearch, News
 from msg_adapters.agents import AgentsInfo, Origin
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
 from msg_adapters.step_report import step_report_dtype
@@ -87,7 +87,7 @@ def test_a_step_is_followed_once_it_is_known_whose_it_is() -> None:
 
 @pytest.mark.parametrize("order", permutations(["agents", "report", "mission_report"]))
 def test_the_order_in_which_messages_come_does_not_matter(order: Sequence[str]) -> None:
-    search, heard = FollowedSearch(2, whole=True), []
+    search, seen = FollowedSearch(2, whole=True), []
     for kind in order:
         if kind == "agents":
             search.take_agents(agents())
@@ -95,9 +95,9 @@ def test_the_order_in_which_messages_come_does_not_matter(order: Sequence[str]) 
             search.take_report(40, report(3, over=(True, True)))
         else:
             search.take_mission_report(40, whole(3))
-        heard += news(search)
-    assert heard.count(News.BEGUN) == heard.count(News.TRACKS) == 1
-    assert News.STEP in heard and heard.index(News.BEGUN) == 0
+        seen += news(search)
+    assert seen.count(News.BEGUN) == seen.count(News.TRACKS) == 1
+    assert News.STEP in seen and seen.index(News.BEGUN) == 0
     assert search.trouble(1e6) == ""
 
 
@@ -111,7 +111,7 @@ def test_what_belongs_to_another_search_is_not_followed(other: dict[str, int]) -
     assert news(search) == [News.BEGUN, News.STEP, News.TRACKS]
 
 
-def test_agents_in_another_number_are_named_until_the_search_is_heard_again() -> None:
+def test_agents_in_another_number_are_named_until_the_search_is_received_again() -> None:
     search = followed()
     search.take_agents(agents(run_id=9, count=3))
     assert news(search) == [] and search.info == agents()

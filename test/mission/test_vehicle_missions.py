@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.flight.flight_settings import FlightSettings
-from dsse_ros.flight.track_files import layers
+from dsse_ros.mission.vehicle_missions import FlightSettings, layers
 from dsse_ros.search import FieldError
 from msg_adapters.frames import GridFrame
 

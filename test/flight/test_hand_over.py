@@ -10,19 +10,18 @@ import pytest
 from autopilot.running import running_autopilot
 from virtual_flight import VirtualFlight, mission
 
-from dsse_ros.flight.fleet import Fleet
-from dsse_ros.flight.orders import FlyMission, GoTo, Land, Order, Return, TakeOff
-from dsse_ros.flight.vehicle import CLOSE_S, Vehicle, VehicleSettings
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, TakeOff
+from dsse_ros.flight.vehicle import CLOSE_S, Fleet, Vehicle, VehicleSettings
 
+AUTOPILOTS = ("ardupilot", "px4")
 pytestmark = pytest.mark.slow
 
-DIALECTS = ("ardupilot", "px4")
 FAR = GoTo(-24.02, -46.3, 20.0, 5.0)
-both = pytest.mark.parametrize("dialect", DIALECTS)
+both = pytest.mark.parametrize("autopilot", AUTOPILOTS)
 
 
-def flying(dialect: str, order: Order | None = None) -> VirtualFlight:
-    flight = VirtualFlight(dialect, arm=True)
+def flying(autopilot: str, order: Order | None = None) -> VirtualFlight:
+    flight = VirtualFlight(autopilot, arm=True)
     assert flight.fly(TakeOff(20.0)).status == "done"
     if order is not None:
         flight.give(order)
@@ -32,47 +31,47 @@ def flying(dialect: str, order: Order | None = None) -> VirtualFlight:
 
 def part(flight: VirtualFlight) -> None:
     """Have the program end as a vehicle's thread does."""
-    flight._send(flight.pilot.part(flight.now))
+    flight._send(flight.controller.hand_over(Hold(), flight.now))
     end_s = flight.now + 4.0
-    while flight.pilot.parting and flight.now < end_s:
+    while flight.controller.handing_over and flight.now < end_s:
         flight.step()
     # From now on nobody is there.
     flight._put = lambda data, *, to_vehicle: None  # type: ignore[method-assign]
 
 
 @both
-def test_a_vehicle_on_its_way_stops_where_it_is(dialect: str) -> None:
-    flight = flying(dialect)
+def test_a_vehicle_on_its_way_stops_where_it_is(autopilot: str) -> None:
+    flight = flying(autopilot)
     flight.give(GoTo(*flight.place(800.0, 0.0), 20.0, 3.0))
     flight.until(lambda: flight.vehicle.craft.north_m > 100.0)
     part(flight)
-    assert flight.vehicle.mode.name == ("HOLD" if dialect == "px4" else "GUIDED")
+    assert flight.vehicle.mode.name == ("HOLD" if autopilot == "px4" else "GUIDED")
     flight.wait(60.0)
     craft = flight.vehicle.craft
     assert craft.ground_speed_mps < 0.5 and 80.0 < craft.north_m < 200.0
     assert craft.up_m == pytest.approx(20.0, abs=3.0)
     assert not flight.vehicle.failsafes
-    assert flight.vehicle.mode.name == ("HOLD" if dialect == "px4" else "GUIDED")
+    assert flight.vehicle.mode.name == ("HOLD" if autopilot == "px4" else "GUIDED")
 
 
 @both
-def test_a_vehicle_that_waits_for_the_next_step_stays(dialect: str) -> None:
-    flight = flying(dialect)
+def test_a_vehicle_that_waits_for_the_next_step_stays(autopilot: str) -> None:
+    flight = flying(autopilot)
     assert flight.fly(GoTo(*flight.place(30.0, 0.0), 20.0, 3.0)).status == "done"
     part(flight)
     flight.wait(60.0)
     assert flight.off_m(30.0, 0.0) < 5.0 and not flight.vehicle.failsafes
-    assert flight.vehicle.mode.name == ("HOLD" if dialect == "px4" else "GUIDED")
+    assert flight.vehicle.mode.name == ("HOLD" if autopilot == "px4" else "GUIDED")
 
 
 @both
 @pytest.mark.parametrize("what", ["return", "land", "mission", "pilot", "ground"])
-def test_what_goes_on_without_us_is_not_interrupted(dialect: str, what: str) -> None:
+def test_what_goes_on_without_us_is_not_interrupted(autopilot: str, what: str) -> None:
     if what == "ground":
-        flight = VirtualFlight(dialect, arm=True)
+        flight = VirtualFlight(autopilot, arm=True)
         flight.wait(10.0)
     else:
-        flight = flying(dialect)
+        flight = flying(autopilot)
         orders: dict[str, Any] = {
             "return": Return(),
             "land": Land(),
@@ -82,11 +81,11 @@ def test_what_goes_on_without_us_is_not_interrupted(dialect: str, what: str) -> 
         flight.give(orders[what])
         flight.wait(8.0)
     if what == "pilot":
-        flight.vehicle.pilot_takes_over("POSCTL" if dialect == "px4" else "LOITER")
+        flight.vehicle.pilot_takes_over("POSCTL" if autopilot == "px4" else "LOITER")
         flight.until(lambda: flight.outcome.status == "taken_over")
-    mode, sent = flight.vehicle.mode, len(flight.said)
+    mode, sent = flight.vehicle.mode, len(flight.sent)
     part(flight)
-    assert len(flight.said) == sent
+    assert len(flight.sent) == sent
     flight.wait(5.0)
     assert flight.vehicle.mode is mode
 
@@ -117,11 +116,11 @@ def until(condition: Any, timeout_s: float = 90.0) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_a_vehicle_that_is_closed_in_flight_is_found_at_rest(dialect: Any) -> None:
-    with running_autopilot(dialect, link="udpin", speedup=5, ready_s=5.0) as autopilot:
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_vehicle_that_is_closed_in_flight_is_found_at_rest(autopilot: Any) -> None:
+    with running_autopilot(autopilot, link="udpin", speedup=5, ready_s=5.0) as simulated:
         settings = VehicleSettings(
-            connection=autopilot.connection, dialect=dialect, arm=True, set_point_hz=40.0
+            connection=simulated.connection, autopilot=autopilot, arm=True, setpoint_hz=40.0
         )
         with Vehicle(settings) as vehicle:
             vehicle.give(TakeOff(20.0))
@@ -131,7 +130,7 @@ def test_a_vehicle_that_is_closed_in_flight_is_found_at_rest(dialect: Any) -> No
             left = vehicle.state
         with Vehicle(settings) as found:
             until(lambda: found.state.has_position and found.state.mode)
-            assert found.state.mode == ("HOLD" if dialect == "px4" else "GUIDED")
+            assert found.state.mode == ("HOLD" if autopilot == "px4" else "GUIDED")
             until(lambda: found.state.speed_mps < 0.5, 10.0)
             metres = 111_195 * (found.state.lat_deg - left.lat_deg)
             assert abs(metres) < 80.0 and not found.state.failsafe

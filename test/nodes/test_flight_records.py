@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.flight.flight_records import FlightRecords, default_directory
 from dsse_ros.flight.vehicle_follower import FlightRecord
+from dsse_ros.nodes.flight_records import FlightRecords, default_directory
 
 RECORDS = st.dictionaries(
     st.from_regex(r"drone[0-9]{1,3}", fullmatch=True),

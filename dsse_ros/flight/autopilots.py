@@ -1,0 +1,313 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is different between the autopilots: one `Autopilot` each, registered in `AUTOPILOTS`.
+
+The same name in `msg_adapters.mission_items.FIRMWARES` says how missions are numbered.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from dsse_ros.flight.mavlink_messages import (
+    BatteryStatus,
+    EkfStatus,
+    ExtendedSysState,
+    GlobalPosition,
+    MissionCurrent,
+    PositionTarget,
+    SetPositionTarget,
+    SysStatus,
+)
+from msg_adapters.mission_items import FIRMWARES
+
+_NO_MODES: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Autopilot:
+    """How an autopilot is flown, and what its messages mean.
+
+    Attributes:
+        name: As parameters and `FIRMWARES` have it.
+        modes: Names of the flight modes by the fields of HEARTBEAT.custom_mode.
+        mode_shifts: Bit positions of these fields.
+        mode_mask: Bits of each of them.
+        guided_mode: Mode in which it flies to setpoints.
+        resting_mode: Mode in which it waits for orders, and from which it takes off.
+        mission_mode: Mode in which it flies a mission.
+        take_off_mode: Mode of a commanded take-off; empty if that does not change the mode. It
+            ends in `resting_mode`.
+        item_modes: Modes that mission items bring about, by their MAV_CMD.
+        disarmed_modes: Modes that it enters by itself while it is disarmed.
+        disarming_s: Time after disarming in which it may fall back into any mode.
+        messages: Numbers of the messages that are needed from it, by their types.
+        position_is_checked: Whether its pre-arm check covers its position estimate. If not,
+            EKF_STATUS_REPORT has to report a good estimate.
+        texts_prove_failsafe: Whether a STATUSTEXT about a failsafe is sent only if one is active.
+        mode_is_checked: Whether the pre-arm check depends on the mode, and passes in
+            `resting_mode` alone.
+        streams_setpoints: Whether it needs setpoints all the time in `guided_mode`. If not, each is
+            sent until POSITION_TARGET_GLOBAL_INT confirms it.
+        setpoint_loss_modes: Modes in which it may be for lack of setpoints.
+        setpoint_rate_hz: Rate of setpoints that it needs at least, in its own time.
+        paced_setpoints: Whether it ignores MAV_CMD_DO_CHANGE_SPEED in `guided_mode`, so that a
+            speed is flown by setpoints that move.
+        setpoints_amsl: Whether the altitude of setpoints is to be above mean sea level.
+        take_off_amsl: Whether MAV_CMD_NAV_TAKEOFF has its altitude above mean sea level.
+        unchanged: Parameter of MAV_CMD_NAV_TAKEOFF that leaves place and yaw as they are.
+        missions_by_command: Whether MAV_CMD_MISSION_START starts a mission on the ground. If not,
+            `mission_mode` does.
+        keeps_item_radius: Whether it stores the acceptance radius of each waypoint.
+        parameter_tolerance: Difference between an item's parameter sent and read back.
+        upload_can_be_cancelled: Whether MISSION_ACK with CANCELLED ends an upload.
+        first_port: UDP port to which the first simulated vehicle sends.
+        port_step: Difference to the port of the next one.
+    """
+
+    name: str
+    modes: Mapping[tuple[int, ...], str]
+    mode_shifts: tuple[int, ...]
+    mode_mask: int
+    guided_mode: str
+    resting_mode: str
+    mission_mode: str
+    take_off_mode: str = ""
+    item_modes: Mapping[int, str] = field(default_factory=dict)
+    disarmed_modes: frozenset[str] = _NO_MODES
+    disarming_s: float = 0.0
+    messages: Mapping[type, int]
+    position_is_checked: bool
+    texts_prove_failsafe: bool
+    mode_is_checked: bool
+    streams_setpoints: bool
+    setpoint_loss_modes: frozenset[str] = _NO_MODES
+    setpoint_rate_hz: float = 0.0
+    paced_setpoints: bool
+    setpoints_amsl: bool
+    take_off_amsl: bool
+    unchanged: float
+    missions_by_command: bool
+    keeps_item_radius: bool
+    parameter_tolerance: float
+    upload_can_be_cancelled: bool
+    first_port: int
+    port_step: int
+
+    @property
+    def orderly_modes(self) -> frozenset[str]:
+        """Modes in which a vehicle that was taken over may be given orders again."""
+        return frozenset({self.guided_mode, self.resting_mode})
+
+    @property
+    def take_off_modes(self) -> frozenset[str]:
+        """Modes from which, and in which, it takes off."""
+        return self.orderly_modes | ({self.take_off_mode} if self.take_off_mode else set())
+
+    @property
+    def first_item(self) -> int:
+        """Number of the first mission item that is flown; home has the number before."""
+        return int(FIRMWARES[self.name].home_first)
+
+    def mode_name(self, custom_mode: int) -> str:
+        """Return the name of HEARTBEAT.custom_mode, `MODE(n)` for one that is not known."""
+        fields = tuple(custom_mode >> shift & self.mode_mask for shift in self.mode_shifts)
+        return self.modes.get(fields, f"MODE({'.'.join(map(str, fields))})")
+
+    def mode_parameters(self, mode: str) -> tuple[float, ...]:
+        """Return the parameters of MAV_CMD_DO_SET_MODE, from the first one on."""
+        fields = next(fields for fields, name in self.modes.items() if name == mode)
+        return tuple(map(float, (mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, *fields)))
+
+    def take_off_parameters(self, alt_m: float, home_amsl_m: float) -> tuple[float, ...]:
+        """Return the parameters of MAV_CMD_NAV_TAKEOFF.
+
+        Args:
+            alt_m: Altitude above home.
+            home_amsl_m: Altitude of home above mean sea level.
+        """
+        altitude_m = home_amsl_m + alt_m if self.take_off_amsl else alt_m
+        return (0.0, 0.0, 0.0, self.unchanged, self.unchanged, self.unchanged, altitude_m)
+
+    def connections(self, number: int) -> list[str]:
+        """Return where so many simulated vehicles send to by default."""
+        ports = (self.first_port + self.port_step * index for index in range(number))
+        return [f"udpin:127.0.0.1:{port}" for port in ports]
+
+
+_MESSAGES: dict[type, int] = {
+    GlobalPosition: mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    SysStatus: mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+    ExtendedSysState: mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    MissionCurrent: mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+}
+
+ARDUPILOT = Autopilot(
+    name="ardupilot",
+    # https://mavlink.io/en/messages/ardupilotmega.html#COPTER_MODE
+    modes={
+        (number,): entry.name.removeprefix("COPTER_MODE_")
+        for number, entry in mavlink.enums["COPTER_MODE"].items()
+        if not entry.name.endswith("_ENUM_END")
+    },
+    mode_shifts=(0,),
+    mode_mask=0xFFFFFFFF,
+    guided_mode="GUIDED",
+    resting_mode="GUIDED",
+    mission_mode="AUTO",
+    messages={
+        **_MESSAGES,
+        EkfStatus: mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+        PositionTarget: mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+    },
+    position_is_checked=False,
+    texts_prove_failsafe=True,
+    mode_is_checked=False,
+    streams_setpoints=False,
+    paced_setpoints=False,
+    setpoints_amsl=False,
+    take_off_amsl=False,
+    unchanged=0.0,
+    missions_by_command=True,
+    keeps_item_radius=False,
+    # It stores whole seconds and metres.
+    parameter_tolerance=1.0,
+    upload_can_be_cancelled=False,
+    # As MAVProxy sends, which sim_vehicle.py starts.
+    first_port=14550,
+    port_step=10,
+)
+
+PX4 = Autopilot(
+    name="px4",
+    # MAVLink has no enumeration of these: px4_custom_mode.h, as QGroundControl names them.
+    modes={
+        (1, 0): "MANUAL",
+        (2, 0): "ALTCTL",
+        (3, 0): "POSCTL",
+        (3, 1): "ORBIT",
+        (4, 1): "READY",
+        (4, 2): "TAKEOFF",
+        (4, 3): "HOLD",
+        (4, 4): "MISSION",
+        (4, 5): "RTL",
+        (4, 6): "LAND",
+        (4, 8): "FOLLOW",
+        (4, 9): "PRECLAND",
+        (5, 0): "ACRO",
+        (6, 0): "OFFBOARD",
+        (7, 0): "STABILIZED",
+        (8, 0): "RATTITUDE",
+        (9, 0): "SIMPLE",
+        (10, 0): "TERMINATION",
+    },
+    mode_shifts=(16, 24),
+    mode_mask=0xFF,
+    guided_mode="OFFBOARD",
+    resting_mode="HOLD",
+    mission_mode="MISSION",
+    take_off_mode="TAKEOFF",
+    item_modes={
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",
+        mavlink.MAV_CMD_NAV_LAND: "LAND",
+    },
+    disarmed_modes=frozenset({"HOLD"}),
+    disarming_s=3.0,
+    messages={**_MESSAGES, BatteryStatus: mavlink.MAVLINK_MSG_ID_BATTERY_STATUS},
+    # At rest its EKF_STATUS_REPORT always has CONST_POS_MODE.
+    position_is_checked=True,
+    # It sends the same texts as a mere warning.
+    texts_prove_failsafe=False,
+    # In OFFBOARD the check fails as long as no setpoints come.
+    mode_is_checked=True,
+    streams_setpoints=True,
+    # Parameter COM_OBL_RC_ACT chooses among them.
+    setpoint_loss_modes=frozenset({"RTL", "HOLD", "LAND", "POSCTL", "ALTCTL", "STABILIZED"}),
+    setpoint_rate_hz=2.0,
+    paced_setpoints=True,
+    # Above home it takes them with the wrong sign for home's height over the estimate's origin.
+    setpoints_amsl=True,
+    take_off_amsl=True,
+    unchanged=math.nan,
+    missions_by_command=False,
+    keeps_item_radius=True,
+    parameter_tolerance=1e-3,
+    upload_can_be_cancelled=True,
+    first_port=14540,
+    port_step=1,
+)
+
+AUTOPILOTS: Mapping[str, Autopilot] = {one.name: one for one in (ARDUPILOT, PX4)}
+
+
+class PacedSetpoint:
+    """A setpoint that leads a vehicle along a straight leg at a given speed: carrot chasing.
+
+    This is how `Autopilot.paced_setpoints` are flown, with the velocity as feed-forward.
+
+    Args:
+        target: The end of the leg; its altitude is the setpoint's from the start.
+        speed_mps: Speed over ground, more than 0.
+        place: Latitude and longitude of the vehicle in degrees.
+        boot_s: The vehicle's own clock.
+    """
+
+    _LEAD_S = 1.0
+    """Greatest lead over the vehicle: more than its position is old, less than makes it run."""
+    _APPROACH_S = 1.0
+    """Time before the end at which the vehicle gets the end itself, where it stops by itself."""
+
+    def __init__(
+        self,
+        target: SetPositionTarget,
+        speed_mps: float,
+        place: tuple[float, float],
+        boot_s: float,
+    ) -> None:
+        self.target = target
+        self._speed_mps = speed_mps
+        self._start = place
+        self._at_m = 0.0
+        self._boot_s = boot_s
+        north_m, east_m = offset_m(place, (target.lat_deg, target.lon_deg))
+        self._length_m = math.hypot(north_m, east_m)
+        length_m = self._length_m or 1.0
+        self._direction = (north_m / length_m, east_m / length_m)
+
+    def advance(self, place: tuple[float, float], boot_s: float) -> SetPositionTarget:
+        """Return the setpoint at a time of the vehicle's clock; it waits for one that lags."""
+        north_m, east_m = offset_m(self._start, place)
+        flown_m = north_m * self._direction[0] + east_m * self._direction[1]
+        # A clock that has gone back was restarted.
+        passed_s = max(boot_s - self._boot_s, 0.0)
+        self._boot_s = boot_s
+        lead_m = self._speed_mps * self._LEAD_S
+        at_m = min(self._at_m + self._speed_mps * passed_s, flown_m + lead_m)
+        self._at_m = max(self._at_m, at_m)
+        if max(self._at_m, flown_m + self._speed_mps * self._APPROACH_S) >= self._length_m:
+            return self.target
+        share = self._at_m / self._length_m
+        lat_deg, lon_deg = self._start
+        east_deg = (self.target.lon_deg - lon_deg + 180) % 360 - 180
+        return replace(
+            self.target,
+            lat_deg=lat_deg + share * (self.target.lat_deg - lat_deg),
+            lon_deg=(lon_deg + share * east_deg + 180) % 360 - 180,
+            velocity_mps=(
+                self._speed_mps * self._direction[0],
+                self._speed_mps * self._direction[1],
+            ),
+        )
+
+
+def offset_m(start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
+    """Return metres to north and east between places in degrees, exact enough along a leg."""
+    north_m = (end[0] - start[0]) * _METRES_PER_DEGREE
+    east_deg = (end[1] - start[1] + 180) % 360 - 180
+    return north_m, east_deg * _METRES_PER_DEGREE * math.cos(math.radians(start[0]))
+
+
+_METRES_PER_DEGREE = 111_195.0

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What differs between autopilots is in one object each, and nowhere else."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
+
+from dsse_ros.flight.autopilots import AUTOPILOTS, PX4, Autopilot
+from dsse_ros.flight.commands import ControllerSettings
+from dsse_ros.flight.orders import FlyMission, GoTo, Return, TakeOff
+from dsse_ros.flight.vehicle_controller import VehicleController
+from msg_adapters.mission_items import FIRMWARES
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = [file for top in ("dsse_ros", "msg_adapters") for file in (ROOT / top).rglob("*.py")]
+
+
+def test_each_autopilot_has_its_missions() -> None:
+    assert list(AUTOPILOTS) == list(FIRMWARES)
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS.values(), ids=list(AUTOPILOTS))
+def test_all_modes_that_are_set_or_awaited_are_known(autopilot: Autopilot) -> None:
+    named = autopilot.take_off_modes | autopilot.disarmed_modes | autopilot.setpoint_loss_modes
+    named |= {autopilot.mission_mode, "RTL", "LAND", *autopilot.item_modes.values()}
+    assert named <= set(autopilot.modes.values())
+
+
+@pytest.mark.parametrize("file", SOURCES, ids=lambda file: str(file.relative_to(ROOT)))
+def test_no_module_decides_by_the_name_of_an_autopilot(file: Path) -> None:
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Compare | ast.match_case):
+            constants = {one.value for one in ast.walk(node) if isinstance(one, ast.Constant)}
+            assert not constants & set(AUTOPILOTS), f"line {getattr(node, 'lineno', '?')}"
+
+
+def test_another_autopilot_is_one_object_and_its_registration(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(AUTOPILOTS, "another", replace(PX4, name="another"))  # type: ignore[arg-type]
+    monkeypatch.setitem(FIRMWARES, "another", FIRMWARES["px4"])  # type: ignore[arg-type]
+    flight = VirtualFlight("px4")
+    settings = ControllerSettings(autopilot="another", arm=True)
+    flight.controller = VehicleController(VEHICLE, OURSELVES, settings)
+    there = GoTo(*flight.place(40.0, 0.0), 15.0, 3.0)
+    for order in (TakeOff(10.0), there, Return(), FlyMission(mission(flight, (30.0, 0.0, 15.0)))):
+        assert flight.fly(order).status == "done", flight.outcome
