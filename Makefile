@@ -101,7 +101,7 @@ $(BASE):
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz
-$(VENV)/.test: EXTRAS := viz,test,sitl
+$(VENV)/.test: EXTRAS := viz,test,sitl,routes
 $(VENV)/.oldest: EXTRAS := viz,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt

@@ -49,9 +49,8 @@ def play(
     name: str,
     scenario: Scenario,
     rules: Rules,
-    count: int,
+    seeds: Sequence[int],
     *,
-    seed: int = 0,
     believed: Scenario | None = None,
     planner_seeds: int = 1,
     withdraw_at: int | None = None,
@@ -62,14 +61,14 @@ def play(
         name: Of the planner.
         scenario: Of the world.
         rules: Of the world.
-        count: M; mission m is that of an environment seeded with seed + m.
-        seed: Of the worlds.
+        seeds: (M,) of the missions: each is that of an environment seeded with it.
         believed: The scenario that the planner is given, by default that of the world.
         planner_seeds: How many seeds of the planner are dealt to the missions in turn.
         withdraw_at: Step after which the last drone is withdrawn from each mission.
     """
+    count = len(seeds)
     world = World(scenario, rules, count, reuse_maps=True)
-    world.seed(seed)
+    world.seed(seeds)
     world.reset()
     limit, actions = world.scenario.timestep_limit, rules.action_set
     agents = [f"drone{i}" for i in range(world.drones.shape[1])]
@@ -89,9 +88,7 @@ def play(
             drones, probability = world.drones[first], world.maps[first]
             live = [n for n in range(len(agents)) if drones["alive"][n]]
             cells = {n: (int(drones["x"][n]), int(drones["y"][n])) for n in live}
-            observations = {
-                agents[n]: Observation(np.array(cells[n]), probability) for n in live
-            }
+            observations = {agents[n]: Observation(np.array(cells[n]), probability) for n in live}
             infos = {
                 agents[n]: {
                     "Found": False,

@@ -3,6 +3,7 @@
 
 from dsse_ros.planners.planner import Observation, Planner, PlannerFactory, Search
 from dsse_ros.planners.registry import (
+    BELIEF_PLANNERS,
     PLANNER_NAMES,
     PLANNERS,
     load_planner,
@@ -11,6 +12,7 @@ from dsse_ros.planners.registry import (
 )
 
 __all__ = [
+    "BELIEF_PLANNERS",
     "PLANNERS",
     "PLANNER_NAMES",
     "Observation",

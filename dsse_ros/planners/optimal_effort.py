@@ -25,25 +25,24 @@ from dsse_ros.search.actions import ActionSet
 from dsse_ros.search.belief import Belief, Forecast
 
 
-def make_optimal_effort(
-    search: Search, *, seed: int = 0, period: int = 10, searching: float = 0.5
-) -> BeliefPlanner:
+def make_optimal_effort(search: Search, *, seed: int = 0, period: int = 4) -> BeliefPlanner:
     """Return a planner that allocates the effort of the next steps and routes it.
+
+    The effort is what the drones could search if they did not have to move.
 
     Args:
         search: What it may know: rules and scenario.
         seed: For the choice of the cell to step aside to when a way is blocked.
         period: Steps between two plans.
-        searching: Share of the steps that are searches, the others are moves.
     """
 
     def plan_for(forecast: Forecast) -> BeliefRoutePlan:
         actions = forecast.rules.action_set.with_moves()
 
         def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
-            searches = max(1, round(searching * steps)) * len(present)
-            pod = float(belief.pods.mean())
-            return nearest_routes(present, allocate(belief.cells(), pod, searches), actions)
+            effort = steps * len(present)
+            searches = allocate(belief.cells(), float(belief.pods.mean()), effort)
+            return nearest_routes(present, searches, actions)
 
         return plan
 

@@ -41,6 +41,15 @@ PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
 )
 """The planners that need to know no more than the actions, called with the actions' names."""
 
+BELIEF_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType(
+    {
+        "belief": make_belief,
+        "belief_greedy": make_belief_greedy,
+        "optimal_effort": make_optimal_effort,
+    }
+)
+"""The planners that know the rules and the scenario too, as they keep a belief."""
+
 
 def _from_actions(make: Callable[..., Planner], search: Search, **options: Any) -> Planner:
     return make(search.rules.actions, **options)
@@ -49,9 +58,7 @@ def _from_actions(make: Callable[..., Planner], search: Search, **options: Any) 
 _FACTORIES: Mapping[str, PlannerFactory] = MappingProxyType(
     {
         **{name: partial(_from_actions, make) for name, make in PLANNERS.items()},
-        "belief": make_belief,
-        "belief_greedy": make_belief_greedy,
-        "optimal_effort": make_optimal_effort,
+        **BELIEF_PLANNERS,
     }
 )
 """The planners of this package that need no extra."""

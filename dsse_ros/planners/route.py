@@ -31,10 +31,9 @@ def make_route(
     search: Search,
     *,
     seed: int = 0,
-    period: int = 10,
-    reach: int = 20,
-    cells_per_drone: int = 24,
-    solutions: int = 100,
+    period: int = 3,
+    reach: int = 15,
+    cells_per_drone: int = 12,
 ) -> BeliefPlanner:
     """Return a planner that flies the routes of a solver.
 
@@ -42,10 +41,8 @@ def make_route(
         search: What it may know: rules and scenario.
         seed: For the choice of the cell to step aside to when a way is blocked.
         period: Steps between two plans.
-        reach: Steps that a route may take; the mission's end comes first.
+        reach: Steps that a route may take once the drones are there; the mission's end comes first.
         cells_per_drone: How many of the most likely cells the routes are chosen from.
-        solutions: How many the solver improves on; no time, so that the same seed gives the same
-            mission.
     """
 
     def plan_for(forecast: Forecast) -> BeliefRoutePlan:
@@ -58,12 +55,11 @@ def make_route(
             gains = [float(likely[row, col]) * pod for col, row in chosen]
             nodes = [*present, *chosen]
             ways = [[actions.distance(a, b) for b in nodes] for a in nodes]
-            time = max(2, min(reach, limit - belief.step))
+            there = max(min(row[len(present) :]) for row in ways[: len(present)])
+            time = max(1, min(there + reach, limit - belief.step))
             return [
                 [nodes[i] for i in route] or [cell]
-                for route, cell in zip(
-                    solve(ways, gains, len(present), time, solutions), present, strict=True
-                )
+                for route, cell in zip(solve(ways, gains, len(present), time), present, strict=True)
             ]
 
         return plan
@@ -72,7 +68,7 @@ def make_route(
 
 
 def solve(
-    ways: Sequence[Sequence[int]], gains: Sequence[float], drones: int, time: int, solutions: int
+    ways: Sequence[Sequence[int]], gains: Sequence[float], drones: int, time: int
 ) -> list[list[int]]:
     """Return the nodes that each drone searches, in their order.
 
@@ -81,7 +77,6 @@ def solve(
         gains: (K,) what a search of each of the others finds.
         drones: N.
         time: Steps that a route may take; a search takes one.
-        solutions: How many the solver improves on.
     """
     end = len(ways)
     manager = pywrapcp.RoutingIndexManager(end + 1, drones, list(range(drones)), [end] * drones)
@@ -103,11 +98,13 @@ def solve(
         # The sooner, the better: what is collected at the end is worth half.
         times.SetCumulVarSoftUpperBound(index, 0, worth // (2 * time))
     parameters = pywrapcp.DefaultRoutingSearchParameters()
-    parameters.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.PARALLEL_CHEAPEST_INSERTION
-    parameters.local_search_metaheuristic = (
-        routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
+    parameters.first_solution_strategy = (
+        routing_enums_pb2.FirstSolutionStrategy.PARALLEL_CHEAPEST_INSERTION
     )
-    parameters.solution_limit = solutions
+    # It ends at a local optimum, not at a time, so that the same seed gives the same mission.
+    parameters.local_search_metaheuristic = (
+        routing_enums_pb2.LocalSearchMetaheuristic.GREEDY_DESCENT
+    )
     solution = routing.SolveWithParameters(parameters)
     routes: list[list[int]] = [[] for _ in range(drones)]
     if solution is None:
