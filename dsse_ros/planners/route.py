@@ -25,6 +25,8 @@ except ImportError as error:
 
 MICRO = 1_000_000
 """The solver counts in whole numbers."""
+NEVER = 1_000_000
+"""Steps to a cell that cannot be reached."""
 
 
 def make_route(
@@ -55,8 +57,9 @@ def make_route(
             chosen = list(allocate(likely, 1.0, cells_per_drone * len(present)))
             gains = [float(likely[row, col]) * pod for col, row in chosen]
             nodes = [*present, *chosen]
-            ways = [[actions.distance(a, b) for b in nodes] for a in nodes]
-            there = max(min(row[len(present) :]) for row in ways[: len(present)])
+            ways = [[_steps(actions.distance(a, b)) for b in nodes] for a in nodes]
+            nearest = [min(row[len(present) :]) for row in ways[: len(present)]]
+            there = max((steps for steps in nearest if steps < NEVER), default=0)
             time = max(1, min(there + reach, limit - belief.step))
             return [
                 [nodes[i] for i in route] or [cell]
@@ -66,6 +69,10 @@ def make_route(
         return plan
 
     return BeliefPlanner(search, RoutePlanning(plan_for, period), seed=seed)
+
+
+def _steps(distance: int) -> int:
+    return distance if distance >= 0 else NEVER
 
 
 def solve(

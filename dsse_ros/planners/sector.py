@@ -62,18 +62,17 @@ def sector_routes(
     for drones, water in actions.by_water(cells):
         # Until a pattern reaches beyond the grid, and then until each has as many triangles.
         count = 3 * len(drones) * _patterns(farthest, size)
-        legs = [
-            _inside(triangle, size, water) for triangle in islice(triangles(datum, size), count)
-        ]
+        legs = list(islice(triangles(datum, size), count))
         for i, drone in enumerate(drones):
-            route = [cell for k, leg in enumerate(legs[i :: len(drones)]) for cell in leg[k > 0 :]]
+            flown = [cell for k, leg in enumerate(legs[i :: len(drones)]) for cell in leg[k > 0 :]]
+            route = _inside(flown, size, water)
             routes[drone] = route or routes[drone]
     return routes
 
 
-def _inside(leg: list[Cell], size: int, water: NDArray[np.bool_] | None) -> list[Cell]:
-    """Return the cells that are on the grid and, where there is an area, in these waters."""
-    inside = [cell for cell in leg if max(cell) < size and min(cell) >= 0]
+def _inside(cells: list[Cell], size: int, water: NDArray[np.bool_] | None) -> list[Cell]:
+    """Return the cells that are on the grid and, where there is an area, in this water."""
+    inside = [cell for cell in cells if max(cell) < size and min(cell) >= 0]
     return inside if water is None else [(col, row) for col, row in inside if water[row, col]]
 
 
