@@ -29,7 +29,7 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,benchmarks flight mission msg_adapters packaging planners search)
+TESTS_OF_CHECK := $(addprefix test/,flight mission msg_adapters packaging planners search)
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
@@ -100,9 +100,9 @@ $(BASE):
 
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
-$(VENV)/.sim: EXTRAS := viz
-$(VENV)/.test: EXTRAS := viz,test,sitl
-$(VENV)/.oldest: EXTRAS := viz,test
+$(VENV)/.sim: EXTRAS := viz,area
+$(VENV)/.test: EXTRAS := viz,area,test,sitl
+$(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
 $(VENV)/.sim $(VENV)/.test $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)

@@ -7,6 +7,6 @@ from hypothesis import HealthCheck, settings
 settings.register_profile(
     "random", deadline=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
 )
-# Another example in each run is found by whoever looks for it, with --hypothesis-profile=random.
+# Another example in each run is tried with --hypothesis-profile=random.
 settings.register_profile("same", settings.get_profile("random"), derandomize=True, database=None)
 settings.load_profile("same")

@@ -160,7 +160,7 @@ class PlannerNode(AlarmNode):
         """
         name, seed = self.settings.planner, self.settings.seed
         if name in PLANNERS:
-            return make_planner(name, info.actions, seed=seed)
+            return make_planner(name, info.actions, seed=seed, area=info.area_mask)
         if info.definition is None:
             raise ValueError("agents.definition: missing; this planner needs it")
         return planner_for(info.definition, name, seed=seed)

@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dsse_ros.planners.belief import make_belief, make_belief_greedy
 from dsse_ros.planners.expanding_square import make_expanding_square
 from dsse_ros.planners.greedy import Greedy
@@ -62,16 +65,25 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
     """
     if isinstance(name, str) and name in BELIEF_PLANNERS:
         return BELIEF_PLANNERS[name](search, seed=seed, **options)
-    return make_planner(name, search.rules.actions, seed=seed, **options)
+    area = search.scenario.resolve(search.rules).area_mask
+    return make_planner(name, search.rules.actions, seed=seed, area=area, **options)
 
 
-def make_planner(name: str, actions: Sequence[str], *, seed: int = 0, **options: Any) -> Planner:
+def make_planner(
+    name: str,
+    actions: Sequence[str],
+    *,
+    seed: int = 0,
+    area: NDArray[np.bool_] | None = None,
+    **options: Any,
+) -> Planner:
     """Return a new planner for one mission.
 
     Args:
         name: A key of `PLANNERS`.
         actions: Names of the actions by number, as the rules give them.
         seed: Of all that the planner draws.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
         options: Of the planner.
 
     Raises:
@@ -81,4 +93,4 @@ def make_planner(name: str, actions: Sequence[str], *, seed: int = 0, **options:
         if isinstance(name, str) and name in BELIEF_PLANNERS:
             raise ValueError(f"planner: {name!r} has to know the rules and the scenario too")
         raise ValueError(f"planner: {name!r} is not known; one of {', '.join(PLANNER_NAMES)}")
-    return PLANNERS[name](actions, seed=seed, **options)
+    return PLANNERS[name](actions, seed=seed, area=area, **options)

@@ -56,11 +56,12 @@ def sample(density, count, offset, rows, cells):
 
 
 @compiled
-def roll(constants, chances, tables, directions, slots, offsets, rows, cells):
+def roll(constants, area, chances, tables, directions, slots, offsets, rows, cells):
     """Let the persons of all scenarios take their steps.
 
     Args:
         constants: (1,) of `kernels.CONSTANTS`.
+        area: Of a `Forecast`.
         chances: (R, S S), of a `Forecast`.
         tables: (R, S S, 9), of a `Forecast`.
         directions: (R, K), of a `Forecast`.
@@ -83,7 +84,7 @@ def roll(constants, chances, tables, directions, slots, offsets, rows, cells):
                 after[s] = i
                 continue
             if i != seen_cell or direction != seen_direction:
-                look_up(c, chances[slot], tables[slot], i, direction, row)
+                look_up(c, area, chances[slot], tables[slot], i, direction, row)
                 seen_cell, seen_direction = i, direction
             left = (offsets[h] + s * GOLDEN) % 1.0
             step = 0

@@ -107,6 +107,9 @@ class BeamSearch:
         names = (*STRAIGHT, *(DIAGONAL if actions.diagonal else ()))
         steps = [(0, 0), *(ACTION_VECTORS[name] for name in names)]
         self._moves = np.array([dy * self._side + dx for dx, dy in steps])
+        self._masked = np.zeros(self._side**2, np.bool_)
+        if forecast.area is not None:
+            self._masked = ~np.pad(forecast.area, MARGIN).ravel()
         away = np.arange(self._side)
         across, down = np.meshgrid(away, away)
         moves = np.maximum(across, down) if actions.diagonal else across + down
@@ -211,8 +214,8 @@ class BeamSearch:
         cells = np.empty((horizon + 1, count), np.int64)
         beam.sample(belief.density, count, offset, rows, cells[0])
         beam.roll(
-            forecast.constants, forecast.chances, forecast.tables, forecast.directions, slots,
-            np.array(offsets), rows, cells,
+            forecast.constants, forecast.area, forecast.chances, forecast.tables,
+            forecast.directions, slots, np.array(offsets), rows, cells,
         )  # fmt: skip
         detected = np.zeros((0, 0), np.bool_)
         if belief.pods.min() < 1.0:
@@ -252,11 +255,12 @@ class BeamSearch:
     def _blocked(
         self, drone: int, plans: Sequence[_Plan], planned: set[int], horizon: int
     ) -> NDArray[np.bool_]:
-        """Return the cells (H, S S) that a drone must keep out of, where drones collide.
+        """Return the cells (H, S S) that a drone must keep out of.
 
+        They are those outside the area and, where drones collide, those of other drones.
         A drone that has not planned may stay where it is, so that staying is always safe.
         """
-        blocked = np.zeros((horizon, self._side**2), np.bool_)
+        blocked = np.tile(self._masked, (horizon, 1))
         if self._forecast.rules.collisions:
             for n, plan in enumerate(plans):
                 if n == drone:

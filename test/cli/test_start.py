@@ -83,7 +83,7 @@ def test_ctrl_c_before_a_program_is_at_work_ends_it_at_once_and_quietly(
     finally:
         child.kill()
     assert child.returncode == 130
-    # One that is interrupted a little later may have said this, and nothing else.
+    # One that is interrupted a little later may have logged this, and nothing else.
     lines = output.splitlines()
     assert all(line.endswith(COMPILING) for line in lines), output
     assert (moment is compiling) <= len(lines) <= 1

@@ -152,7 +152,7 @@ IN_PROCESSES_OF_THEIR_OWN = (
 def test_a_domain_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dsse_ros.nodes.sim_node"]
     done = subprocess.run(
-        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=180,
         env=os.environ | ENVIRONMENT | {"ROS_DOMAIN_ID": "233"},
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (2, "")
@@ -210,7 +210,7 @@ def test_the_program_ends_with_that_line_and_code(name: str, tmp_path: Path) -> 
     command = [sys.executable, "-m", f"dsse_ros.nodes.{case.node}", *arguments_of(case, tmp_path)]
     environment = os.environ | ENVIRONMENT | {"ROS_DOMAIN_ID": str(free_domain())}
     done = subprocess.run(
-        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=180,
         env=environment,
     )  # fmt: skip
     check(case, done.returncode, done.stdout, done.stderr)

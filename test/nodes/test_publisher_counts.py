@@ -97,7 +97,7 @@ def test_the_names_of_all_frames_begin_with_the_prefix(rig: Rig) -> None:
         pose.header.frame_id = frame
         pose.pose.position.x = pose.pose.position.y = 65.0
         sim.talk(PoseStamped, "drone0/command_pose").publish(pose)
-    sim.settle()
+    sim.wait_until_quiet()
     health = sim.health_after("foreign_frame")
     assert health["missing_drones"] == "drone1"
 

@@ -87,7 +87,7 @@ def test_a_step_waits_until_the_last_vehicle_is_near_the_centre_of_its_cell(sim:
 def test_the_node_says_whose_vehicles_it_waits_for(sim: Sim) -> None:
     all_there(sim)
     pose(sim, 1, 0, 0)
-    sim.settle()
+    sim.wait_until_quiet()
     sim.joint(RIGHT, RIGHT, LEFT)
     sim.health_when(lambda h: "waiting for vehicles of drone1" in h["message"])
     pose(sim, 2, 0, 0)

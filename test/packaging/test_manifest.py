@@ -37,7 +37,7 @@ def test_colcon_takes_it_for_an_ament_package_of_format_3(manifest: Package) -> 
 
 def test_pip_knows_the_name_and_version_of_the_manifest(manifest: Package) -> None:
     command = [sys.executable, "setup.py", "--name", "--version"]
-    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60).stdout
+    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=180).stdout
     assert printed.split() == [manifest.name, manifest.version]
 
 
