@@ -38,7 +38,7 @@ class BeamOptions:
         drift_samples: K, angles of the persons' own drift, see `Forecast`.
         finalists: Plans of a beam, the last one besides, of which the exact filter takes the best:
             samples flatter a plan that was searched on them. 1: the samples decide. None: see
-            `BY_MOTION`.
+            `BY_MOTION`; of many drones fewer, `FINALISTS` in all.
         warm_start: Whether a drone allows for the last plans of those that plan after it; None:
             with up to 4 drones.
         passes: How often each drone plans in a step.
@@ -73,6 +73,9 @@ BY_MOTION: Mapping[str, Mapping[str, Any]] = {
 }
 """Options that depend on how persons move."""
 
+FINALISTS = 32
+"""Plans of all drones together that the exact filter compares in a step."""
+
 
 @dataclass
 class _Plan:
@@ -92,9 +95,11 @@ class BeamSearch:
 
     def __init__(self, forecast: Forecast, options: BeamOptions, *, seed: int = 0) -> None:
         self._forecast = forecast
-        self._options = options = options.completed(forecast.rules)
-        assert options.finalists is not None
-        self._finalists = options.finalists
+        self._options = full = options.completed(forecast.rules)
+        assert full.finalists is not None
+        self._finalists = full.finalists
+        if options.finalists is None:
+            self._finalists = min(full.finalists, max(FINALISTS // forecast.scenario.num_drones, 1))
         self._rng = np.random.default_rng(seed)
         self._side = forecast.scenario.grid_size + 2 * MARGIN
         actions = forecast.rules.action_set.with_moves()
