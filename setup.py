@@ -44,6 +44,8 @@ setup(
         "pyyaml>=6.0",
     ],
     extras_require={
+        # The solver of the planner `route`.
+        "routes": ["ortools>=9.10"],
         # Ground stations that the tests fly with. MAVProxy needs `future` without saying so; from
         # 1.8.75 on it brings 800 MB of 3D libraries.
         "sitl": ["MAVProxy>=1.8.71,<1.8.75", "future>=1.0", "mavsdk>=4.1,<5"],

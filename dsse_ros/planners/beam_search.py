@@ -198,7 +198,8 @@ class BeamSearch:
                 beam.exact_value(
                     forecast.constants, forecast.area, belief.density, belief.pods,
                     forecast.chances, forecast.tables, forecast.directions, slots, together,
-                    lengths, drone, options.gamma, options.kappa, self._nearness, self._density, self._scratch,
+                    lengths, drone, options.gamma, options.kappa, self._nearness, self._density,
+                    self._scratch,
                 )
             )  # fmt: skip
 

@@ -49,7 +49,7 @@ class Search(Protocol):
 
 
 PlannerFactory: TypeAlias = Callable[..., Planner]
-"""Called with the names of the actions and the keywords `seed` and `area`, see `make_planner`."""
+"""Called with a `Search`, the keyword `seed` and, as keywords, the planner's own options."""
 
 
 def cells_of(observations: Mapping[str, AgentObservation]) -> list[Cell]:

@@ -42,7 +42,7 @@ def prepared_env(scenario: Scenario, rules: Rules, announce: Callable[[str], Non
     Raises:
         FieldError: If the scenario does not fit the rules.
     """
-    # What is not allowed is said before a compiler that takes its time.
+    # Bad input is refused before the compiler takes its time.
     scenario.resolve(rules)
     with event.install_listener("numba:compile", _FirstCompilation(announce)):
         env = SearchEnv(scenario, rules)
