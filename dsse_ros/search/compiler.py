@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,18 @@ class _FirstCompilation(event.Listener):
         pass
 
 
+def announced(announce: Callable[[str], None]) -> AbstractContextManager[Any]:
+    """Return a context in which the compiler is announced when it first has work to do.
+
+    Args:
+        announce: Called with `COMPILING` then.
+    """
+    context: AbstractContextManager[Any] = event.install_listener(
+        "numba:compile", _FirstCompilation(announce)
+    )
+    return context
+
+
 def prepared_env(scenario: Scenario, rules: Rules, announce: Callable[[str], None]) -> SearchEnv:
     """Return an environment whose reset and step are compiled, or loaded from the cache.
 
@@ -44,7 +57,7 @@ def prepared_env(scenario: Scenario, rules: Rules, announce: Callable[[str], Non
     """
     # Bad input is refused before the compiler takes its time.
     scenario.resolve(rules)
-    with event.install_listener("numba:compile", _FirstCompilation(announce)):
+    with announced(announce):
         env = SearchEnv(scenario, rules)
         env.reset(seed=0)
         env.advance(np.full(env.world.num_drones, HOLD, np.int8))
