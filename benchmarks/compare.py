@@ -42,7 +42,7 @@ PLANNERS = (
     "random", "sweep", "expanding_square", "spiral", "sector", "greedy",
     "optimal_effort", "route", "belief_greedy", "belief",
 )  # fmt: skip
-PLANNER_SEEDS = {"random": 64, "belief": 16}
+PLANNER_SEEDS = {"random": 64, "belief": 8}
 """How many seeds of a planner the missions share, of those that draw."""
 
 
@@ -209,16 +209,18 @@ def case_table(case: Case, results: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _found_and_steps(row: dict[str, Any]) -> str:
+    steps = _ranged(row["steps"], row["steps_interval"], ".2f")
+    return f"{100 * row['found']:.1f} %, {steps}"
+
+
 def disturbance_table(results: dict[str, dict[str, Any]]) -> str:
     """Return found and mean steps of each planner under each disturbance as a Markdown table."""
     names = list(results["none"])
     lines = ["| What is wrong | " + " | ".join(f"`{name}`" for name in names) + " |"]
     lines.append("| --- |" + " --- |" * len(names))
     for key, row in results.items():
-        cells = [
-            f"{100 * row[name]['found']:.1f} %, {_ranged(row[name]['steps'], row[name]['steps_interval'], '.2f')}"
-            for name in names
-        ]
+        cells = [_found_and_steps(row[name]) for name in names]
         lines.append(f"| {DISTURBANCES[key].title} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

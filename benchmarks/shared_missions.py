@@ -86,7 +86,7 @@ def play(
         for group in groups:
             first = group.members[0]
             drones, probability = world.drones[first], world.maps[first]
-            live = [n for n in range(len(agents)) if drones["alive"][n]]
+            live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
             cells = {n: (int(drones["x"][n]), int(drones["y"][n])) for n in live}
             observations = {agents[n]: Observation(np.array(cells[n]), probability) for n in live}
             infos = {
@@ -109,6 +109,8 @@ def play(
         steps[ended] = np.where(found[ended], step + 1, limit)
         lost[ended] = (world.terminated[ended] & ~found[ended, None]).sum(axis=1)
         if withdraw_at == step + 1:
+            # As `SearchEnv.withdraw`: the next step terminates it.
+            world.worlds["num_active"] -= world.drones["alive"][:, -1]
             world.drones["alive"][:, -1] = False
         groups = [part for group in groups for part in _split(group, world)]
         if not groups:
@@ -123,7 +125,8 @@ def _split(group: _Group, world: World) -> Sequence[_Group]:
     if not len(members):
         return []
     drones = world.drones[members]
-    seen = np.stack([drones["alive"], drones["x"], drones["y"]], axis=-1)
+    gone = drones["terminated"] | drones["truncated"]
+    seen = np.stack([gone, drones["x"], drones["y"]], axis=-1)
     views, of_view = np.unique(seen.reshape(len(members), -1), axis=0, return_inverse=True)
     if len(views) == 1:
         return [_Group(members, group.planner, group.infos)]

@@ -51,7 +51,7 @@ def make_route(
 
         def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
             likely, pod = belief.cells(), float(belief.pods.mean())
-            chosen = list(allocate(likely, 1.0, cells_per_drone * len(present)))
+            chosen = list(allocate(likely, 1.0, cells_per_drone * len(present))) or [present[0]]
             gains = [float(likely[row, col]) * pod for col, row in chosen]
             nodes = [*present, *chosen]
             ways = [[actions.distance(a, b) for b in nodes] for a in nodes]
@@ -85,7 +85,6 @@ def solve(
     durations = np.zeros((end + 1, end + 1), int)
     durations[:end, :end] = ways
     durations[drones:end] += 1
-
     transit = routing.RegisterTransitMatrix(durations.tolist())
     routing.AddDimension(transit, 0, time, True, "time")
     times = routing.GetDimensionOrDie("time")
