@@ -35,6 +35,7 @@ _TYPES = {
     "cell": Parameter.Type.INTEGER_ARRAY,
     "cells": Parameter.Type.INTEGER_ARRAY,
     "names": Parameter.Type.STRING_ARRAY,
+    "area": Parameter.Type.STRING,
 }
 
 QOS_PREFIX = "qos_overrides."
@@ -107,6 +108,8 @@ def check_flat(arguments: Iterable[str]) -> None:
 
 def to_ros(spec: Spec, value: Any) -> Any:
     """Return a field's value as a parameter holds it."""
+    if spec.kind == "area":
+        return "" if value is None else value.to_geojson()
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if spec.kind == "cells":

@@ -158,11 +158,11 @@ class PlannerNode(AlarmNode):
         """Return a planner for a mission.
 
         Raises:
-            ValueError: If it needs to know more than `agents` has.
+            ValueError: If it needs to know more than `agents` contains.
         """
         name, seed = self.settings.planner, self.settings.seed
         if name in PLANNERS:
-            return make_planner(name, info.actions, seed=seed)
+            return make_planner(name, info.actions, seed=seed, area=info.area_mask)
         if info.definition is None:
             raise ValueError("agents.definition: missing; this planner needs it")
         return planner_for(info.definition, name, seed=seed)

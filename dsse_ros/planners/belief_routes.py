@@ -32,7 +32,8 @@ class RoutesOnBelief:
 
     def __init__(self, plan: BeliefRoutePlan, forecast: Forecast, period: int, seed: int) -> None:
         self._plan = plan
-        self._actions = forecast.rules.action_set.with_moves()
+        self._area = forecast.scenario.area_mask
+        self._actions = forecast.rules.action_set.within(self._area).with_moves()
         self._limit = forecast.scenario.timestep_limit
         self._period = period
         self._seed = seed
@@ -56,6 +57,7 @@ class RoutesOnBelief:
                 lambda cells, probability, actions: routes,
                 self._actions.names,
                 seed=self._seed + belief.step,
+                area=self._area,
             )
             self._agents, self._planned_at = list(agents), belief.step
         size = belief.forecast.scenario.grid_size

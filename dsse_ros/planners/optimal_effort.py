@@ -37,7 +37,8 @@ def make_optimal_effort(search: Search, *, seed: int = 0, period: int = 4) -> Be
     """
 
     def plan_for(forecast: Forecast) -> BeliefRoutePlan:
-        actions = forecast.rules.action_set.with_moves()
+        area = forecast.scenario.area_mask
+        actions = forecast.rules.action_set.within(area).with_moves()
 
         def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
             effort = steps * len(present)
@@ -85,17 +86,21 @@ def nearest_routes(
 
     Returns:
         The cells that each drone searches in their order, one that is searched twice two times; its
-        own cell where nothing is left for it.
+        own cell where nothing is left for it. Cells that no drone can get to are left out.
     """
     left = dict(searches)
     routes: list[list[Cell]] = [[] for _ in present]
     ends, busy = list(present), [0] * len(present)
     while left:
-        steps, _, cell, n = min(
-            (busy[n] + actions.distance(end, cell), place, cell, n)
+        ways = [
+            (busy[n] + way, place, cell, n)
             for n, end in enumerate(ends)
             for place, cell in enumerate(left)
-        )
+            if (way := actions.distance(end, cell)) >= 0
+        ]
+        if not ways:
+            break
+        steps, _, cell, n = min(ways)
         times = left.pop(cell)
         routes[n] += [cell] * times
         ends[n], busy[n] = cell, steps + times

@@ -27,8 +27,9 @@ class Planner(Protocol):
 
         Args:
             observations: By live agent, in the fixed order of the agents.
-            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid. Over
-                ROS also `step`, the steps done, and `action`, what the drone has done last.
+            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid or the
+                area that is searched. Over ROS also `step`, the steps done, and `action`, what the
+                drone has done last.
         """
         ...
 

@@ -15,6 +15,9 @@ from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dsse_ros.planners.belief import make_belief, make_belief_greedy
 from dsse_ros.planners.expanding_square import make_expanding_square
 from dsse_ros.planners.greedy import Greedy
@@ -39,7 +42,7 @@ PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
         "random": RandomMoves,
     }
 )
-"""The planners that need to know no more than the actions, called with the actions' names."""
+"""The planners that need to know no more than actions and area; called as `make_planner` is."""
 
 BELIEF_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType(
     {
@@ -52,7 +55,8 @@ BELIEF_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType(
 
 
 def _from_actions(make: Callable[..., Planner], search: Search, **options: Any) -> Planner:
-    return make(search.rules.actions, **options)
+    area = search.scenario.resolve(search.rules).area_mask
+    return make(search.rules.actions, area=area, **options)
 
 
 _FACTORIES: Mapping[str, PlannerFactory] = MappingProxyType(
@@ -122,13 +126,21 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
     return load_planner(name)(search, seed=seed, **options)
 
 
-def make_planner(name: str, actions: Sequence[str], *, seed: int = 0, **options: Any) -> Planner:
-    """Return a planner that needs to know no more than the actions.
+def make_planner(
+    name: str,
+    actions: Sequence[str],
+    *,
+    seed: int = 0,
+    area: NDArray[np.bool_] | None = None,
+    **options: Any,
+) -> Planner:
+    """Return a planner that needs to know no more than the actions and the area.
 
     Args:
         name: A key of `PLANNERS`.
         actions: Names of the actions by number, as the rules give them.
         seed: Of all that the planner draws.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
         options: Of the planner.
 
     Raises:
@@ -136,7 +148,7 @@ def make_planner(name: str, actions: Sequence[str], *, seed: int = 0, **options:
             needs is missing.
     """
     if isinstance(name, str) and name in PLANNERS:
-        return PLANNERS[name](actions, seed=seed, **options)
+        return PLANNERS[name](actions, seed=seed, area=area, **options)
     if name in PLANNER_NAMES:
         raise FieldError(f"planner: {name!r} has to know the rules and the scenario too")
     raise FieldError(f"planner: {name!r} is not known; one of {', '.join(PLANNER_NAMES)}")

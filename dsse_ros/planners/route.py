@@ -25,6 +25,8 @@ except ImportError as error:
 
 MICRO = 1_000_000
 """The solver counts in whole numbers."""
+NEVER = 1_000_000
+"""Steps to a cell that cannot be reached."""
 
 
 def make_route(
@@ -46,7 +48,8 @@ def make_route(
     """
 
     def plan_for(forecast: Forecast) -> BeliefRoutePlan:
-        actions = forecast.rules.action_set.with_moves()
+        area = forecast.scenario.area_mask
+        actions = forecast.rules.action_set.within(area).with_moves()
         limit = forecast.scenario.timestep_limit
 
         def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
@@ -54,8 +57,9 @@ def make_route(
             chosen = list(allocate(likely, 1.0, cells_per_drone * len(present))) or [present[0]]
             gains = [float(likely[row, col]) * pod for col, row in chosen]
             nodes = [*present, *chosen]
-            ways = [[actions.distance(a, b) for b in nodes] for a in nodes]
-            there = max(min(row[len(present) :]) for row in ways[: len(present)])
+            ways = [[_steps(actions.distance(a, b)) for b in nodes] for a in nodes]
+            nearest = [min(row[len(present) :]) for row in ways[: len(present)]]
+            there = max((steps for steps in nearest if steps < NEVER), default=0)
             time = max(1, min(there + reach, limit - belief.step))
             return [
                 [nodes[i] for i in route] or [cell]
@@ -65,6 +69,10 @@ def make_route(
         return plan
 
     return BeliefPlanner(search, RoutePlanning(plan_for, period), seed=seed)
+
+
+def _steps(distance: int) -> int:
+    return distance if distance >= 0 else NEVER
 
 
 def solve(

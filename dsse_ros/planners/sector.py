@@ -27,7 +27,9 @@ HEADINGS_DEG = (0, 240, 120)
 PATTERN_TURN_DEG = 30
 
 
-def make_sector(actions: Sequence[str], *, seed: int = 0) -> RouteFollower:
+def make_sector(
+    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+) -> RouteFollower:
     """Return a planner that crosses the most probable cell in sectors.
 
     One drone flies the triangles one after the other. Several deal them out.
@@ -35,11 +37,12 @@ def make_sector(actions: Sequence[str], *, seed: int = 0) -> RouteFollower:
     Args:
         actions: Names of the actions by number.
         seed: For the choice of the cell to step aside to when a way is blocked.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
 
     Raises:
         ValueError: If search or a straight move is missing.
     """
-    return RouteFollower(sector_routes, actions, seed=seed)
+    return RouteFollower(sector_routes, actions, seed=seed, area=area)
 
 
 def sector_routes(
@@ -50,20 +53,27 @@ def sector_routes(
     Args:
         cells: Present cell of each drone.
         probability: Map (G, G); the most probable cell is the datum.
-        actions: Not used.
+        actions: Have the area, if there is one.
     """
-    size, drones = len(probability), len(cells)
+    size = len(probability)
     datum = most_probable(probability, 1)[0]
     farthest = hypot(*(max(c, size - 1 - c) for c in datum))
-    # Until a pattern reaches beyond the grid, and then until each drone has as many triangles.
-    legs = list(islice(triangles(datum, size), 3 * drones * _patterns(farthest, size)))
-    routes: list[list[Cell]] = []
-    for drone in range(drones):
-        route = [datum]
-        for triangle in legs[drone::drones]:
-            route += [cell for cell in triangle[1:] if max(cell) < size and min(cell) >= 0]
-        routes.append(route)
+    routes = [[cell] for cell in cells]
+    for drones, water in actions.by_water(cells):
+        # Until a pattern reaches beyond the grid, and then until each has as many triangles.
+        count = 3 * len(drones) * _patterns(farthest, size)
+        legs = list(islice(triangles(datum, size), count))
+        for i, drone in enumerate(drones):
+            flown = [cell for k, leg in enumerate(legs[i :: len(drones)]) for cell in leg[k > 0 :]]
+            route = _inside(flown, size, water)
+            routes[drone] = route or routes[drone]
     return routes
+
+
+def _inside(cells: list[Cell], size: int, water: NDArray[np.bool_] | None) -> list[Cell]:
+    """Return the cells that are on the grid and, where there is an area, in this water."""
+    inside = [cell for cell in cells if max(cell) < size and min(cell) >= 0]
+    return inside if water is None else [(col, row) for col, row in inside if water[row, col]]
 
 
 def _patterns(farthest: float, size: int) -> int:

@@ -20,37 +20,42 @@ from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.search.actions import ActionSet
 
 
-def make_spiral(actions: Sequence[str], *, seed: int = 0) -> RouteFollower:
+def make_spiral(
+    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+) -> RouteFollower:
     """Return a planner that searches in a spiral from the most probable cell.
 
     Args:
         actions: Names of the actions by number.
         seed: For the choice of the cell to step aside to when a way is blocked.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
 
     Raises:
         ValueError: If search or a straight move is missing.
     """
-    return RouteFollower(spiral_routes, actions, seed=seed)
+    return RouteFollower(spiral_routes, actions, seed=seed, area=area)
 
 
 def spiral_routes(
     cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
 ) -> list[list[Cell]]:
-    """Return the route of each drone; together they have every cell of the grid once.
+    """Return the route of each drone; together they have every cell they can get to once.
 
     The arms go to the drones clockwise as they are seen from the datum.
 
     Args:
         cells: Present cell of each drone.
         probability: Map (G, G); the most probable cell is the datum.
-        actions: Not used.
+        actions: Have the area, if there is one.
     """
     datum = most_probable(probability, 1)[0]
-    drones = sorted(range(len(cells)), key=lambda drone: turns(datum, cells[drone]))
-    routes: list[list[Cell]] = [[] for _ in cells]
-    for drone, arm in zip(drones, arms(datum, len(probability), len(cells)), strict=True):
-        # On a small grid an arm may be empty.
-        routes[drone] = arm or [cells[drone]]
+    routes = [[cell] for cell in cells]
+    for members, water in actions.by_water(cells):
+        drones = sorted(members, key=lambda drone: turns(datum, cells[drone]))
+        for drone, arm in zip(drones, arms(datum, len(probability), len(drones)), strict=True):
+            route = [(col, row) for col, row in arm if water is None or water[row, col]]
+            # On a small grid an arm may be empty.
+            routes[drone] = route or routes[drone]
     return routes
 
 

@@ -85,9 +85,9 @@ class VectorEnv:
     Observations are `{"positions": (B, N, 2) int64 as (x, y), "probability": (B, G, G) float32 as
     [y, x]}`; in the lazy mode `probability` is a `LazyMaps`. Infos are `{"Found": (B,) bool every
     person found, "step": (B,) int64 steps done, "over": (B,) bool the search has ended,
-    "action_mask": (B, N, A) int8, 0 where a move would leave the grid}`, each with a mask of the
-    worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has it: all of
-    them.
+    "action_mask": (B, N, A) int8, 0 where a move would leave the grid or the area}`, each with a
+    mask of the worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has
+    it: all of them.
 
     The arrays belong to the caller, who may keep and change them. The memory of those that nothing
     refers to any more is used again: a loop that holds the last observation or two makes no new
@@ -205,7 +205,8 @@ class VectorEnv:
 
     def _write(self, outputs: list[NDArray[Any]], first: int, last: int) -> None:
         """Write the report of some worlds, see `kernels.report_worlds`."""
-        kernels.report_worlds(self.world.constants, self.world.drones, *outputs, first, last)
+        world = self.world
+        kernels.report_worlds(world.constants, world.area, world.drones, *outputs, first, last)
 
     def _observations(self, positions: NDArray[np.int64]) -> Observations:
         return {"positions": positions, "probability": self._lazy or self.world.maps}
