@@ -56,6 +56,7 @@ class Case:
         rules: Of the search.
         published: Figures of others.
         vectors: Whether each component of the drift is drawn as `round(U(-.1, .1), 1)`.
+        disturbance: What planners do not know, a key of `DISTURBANCES`.
     """
 
     title: str
@@ -63,6 +64,7 @@ class Case:
     rules: Rules
     published: tuple[Source, ...] = ()
     vectors: bool = False
+    disturbance: str = "none"
 
     def parts(self, count: int) -> Iterator[tuple[Scenario, NDArray[np.int64]]]:
         """Yield the scenarios of `count` missions, each with the numbers of its missions."""
@@ -93,6 +95,9 @@ def _cases() -> dict[str, Case]:
         santos = scenario_and_rules(ROOT / "config" / "santos.yaml", num_drones=drones)
         title = f"paper, santos, {drones} drone{'s' * (drones > 1)}, 180 steps"
         cases[f"santos_{drones}"] = Case(title, *santos)
+    shore = scenario_and_rules(ROOT / "config" / "santos_shore.yaml")
+    title = "paper, santos_shore, 4 drones, POD .8, drift 30 % off"
+    cases["shore"] = Case(title, *shore, disturbance="speed")
     return cases
 
 
@@ -143,9 +148,10 @@ DISTURBANCES = {
 DISTURBED_CASES = ("v2", "santos_4")
 
 
-def fly(planner: str, key: str, count: int, disturbance: str = "none") -> Missions:
-    """Play the missions of a case."""
-    case, disturbed = CASES[key], DISTURBANCES[disturbance]
+def fly(planner: str, key: str, count: int, disturbance: str | None = None) -> Missions:
+    """Play the missions of a case, as it is or with another disturbance."""
+    case = CASES[key]
+    disturbed = DISTURBANCES[disturbance or case.disturbance]
     whole = Missions(np.zeros(count, bool), np.zeros(count, np.int64), np.zeros(count, np.int64))
     for scenario, numbers in case.parts(count):
         world, believed = disturbed.apply(scenario, case.rules)
@@ -250,9 +256,11 @@ def save_plot(curves: dict[str, dict[str, NDArray[np.int64]]], path: Path) -> No
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, panels = plt.subplots(2, 3, figsize=(12, 6.5), sharey=True, layout="constrained")
+    figure, panels = plt.subplots(2, 4, figsize=(15, 6.5), sharey=True, layout="constrained")
     colours = dict(zip(PLANNERS, plt.get_cmap("tab10").colors, strict=True))
-    for axes, (key, rows) in zip(panels.flat, curves.items(), strict=True):
+    for axes in panels.flat[len(curves) :]:
+        axes.axis("off")
+    for axes, (key, rows) in zip(panels.flat[: len(curves)], curves.items(), strict=True):
         case = CASES[key]
         limit = case.scenario.resolve(case.rules).timestep_limit
         for name, counts in rows.items():
@@ -267,12 +275,11 @@ def save_plot(curves: dict[str, dict[str, NDArray[np.int64]]], path: Path) -> No
         axes.set(title=case.title, xlim=(0, limit), ylim=(0, 100))
         axes.title.set_fontsize(9)
         axes.grid(alpha=0.3)
-    for axes in panels[-1]:
         axes.set_xlabel("steps")
     for axes in panels[:, 0]:
         axes.set_ylabel("missions that have found, %")
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles[::-1], labels[::-1], loc="outside right center", fontsize=8)
+    figure.legend(handles[::-1], labels[::-1], loc="outside right center", fontsize=9)
     figure.savefig(path, dpi=80)
     plt.close(figure)
 

@@ -70,8 +70,9 @@ def play(
     world = World(scenario, rules, count, reuse_maps=True)
     world.seed(seeds)
     world.reset()
-    limit, actions = world.scenario.timestep_limit, rules.action_set
+    limit = world.scenario.timestep_limit
     agents = [f"drone{i}" for i in range(world.drones.shape[1])]
+    actions = rules.action_set.within(world.scenario.area_mask)
     masks = actions.masks(world.scenario.grid_size)
     search: Search = SimpleNamespace(rules=rules, scenario=believed or scenario)
     groups = [
