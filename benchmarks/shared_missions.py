@@ -51,7 +51,7 @@ def play(
     rules: Rules,
     seeds: Sequence[int],
     *,
-    believed: Scenario | None = None,
+    assumed: Scenario | None = None,
     planner_seeds: int = 1,
     withdraw_at: int | None = None,
 ) -> Missions:
@@ -62,7 +62,7 @@ def play(
         scenario: Of the world.
         rules: Of the world.
         seeds: (M,) of the missions: each is that of an environment seeded with it.
-        believed: The scenario that the planner is given, by default that of the world.
+        assumed: The scenario that the planner is given, by default that of the world.
         planner_seeds: How many seeds of the planner are dealt to the missions in turn.
         withdraw_at: Step after which the last drone is withdrawn from each mission.
     """
@@ -74,7 +74,7 @@ def play(
     agents = [f"drone{i}" for i in range(world.drones.shape[1])]
     actions = rules.action_set.within(world.scenario.area_mask)
     masks = actions.masks(world.scenario.grid_size)
-    search: Search = SimpleNamespace(rules=rules, scenario=believed or scenario)
+    search: Search = SimpleNamespace(rules=rules, scenario=assumed or scenario)
     groups = [
         _Group(np.arange(k, count, planner_seeds), planner_for(search, name, seed=k), {})
         for k in range(min(planner_seeds, count))

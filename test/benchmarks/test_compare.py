@@ -77,16 +77,16 @@ def test_a_disturbance_misleads_the_planner_and_leaves_the_world_as_it_is() -> N
     case = CASES["santos_4"]
     vector = np.array(case.scenario.resolve(case.rules).vector)
     for key, length, turn in (("speed", 1.3, 0), ("slow", 0.7, 0), ("direction", 1, 30)):
-        world, believed = DISTURBANCES[key].apply(case.scenario, case.rules)
+        world, assumed = DISTURBANCES[key].apply(case.scenario, case.rules)
         assert world.resolve(case.rules) == case.scenario.resolve(case.rules)
-        wrong = np.array(believed.resolve(case.rules).vector)
+        wrong = np.array(assumed.resolve(case.rules).vector)
         assert np.linalg.norm(wrong) == pytest.approx(length * np.linalg.norm(vector))
         cosine = wrong @ vector / np.linalg.norm(wrong) / np.linalg.norm(vector)
         assert np.degrees(np.arccos(min(1.0, cosine))) == pytest.approx(turn, abs=1e-5)
     for key, known in (("pod", 1.0), ("pod_known", 0.8)):
-        world, believed = DISTURBANCES[key].apply(case.scenario, case.rules)
+        world, assumed = DISTURBANCES[key].apply(case.scenario, case.rules)
         assert world.probability_of_detection == 0.8
-        assert believed.probability_of_detection == known
+        assert assumed.probability_of_detection == known
 
 
 def test_the_drifts_of_table_a_are_drawn_as_published() -> None:
