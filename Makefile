@@ -100,9 +100,9 @@ $(BASE):
 
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
-$(VENV)/.sim: EXTRAS := viz
-$(VENV)/.test: EXTRAS := viz,test,sitl
-$(VENV)/.oldest: EXTRAS := viz,test
+$(VENV)/.sim: EXTRAS := viz,area
+$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes
+$(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
 $(VENV)/.sim $(VENV)/.test $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)

@@ -44,9 +44,14 @@ setup(
         "pyyaml>=6.0",
     ],
     extras_require={
+        # The solver of the planner `route`.
+        "routes": ["ortools>=9.10"],
         # Ground stations that the tests fly with. MAVProxy needs `future` without saying so; from
         # 1.8.75 on it brings 800 MB of 3D libraries.
         "sitl": ["MAVProxy>=1.8.71,<1.8.75", "future>=1.0", "mavsdk>=4.1,<5"],
+        # What a scenario's fields of the same names need.
+        "area": ["shapely>=2.0"],
+        "land": ["global-land-mask>=1.0"],
         "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
         "test": [
             "colcon-common-extensions>=0.3",

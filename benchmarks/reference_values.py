@@ -43,3 +43,9 @@ GREEDY = {
     0.1: (Source("published", 5_000, 0.3584, 77.48, None, 100, 0.59),),
 }
 """DSSE 1.1.9, four drones, greedy, grid 40 (2024), by the dispersion's growth per step."""
+
+REINFORCE = Source("REINFORCE", 10_000, 0.9513, 51.96)
+"""Learned with DSSE 0.1.13, one drone, grid 20 (2023); the episodes of `SWEEP`."""
+
+PPO = Source("PPO", 5_000, 0.83, 35.91, None, 22, 1.48)
+"""Learned with DSSE 1.1.9, four drones, grid 40, a dispersion that grows by .05 (2024)."""

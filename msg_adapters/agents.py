@@ -6,6 +6,8 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from dsse_ros.search.rules import Rules, profile
@@ -55,6 +57,8 @@ class AgentsInfo:
             from a snapshot keeps its own.
         run_id: Identity of the simulation since its start, 1 to 2**32 - 1: with the mission it
             identifies a search.
+        area: Which cells are searched: a text for each row, from the north, with a 1 for each of
+            them and a 0 for each other one, from the west; None for the whole grid.
     """
 
     agents: tuple[str, ...]
@@ -72,6 +76,14 @@ class AgentsInfo:
     mission: int
     run_id: int
     definition: SearchDefinition | None = None
+    area: tuple[str, ...] | None = None
+
+    @property
+    def area_mask(self) -> NDArray[np.bool_] | None:
+        """The cells that are searched, (G, G) bool [row, col]; None for all."""
+        if self.area is None:
+            return None
+        return np.array([[cell == "1" for cell in row] for row in self.area])
 
     @property
     def frame(self) -> GridFrame:
@@ -88,16 +100,23 @@ class AgentsInfo:
         )
 
 
+def area_rows(mask: NDArray[np.bool_] | None) -> tuple[str, ...] | None:
+    """Return the `area` of `AgentsInfo` with this mask (G, G) bool; None for None."""
+    if mask is None:
+        return None
+    return tuple("".join("1" if cell else "0" for cell in row) for row in mask.tolist())
+
+
 def agents_message(info: AgentsInfo) -> String:
     """Return the message for `agents`; the same information gives the same bytes."""
     values = asdict(replace(info, definition=None))
     values["definition"] = None
     if info.definition is not None:
         rules, scenario = info.definition.rules, info.definition.scenario
-        values["definition"] = {
-            "rules": asdict(rules),
-            "scenario": {name: getattr(scenario, name) for name in SPECS},
-        }
+        fields = {name: getattr(scenario, name) for name in SPECS}
+        if scenario.area is not None:
+            fields["area"] = json.loads(scenario.area.to_geojson())
+        values["definition"] = {"rules": asdict(rules), "scenario": fields}
     return String(data=json.dumps(values, sort_keys=True, allow_nan=False))
 
 
@@ -111,6 +130,9 @@ def _definition(keys: Keys) -> SearchDefinition:
     for name, value in parts.items():
         if not isinstance(value, dict):
             keys.refuse(name, "an object")
+    # Whoever sends a message does not name files for us to read.
+    if not isinstance(parts["scenario"].get("area"), dict | None):
+        keys.inner("scenario").refuse("area", "a GeoJSON object or null")
     try:
         rules = profile("paper", **parts["rules"])
         return SearchDefinition(rules, Scenario.from_dict(parts["scenario"]).resolve(rules))
@@ -150,9 +172,25 @@ def agents_from_message(message: String) -> AgentsInfo:
         definition=(
             None if keys.value("definition") is None else _definition(keys.inner("definition"))
         ),
+        area=_area_of(keys),
     )
     try:
         _ = info.frame
     except ValueError as error:
         raise ValueError(f"agents: {error}") from None
     return info
+
+
+def _area_of(keys: Keys) -> tuple[str, ...] | None:
+    """Return the area, None for all of the grid.
+
+    Raises:
+        ValueError: If it is none of a grid of this size.
+    """
+    if keys.value("area") is None:
+        return None
+    size = keys.integer("grid_size", 1)
+    rows = keys.entries("area", size)
+    if not all(isinstance(row, str) and len(row) == size and not row.strip("01") for row in rows):
+        keys.refuse("area", f"{size} texts of {size} digits 0 and 1")
+    return tuple(rows)

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.search.area import cell_centre
+
 if TYPE_CHECKING:
     from dsse_ros.search.scenario import ResolvedScenario
 
@@ -106,9 +108,7 @@ def cell_to_map(frame: GridFrame, col: Any, row: Any) -> tuple[Any, Any]:
         col: Column; a fraction lies between cells. A number or an array.
         row: Row, likewise and of the same shape.
     """
-    x_m = (col + 0.5) * frame.cell_size_m
-    y_m = (frame.grid_size - 1 - row + 0.5) * frame.cell_size_m
-    return x_m, y_m
+    return cell_centre(frame.grid_size, frame.cell_size_m, col, row)
 
 
 def map_to_cell(frame: GridFrame, x_m: float, y_m: float) -> tuple[int, int] | None:

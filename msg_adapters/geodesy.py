@@ -8,7 +8,6 @@ plane at the origin is 196 m above the ellipsoid 50 km away.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, overload
 
@@ -16,13 +15,11 @@ import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
+from dsse_ros.search.geodesy import Origin, surface_to_geodetic, through_ecef
 from msg_adapters.frames import GridFrame, cell_to_map
 
 Floats = NDArray[np.float64]
 
-_SURFACE_M = 1e-6
-"""How close to the surface its point is looked for."""
-_MAX_TURNS = 20
 _NEAR_SIDE_M = -6e6
 """Seen from the origin, the far side of the Earth has the same x and y once more."""
 
@@ -44,15 +41,9 @@ def map_to_geodetic(frame: GridFrame, x_m: Any, y_m: Any, z_m: Any) -> tuple[Any
         y_m: Metres north.
         z_m: Metres above the surface that is as high above the ellipsoid as the origin.
     """
-    # The surface curves away from the plane; its point below (x, y) is found in two or three turns.
-    up_m = np.zeros(np.broadcast_shapes(*(np.shape(value) for value in (x_m, y_m, z_m))))
-    for _ in range(_MAX_TURNS):
-        lat_deg, lon_deg, alt_m = _through_ecef(pymap3d.enu2geodetic, frame, x_m, y_m, up_m)
-        above_m = np.asarray(alt_m) - frame.origin_alt_m
-        if not np.any(np.abs(above_m) > _SURFACE_M):
-            break
-        up_m = up_m - above_m
-    height_m = frame.origin_alt_m + np.asarray(z_m, dtype=np.float64) + np.zeros_like(up_m)
+    x_m, y_m, z_m = np.broadcast_arrays(x_m, y_m, np.asarray(z_m, dtype=np.float64))
+    lat_deg, lon_deg = surface_to_geodetic(_origin(frame), x_m, y_m)
+    height_m = frame.origin_alt_m + z_m
     return lat_deg, lon_deg, height_m if height_m.ndim else float(height_m)
 
 
@@ -93,7 +84,7 @@ def on_near_side(frame: GridFrame, lat_deg: float, lon_deg: float) -> bool:
 
 def _surface_point(frame: GridFrame, lat_deg: Any, lon_deg: Any) -> tuple[Any, Any, Any]:
     """Return east, north and up of a place at the origin's height above the ellipsoid."""
-    return _through_ecef(pymap3d.geodetic2enu, frame, lat_deg, lon_deg, frame.origin_alt_m)
+    return through_ecef(pymap3d.geodetic2enu, _origin(frame), lat_deg, lon_deg, frame.origin_alt_m)
 
 
 @overload
@@ -123,18 +114,5 @@ def cell_fix(frame: GridFrame, col: int, row: int) -> tuple[float, float, float]
     return map_to_geodetic(frame, *cell_to_map(frame, col, row), frame.alt_m)
 
 
-def _through_ecef(
-    convert: Callable[..., tuple[Any, Any, Any]], frame: GridFrame, *point: Any
-) -> tuple[Any, Any, Any]:
-    # pymap3d does not broadcast, and its results differ in type between scalars and arrays.
-    arrays = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in point))
-    converted = convert(
-        *(np.atleast_1d(array) for array in arrays),
-        frame.origin_lat_deg,
-        frame.origin_lon_deg,
-        frame.origin_alt_m,
-    )
-    if arrays[0].ndim == 0:
-        first, second, third = (float(array[0]) for array in converted)
-        return first, second, third
-    return converted
+def _origin(frame: GridFrame) -> Origin:
+    return frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m

@@ -67,6 +67,7 @@ def occupancy_grid(
     probability: NDArray[np.floating[Any]],
     stamp: Time,
     scaling: str = "max",
+    area: NDArray[np.bool_] | None = None,
 ) -> OccupancyGrid:
     """Return the map in the map frame, cells from the south-west corner to the east and north.
 
@@ -75,6 +76,7 @@ def occupancy_grid(
         probability: (G, G) floats, row 0 north.
         stamp: Time of the map, also its load time.
         scaling: As `probability_to_occupancy`.
+        area: (G, G) bool, row 0 north: cells that are not in it become -1; None for none.
 
     Raises:
         ValueError: If the scaling is unknown or the shape is not the grid's.
@@ -85,6 +87,8 @@ def occupancy_grid(
     data = array.array("b", [0]) * (size * size)
     rows = np.frombuffer(data, dtype=np.int8).reshape(size, size)
     rows[...] = matrix_to_map_rows(probability_to_occupancy(probability, scaling))
+    if area is not None:
+        rows[matrix_to_map_rows(~area)] = -1
 
     message = OccupancyGrid(header=header(frame.map_frame, stamp))
     message.info.map_load_time = stamp

@@ -15,7 +15,7 @@ from dsse_ros.mission.vehicle_missions import FlightSettings, layers, search_mis
 from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.planners import planner_for
 from dsse_ros.search import FieldError, SearchEnv
-from dsse_ros.search.compiler import prepare
+from dsse_ros.search.compiler import prepared_env
 from dsse_ros.search.fields import specs
 from msg_adapters.frames import scenario_frame
 from msg_adapters.mission_files import Home
@@ -103,8 +103,7 @@ def main(argv: list[str] | None = None) -> int:
         )
         home = _home(arguments.home) if arguments.home else None
         _, scenario, rules = search_of(arguments)
-        prepare(lambda line: print(line, file=sys.stderr, flush=True))
-        env = SearchEnv(scenario, rules)
+        env = prepared_env(scenario, rules, lambda line: print(line, file=sys.stderr, flush=True))
     except FieldError as error:
         return fail("export_mission", error)
     try:

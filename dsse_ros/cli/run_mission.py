@@ -38,6 +38,7 @@ from dsse_ros.search import FieldError, Rules, Scenario
 from dsse_ros.search.compiler import COMPILING
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rendering import MissionView, save_picture
+from dsse_ros.search.scenario import ResolvedScenario
 from msg_adapters.images import image_to_probability
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
@@ -278,9 +279,9 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
     return "\n".join([title, *(f"  {name:<20} {value}" for name, value in rows.items())])
 
 
-def picture(record: MissionRecord, watcher: Watcher, scenario: Scenario) -> MissionView:
+def picture(record: MissionRecord, watcher: Watcher, scenario: ResolvedScenario) -> MissionView:
     """Return the mission as it stood at its end."""
-    assert watcher.probability is not None and scenario.cell_size and scenario.timestep_limit
+    assert watcher.probability is not None
     found = bool(record.person_found.all())
     return MissionView(
         probability=watcher.probability,
@@ -293,6 +294,7 @@ def picture(record: MissionRecord, watcher: Watcher, scenario: Scenario) -> Miss
         timestep_limit=scenario.timestep_limit,
         cell_size_m=scenario.cell_size,
         title=scenario.name,
+        area=scenario.area_mask,
     )
 
 

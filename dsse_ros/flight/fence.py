@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from msg_adapters.frames import GridFrame
+from msg_adapters.frames import GridFrame, map_to_cell
 from msg_adapters.geodesy import geodetic_to_map, on_near_side
 from msg_adapters.mission_items import (
     FIRMWARES,
@@ -41,6 +41,7 @@ class Fence:
         min_alt_m: Lowest altitude above home; landing and home itself are below it.
         max_alt_m: Highest altitude above home.
         home: Where the vehicle starts, if not in the area.
+        area: The cells of the grid that are searched, as in `AgentsInfo`; None for all.
 
     Raises:
         ValueError: If the fence would hold nothing.
@@ -51,6 +52,7 @@ class Fence:
     min_alt_m: float
     max_alt_m: float
     home: Home | None = None
+    area: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.margin_m <= 1e6:
@@ -71,6 +73,18 @@ def check_place(lat_deg: float, lon_deg: float, alt_m: float, fence: Fence) -> R
 
     Returns:
         The place, or `not_finite`, `not_on_earth`, `outside_fence` or `altitude`.
+    """
+    checked = check_take_off(lat_deg, lon_deg, alt_m, fence)
+    if isinstance(checked, Rejected):
+        return checked
+    return _check_area(lat_deg, lon_deg, fence) or checked
+
+
+def check_take_off(lat_deg: float, lon_deg: float, alt_m: float, fence: Fence) -> Result[Place]:
+    """Return a place that a vehicle may take off to: over land too, where the sea is searched.
+
+    Returns:
+        The place, or what `check_place` says.
     """
     refused = _check_horizontal(lat_deg, lon_deg, fence) or _check_altitude(
         alt_m, fence.min_alt_m, fence
@@ -107,6 +121,8 @@ def check_item(item: MissionItem, fence: Fence) -> Result[MissionItem]:
     refused = _check_horizontal(item.lat_deg, item.lon_deg, fence) or _check_altitude(
         item.alt_m, lowest_m, fence
     )
+    if item.command in (NAV_WAYPOINT, NAV_LOITER_TIME):
+        refused = refused or _check_area(item.lat_deg, item.lon_deg, fence)
     return refused or Accepted(item)
 
 
@@ -176,6 +192,22 @@ def _check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected 
     return Rejected(
         "outside_fence",
         f"({lat_deg:.7f}, {lon_deg:.7f}) is not allowed; within {margin_m:g} m of the search area",
+    )
+
+
+def _check_area(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None:
+    """Return why a vehicle is not sent over a cell of the grid; None if it may be."""
+    frame = fence.frame
+    if fence.area is None:
+        return None
+    x_m, y_m, _ = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m)
+    cell = map_to_cell(frame, x_m, y_m)
+    if cell is None or fence.area[cell[1]][cell[0]] == "1":
+        return None
+    return Rejected(
+        "outside_fence",
+        f"({lat_deg:.7f}, {lon_deg:.7f}), in cell {list(cell)}, is not allowed; a cell of the area "
+        "that is searched",
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.fence import Fence, check_mission, check_place
+from dsse_ros.flight.fence import Fence, check_mission, check_place, check_take_off
 from dsse_ros.flight.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
 from dsse_ros.flight.vehicle_controller import Order, Outcome
@@ -378,6 +378,6 @@ class VehicleFollower:
         if not state.has_position or self.record.took_off:
             return False
         alt_m = self._take_off.alt_m
-        checked = check_place(state.lat_deg, state.lon_deg, alt_m, self._fence)
+        checked = check_take_off(state.lat_deg, state.lon_deg, alt_m, self._fence)
         self.refused = f"take-off: {checked.reason}" if isinstance(checked, Rejected) else ""
         return not self.refused

@@ -22,10 +22,13 @@ class CommandBuffer:
     Args:
         actions: Names of the actions by number.
         num_drones: N.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
     """
 
-    def __init__(self, actions: Sequence[str], num_drones: int) -> None:
-        self._action_set = ActionSet(actions).with_moves()
+    def __init__(
+        self, actions: Sequence[str], num_drones: int, area: NDArray[np.bool_] | None = None
+    ) -> None:
+        self._action_set = ActionSet(actions, area).with_moves()
         self._num_drones = num_drones
         self.clear()
 
@@ -54,6 +57,11 @@ class CommandBuffer:
         """Send the drone to these cells one after the other; it replaces any other command."""
         self._actions.pop(drone, None)
         self._goals[drone] = list(goals)
+
+    def out_of_reach(self, start: Cell, goals: Sequence[Cell]) -> list[Cell]:
+        """Return the goals that no moves in the area lead to."""
+        ((_, water),) = self._action_set.by_water([start])
+        return [] if water is None else [(col, row) for col, row in goals if not water[row, col]]
 
     def missing(self, live: Sequence[int], cells: NDArray[np.int64]) -> list[int]:
         """Return the live drones without a command; cells (N, 2) are where the drones are."""
@@ -85,11 +93,17 @@ class CommandBuffer:
         return joint
 
     def route(self, drone: int, start: Cell) -> list[Cell]:
-        """Return the cells from here, this one included, to the last goal of the drone."""
+        """Return the cells from here, this one included, to the last goal of the drone.
+
+        It ends before a goal that no moves lead to.
+        """
         cells = [start]
         for goal in self._goals.get(drone, ()):
             while cells[-1] != goal:
-                cells.append(self._action_set.towards(cells[-1], goal))
+                ahead = self._action_set.towards(cells[-1], goal)
+                if ahead == cells[-1]:
+                    return cells
+                cells.append(ahead)
         return cells
 
     def _ahead(self, drone: int, cells: NDArray[np.int64]) -> Cell | None:

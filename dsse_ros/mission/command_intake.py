@@ -16,7 +16,7 @@ from msg_adapters.commands import (
     parse_path,
 )
 from msg_adapters.frames import GridFrame
-from msg_adapters.result import Rejected
+from msg_adapters.result import Accepted, Rejected
 
 
 class CommandIntake:
@@ -69,14 +69,20 @@ class CommandIntake:
 
     def goal(self, drone: int, message: Any) -> bool:
         """Take geometry_msgs/PoseStamped, a place to go to."""
-        goal = self._take(f"drone{drone}/command_pose", drone, parse_goal(message, self._frame))
-        if goal is not None:
-            self._mission.commands.set_goals(drone, [goal])
-        return goal is not None
+        parsed = parse_goal(message, self._frame)
+        goals = parsed if isinstance(parsed, Rejected) else Accepted([parsed.value])
+        return self._set_goals(drone, "command_pose", goals)
 
     def path(self, drone: int, message: Any) -> bool:
         """Take nav_msgs/Path, places to go to one after the other."""
-        goals = self._take(f"drone{drone}/command_path", drone, parse_path(message, self._frame))
+        return self._set_goals(drone, "command_path", parse_path(message, self._frame))
+
+    def _set_goals(self, drone: int, topic: str, parsed: Any) -> bool:
+        goals = self._take(f"drone{drone}/{topic}", drone, parsed)
+        refused = goals and self._mission.refuse_goals(drone, goals)
+        if refused:
+            self.reject(f"drone{drone}/{topic}", refused)
+            return False
         if goals is not None:
             self._mission.commands.set_goals(drone, goals)
         return goals is not None

@@ -80,7 +80,9 @@ class Mission:
     def __init__(self, env: SearchEnv, seed: int, *, belief: bool = True) -> None:
         self.env = env
         self._beliefs = WorldBeliefs(env.world) if belief else None
-        self.commands = CommandBuffer(env.rules.actions, env.world.num_drones)
+        self.commands = CommandBuffer(
+            env.rules.actions, env.world.num_drones, env.scenario.area_mask
+        )
         self.seed = seed
         self.number = 0
         self.aborted = False
@@ -201,6 +203,17 @@ class Mission:
         if drone is not None and not self.env.world.drones["alive"][0, drone]:
             return Rejected("drone_terminated", f"drone{drone} is terminated; it takes no command")
         return None
+
+    def refuse_goals(self, drone: int, goals: Sequence[Cell]) -> Rejected | None:
+        """Return why a drone cannot go to these cells one after the other."""
+        col, row = self.env.positions[drone].tolist()
+        out_of_reach = self.commands.out_of_reach((col, row), goals)
+        if not out_of_reach:
+            return None
+        return Rejected(
+            "outside_area",
+            f"cell {list(out_of_reach[0])} is not allowed; one that moves in the area lead to",
+        )
 
     def command_all(self, actions: Sequence[int]) -> None:
         """Set the next action of every drone in flight."""

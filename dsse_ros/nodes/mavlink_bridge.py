@@ -187,8 +187,14 @@ class BridgeNode(AlarmNode):
             self.get_logger().error(trouble)
 
     def _fence(self, frame: GridFrame) -> Fence:
-        settings = self.settings
-        return Fence(frame, settings.fence_margin, settings.min_altitude, settings.max_altitude)
+        settings, info = self.settings, self._search.info
+        return Fence(
+            frame,
+            settings.fence_margin,
+            settings.min_altitude,
+            settings.max_altitude,
+            area=info.area if info is not None else None,
+        )
 
     def _follow(self, legs: list[Leg]) -> None:
         """Have the vehicles follow a step."""

@@ -35,6 +35,7 @@ _TYPES = {
     "cell": Parameter.Type.INTEGER_ARRAY,
     "cells": Parameter.Type.INTEGER_ARRAY,
     "names": Parameter.Type.STRING_ARRAY,
+    "area": Parameter.Type.STRING,
 }
 
 QOS_PREFIX = "qos_overrides."
@@ -111,6 +112,8 @@ def to_ros(spec: Spec, value: Any) -> Any:
         return value
     if spec.kind == "cells":
         return [part for cell in value for part in cell]
+    if spec.kind == "area":
+        return value.to_geojson()
     return list(value)
 
 

@@ -19,7 +19,7 @@ from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
-from dsse_ros.planners import PLANNERS, Planner, make_planner, planner_for
+from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
 from dsse_ros.search import HOLD, Observation
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo, agents_from_message
@@ -46,7 +46,7 @@ class PlannerNode(AlarmNode):
     map have the same stamp. Another mission gets a new planner.
 
     Raises:
-        FieldError: If a parameter is not allowed.
+        FieldError: If a parameter is not allowed, or the planner cannot be loaded.
     """
 
     def __init__(self) -> None:
@@ -54,6 +54,8 @@ class PlannerNode(AlarmNode):
         known = specs(PlannerSettings)
         given, qos = take_overrides(self, known)
         self.settings = PlannerSettings(**given)
+        # A planner that cannot be loaded is bad input, before any simulation is there.
+        load_planner(self.settings.planner)
         declare(self, known, vars(self.settings))
         self._infos: dict[int, AgentsInfo] = {}  # by run_id, the latest last
         self._map: tuple[int, NDArray[np.float32]] | None = None
@@ -156,11 +158,11 @@ class PlannerNode(AlarmNode):
         """Return a planner for a mission.
 
         Raises:
-            ValueError: If it needs to know more than `agents` has.
+            ValueError: If it needs to know more than `agents` contains.
         """
         name, seed = self.settings.planner, self.settings.seed
         if name in PLANNERS:
-            return make_planner(name, info.actions, seed=seed)
+            return make_planner(name, info.actions, seed=seed, area=info.area_mask)
         if info.definition is None:
             raise ValueError("agents.definition: missing; this planner needs it")
         return planner_for(info.definition, name, seed=seed)

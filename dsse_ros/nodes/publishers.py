@@ -21,7 +21,13 @@ from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.status import Health, Level
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
 from dsse_ros.search import kernels
-from msg_adapters.agents import AgentsInfo, Origin, SearchDefinition, agents_message
+from msg_adapters.agents import (
+    AgentsInfo,
+    Origin,
+    SearchDefinition,
+    agents_message,
+    area_rows,
+)
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
@@ -135,6 +141,7 @@ class MissionPublishers:
             mission=self._mission.number,
             run_id=self.run_id,
             definition=SearchDefinition(env.rules, env.mission_scenario),
+            area=area_rows(env.scenario.area_mask),
         )
         self._agents.publish(agents_message(info))
 
@@ -154,8 +161,9 @@ class MissionPublishers:
 
     def publish_grid(self, stamp: Time, grid_scaling: str) -> None:
         """Publish the map for people."""
-        probability = self._mission.env.probability
-        self._grid.publish(occupancy_grid(self._frame, probability, stamp, grid_scaling))
+        env = self._mission.env
+        area = env.scenario.area_mask
+        self._grid.publish(occupancy_grid(self._frame, env.probability, stamp, grid_scaling, area))
 
     def publish_step(self, result: StepResult, stamp: Time, grid_scaling: str) -> None:
         """Publish a step, all messages with the same stamp; the step report goes last."""

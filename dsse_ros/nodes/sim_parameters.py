@@ -16,7 +16,7 @@ from dsse_ros.nodes.qos import Endpoints
 from dsse_ros.nodes.runtime import AlarmNode
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
 from dsse_ros.search import FieldError, Scenario, SearchEnv, profile
-from dsse_ros.search.compiler import prepare
+from dsse_ros.search.compiler import prepared_env
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
@@ -53,8 +53,7 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
     rules = profile(settings.rules, **of(RULES_SPECS))
     path = find_scenario(settings.scenario) if settings.scenario else None
     scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
-    prepare(node.get_logger().info)
-    env = SearchEnv(scenario, rules)
+    env = prepared_env(scenario, rules, node.get_logger().info)
     declare(node, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
     declare(node, SCENARIO_SPECS, _in_force(env.scenario))
     declare(node, RULES_SPECS, vars(rules))

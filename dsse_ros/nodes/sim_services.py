@@ -36,8 +36,9 @@ def serve(node: SimNode) -> None:
         return response
 
     def get_map(_: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
-        probability, scaling = node.mission.env.probability, node.settings.grid_scaling
-        response.map = occupancy_grid(node.frame, probability, node.stamp(), scaling)
+        env, scaling = node.mission.env, node.settings.grid_scaling
+        area = env.scenario.area_mask
+        response.map = occupancy_grid(node.frame, env.probability, node.stamp(), scaling, area)
         return response
 
     def export_mission(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -13,7 +13,16 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from dsse_ros.search.belief_kernels import MARGIN, ROW, STAND_STILL, STEPS, look_up, offset_of
+from dsse_ros.search.belief_kernels import (
+    MARGIN,
+    ROW,
+    STAND_STILL,
+    STEPS,
+    look_up,
+    offset_of,
+    predict,
+    search,
+)
 
 compiled = njit(cache=True, nogil=True)
 
@@ -47,11 +56,12 @@ def sample(density, count, offset, rows, cells):
 
 
 @compiled
-def roll(constants, chances, tables, directions, slots, offsets, rows, cells):
+def roll(constants, area, chances, tables, directions, slots, offsets, rows, cells):
     """Let the persons of all scenarios take their steps.
 
     Args:
         constants: (1,) of `kernels.CONSTANTS`.
+        area: Of a `Forecast`.
         chances: (R, S S), of a `Forecast`.
         tables: (R, S S, 9), of a `Forecast`.
         directions: (R, K), of a `Forecast`.
@@ -74,7 +84,7 @@ def roll(constants, chances, tables, directions, slots, offsets, rows, cells):
                 after[s] = i
                 continue
             if i != seen_cell or direction != seen_direction:
-                look_up(c, chances[slot], tables[slot], i, direction, row)
+                look_up(c, area, chances[slot], tables[slot], i, direction, row)
                 seen_cell, seen_direction = i, direction
             left = (offsets[h] + s * GOLDEN) % 1.0
             step = 0
@@ -142,9 +152,9 @@ def seen_from(nearness, x, y, i, j):
 @compiled
 def plan_drone(
     moves, width, cap, gamma, kappa, nearness, starts, members, ends, credits, drone, blocked,
-    horizon, path,
+    horizon, paths,
 ):  # fmt: skip
-    """Search a drone's best plan, given those of the others.
+    """Search a drone's best plans, given those of the others.
 
     Args:
         moves: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
@@ -160,10 +170,11 @@ def plan_drone(
         drone: Its number.
         blocked: (H, S S) bool, cells that it must not be in after step h + 1.
         horizon: Steps to plan.
-        path: (H + 1,) int64 out, the first cell given.
+        paths: (V, H + 1) int64 out, the best plans, the best one first; the first cells given.
 
     Returns:
-        Length of the plan; less than the horizon where the others leave no way on.
+        How many plans there are, and their length: less than the horizon where the others leave no
+        way on.
     """
     count, side = len(ends), len(nearness)
     # Divisions would take most of the time.
@@ -197,7 +208,7 @@ def plan_drone(
     in_cell = np.zeros(side * side, np.int64)
     # The finds of a node's searches so far, to take off what is left.
     finds, next_finds = np.zeros((width, horizon)), np.zeros((width, horizon))
-    cells[0, 0] = path[0]
+    cells[0, 0] = paths[0, 0]
     nodes, depth, discount = 1, 0, 1.0
     for h in range(horizon):
         found = 0
@@ -273,7 +284,7 @@ def plan_drone(
         finds, next_finds = next_finds, finds
         nodes, depth = kept, h + 1
         discount *= gamma
-    best, best_value = 0, -1.0
+    values = np.empty(nodes)
     for node in range(nodes):
         cell = cells[depth, node]
         value = worths[cell]
@@ -283,12 +294,62 @@ def plan_drone(
             for s in range(64 * word, min(64 * word + 64, count)):
                 if base[s] == 0.0 and not alive[node, word] >> np.uint64(s & 63) & np.uint64(1):
                     value -= seen_from(nearness, x, y, cell, ends[s])
-        value = gains[node] + kappa * value
-        if value > best_value:
-            best, best_value = node, value
-    for h in range(depth, 0, -1):
-        path[h] = cells[h, best]
-        best = parents[h, best]
-    for h in range(depth, len(path) - 1):
-        path[h + 1] = path[h]
-    return depth
+        values[node] = gains[node] + kappa * value
+    found = min(nodes, len(paths))
+    order = np.argsort(-values)
+    for k in range(found):
+        node = order[k]
+        for h in range(depth, 0, -1):
+            paths[k, h] = cells[h, node]
+            node = parents[h, node]
+        for h in range(depth, horizon):
+            paths[k, h + 1] = paths[k, h]
+    return found, depth
+
+
+@compiled
+def exact_value(
+    constants, density, pods, chances, tables, directions, slots, plans, lengths, drone, gamma,
+    kappa, nearness, belief, scratch,
+):  # fmt: skip
+    """Return what plans are worth by the exact filter, where `plan_drone` has samples.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        density: (C K, S S), of a `Belief`.
+        pods: (C,), of a `Belief`.
+        chances: (R, S S), of a `Forecast`.
+        tables: (R, S S, 9), of a `Forecast`.
+        directions: (R, K), of a `Forecast`.
+        slots: (H,) int64, where the forecast has the steps.
+        plans: (N, H + 1) int64, the plans of all drones.
+        lengths: (N,) int64, steps of them that are planned.
+        drone: The one whose place at the end counts.
+        gamma: Discount per step.
+        kappa: Weight of what is left at the end.
+        nearness: As in `plan_drone`.
+        belief: (C K, S S) float64 scratch.
+        scratch: Of `belief_kernels.predict`.
+    """
+    side = len(nearness)
+    belief[:] = density
+    worth, value = 1.0, 0.0
+    for h in range(len(slots)):
+        for n in range(len(plans)):
+            cell = plans[n, h]
+            if h < lengths[n] and cell == plans[n, h + 1]:
+                value += worth * search(
+                    constants, belief, pods, cell % side - MARGIN, cell // side - MARGIN
+                )
+        slot = slots[h]
+        predict(constants, belief, chances[slot], tables[slot], directions[slot], scratch)
+        worth *= gamma
+    left = 0.0
+    end = plans[drone, -1]
+    for y in range(side):
+        for x in range(side):
+            total = 0.0
+            for k in range(len(belief)):
+                total += belief[k, y * side + x]
+            left += total * nearness[abs(y - end // side), abs(x - end % side)]
+    return value + kappa * left

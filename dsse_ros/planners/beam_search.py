@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from dsse_ros.planners import beam
 from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.belief_kernels import MARGIN
+from dsse_ros.search.belief_kernels import MARGIN, ROW
 from dsse_ros.search.rules import Rules
 
 
@@ -28,13 +29,16 @@ class BeamOptions:
 
     Attributes:
         samples: M, scenarios drawn from the belief.
-        horizon: H, steps planned; None: 15 where persons stay about the datum, else 10.
+        horizon: H, steps planned; None: see `BY_MOTION`.
         width: W, nodes kept at each step.
         cap: Nodes kept at each step in one cell.
         gamma: Discount of a find per step.
         kappa: Weight of the scenarios left at the end of a plan.
         closeness: g, what a scenario left loses of its worth with each move it is away.
         drift_samples: K, angles of the persons' own drift, see `Forecast`.
+        finalists: Plans of a beam, the last one besides, of which the exact filter takes the best:
+            samples flatter a plan that was searched on them. 1: the samples decide. None: see
+            `BY_MOTION`; of many drones fewer, `FINALISTS` in all.
         warm_start: Whether a drone allows for the last plans of those that plan after it; None:
             with up to 4 drones.
         passes: How often each drone plans in a step.
@@ -50,15 +54,27 @@ class BeamOptions:
     kappa: float = 0.2
     closeness: float = 0.7
     drift_samples: int = 16
+    finalists: int | None = None
     warm_start: bool | None = None
     passes: int = 1
     budget_ms: float | None = None
 
-    def horizon_by(self, rules: Rules) -> int:
-        """Return the horizon where these rules hold."""
-        if self.horizon is not None:
-            return self.horizon
-        return {"window": 15, "drift": 10}[rules.person_motion]
+    def completed(self, rules: Rules) -> BeamOptions:
+        """Return the options with what depends on the rules filled in."""
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return replace(self, **{**BY_MOTION[rules.person_motion], **given})
+
+
+BY_MOTION: Mapping[str, Mapping[str, Any]] = {
+    # Persons stay about the datum: one looks further, and small differences count.
+    "window": {"horizon": 15, "finalists": 8},
+    # With a drift of their own the exact filter has K times as much to do, for no gain.
+    "drift": {"horizon": 10, "finalists": 1},
+}
+"""Options that depend on how persons move."""
+
+FINALISTS = 32
+"""Plans of all drones together that the exact filter compares in a step."""
 
 
 @dataclass
@@ -72,14 +88,18 @@ class BeamSearch:
     """Plans of the drones of one mission.
 
     Args:
-        forecast: Its horizon is how far plans reach, see `BeamOptions.horizon_by`.
+        forecast: Its horizon is how far plans reach, see `BeamOptions.horizon`.
         options: How a plan is searched.
         seed: Of the scenarios.
     """
 
     def __init__(self, forecast: Forecast, options: BeamOptions, *, seed: int = 0) -> None:
         self._forecast = forecast
-        self._options = options
+        self._options = full = options.completed(forecast.rules)
+        assert full.finalists is not None
+        self._finalists = full.finalists
+        if options.finalists is None:
+            self._finalists = min(full.finalists, max(FINALISTS // forecast.scenario.num_drones, 1))
         self._rng = np.random.default_rng(seed)
         self._side = forecast.scenario.grid_size + 2 * MARGIN
         actions = forecast.rules.action_set.with_moves()
@@ -87,10 +107,15 @@ class BeamSearch:
         names = (*STRAIGHT, *(DIAGONAL if actions.diagonal else ()))
         steps = [(0, 0), *(ACTION_VECTORS[name] for name in names)]
         self._moves = np.array([dy * self._side + dx for dx, dy in steps])
+        self._masked = np.zeros(self._side**2, np.bool_)
+        if forecast.area is not None:
+            self._masked = ~np.pad(forecast.area, MARGIN).ravel()
         away = np.arange(self._side)
         across, down = np.meshgrid(away, away)
         moves = np.maximum(across, down) if actions.diagonal else across + down
         self._nearness: NDArray[np.float64] = options.closeness ** moves.astype(np.float64)
+        self._density = np.empty((0, 0))
+        self._scratch = np.empty(self._side**2 + ROW)
         self._plans: dict[Hashable, _Plan] = {}
 
     def copy(self) -> BeamSearch:
@@ -98,6 +123,7 @@ class BeamSearch:
         twin = copy.copy(self)
         twin._rng = copy.deepcopy(self._rng)
         twin._plans = dict(self._plans)
+        twin._density, twin._scratch = self._density.copy(), self._scratch.copy()
         return twin
 
     def __call__(
@@ -111,10 +137,15 @@ class BeamSearch:
             present: Their cells.
         """
         began = time.perf_counter()
+        if self._density.shape != belief.density.shape:
+            self._density = np.empty_like(belief.density)
         options, forecast = self._options, self._forecast
         left = forecast.scenario.timestep_limit - belief.step
         horizon = max(1, min(forecast.horizon, left))
-        cells, starts, members = self._scenarios(belief, horizon)
+        first = belief.step + forecast.first_step
+        forecast.look(first)
+        slots = np.arange(first, first + horizon) % len(forecast.directions)
+        cells, starts, members = self._scenarios(belief, slots)
         plans = self._last_plans(agents, present, horizon)
         warm = len(agents) <= 4 if options.warm_start is None else options.warm_start
         credits = np.zeros((len(agents), options.samples))
@@ -126,35 +157,65 @@ class BeamSearch:
             spent_ms = 1000 * (time.perf_counter() - began)
             if options.budget_ms is not None and spent_ms > options.budget_ms and planned:
                 break
-            path = np.empty(horizon + 1, np.int64)
-            path[0] = self._column(present[n])
-            length = beam.plan_drone(
+            paths = np.full((self._finalists, horizon + 1), self._column(present[n]))
+            blocked = self._blocked(n, plans, planned, horizon)
+            found, length = beam.plan_drone(
                 self._moves, options.width, options.cap, options.gamma, options.kappa,
-                self._nearness, starts, members, cells[-1], credits, n,
-                self._blocked(n, plans, planned, horizon), horizon, path,
+                self._nearness, starts, members, cells[-1], credits, n, blocked, horizon, paths,
             )  # fmt: skip
-            plans[n] = _Plan(path, length)
+            candidates = [_Plan(path, length) for path in paths[:found]]
+            if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
+                candidates.append(_Plan(plans[n].path, horizon))
+            counted = range(len(plans)) if warm else sorted(planned)
+            plans[n] = self._best(belief, slots, plans, n, candidates, counted)
             planned.add(n)
-            beam.credit_plan(path, length, options.gamma, starts, members, credits[n])
+            beam.credit_plan(
+                plans[n].path, plans[n].length, options.gamma, starts, members, credits[n]
+            )
         ends = self._first_cells(plans, planned, present)
         self._plans = dict(zip(agents, plans, strict=True))
         return ends
 
+    def _best(
+        self,
+        belief: Belief,
+        slots: NDArray[np.int64],
+        plans: Sequence[_Plan],
+        drone: int,
+        candidates: Sequence[_Plan],
+        counted: Sequence[int],
+    ) -> _Plan:
+        """Return the candidate that is best by the exact filter, given the counted plans."""
+        options, forecast = self._options, self._forecast
+        if self._finalists == 1:
+            return candidates[0]
+        together = np.stack([plan.path for plan in plans])
+        lengths = np.array([p.length if n in counted else 0 for n, p in enumerate(plans)])
+
+        def value(candidate: _Plan) -> float:
+            together[drone], lengths[drone] = candidate.path, candidate.length
+            return float(
+                beam.exact_value(
+                    forecast.constants, belief.density, belief.pods, forecast.chances,
+                    forecast.tables, forecast.directions, slots, together, lengths, drone,
+                    options.gamma, options.kappa, self._nearness, self._density, self._scratch,
+                )
+            )  # fmt: skip
+
+        return max(candidates, key=value)
+
     def _scenarios(
-        self, belief: Belief, horizon: int
+        self, belief: Belief, slots: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Return `cells` of `beam.roll`, `starts` and `members` of `beam.index`."""
-        forecast, count = self._forecast, self._options.samples
-        first = belief.step + forecast.first_step
-        forecast.look(first)
-        slots = np.arange(first, first + horizon) % len(forecast.directions)
+        forecast, count, horizon = self._forecast, self._options.samples, len(slots)
         offset, *offsets = self._rng.random(horizon + 1)
         rows = np.empty(count, np.int64)
         cells = np.empty((horizon + 1, count), np.int64)
         beam.sample(belief.density, count, offset, rows, cells[0])
         beam.roll(
-            forecast.constants, forecast.chances, forecast.tables, forecast.directions, slots,
-            np.array(offsets), rows, cells,
+            forecast.constants, forecast.area, forecast.chances, forecast.tables,
+            forecast.directions, slots, np.array(offsets), rows, cells,
         )  # fmt: skip
         detected = np.zeros((0, 0), np.bool_)
         if belief.pods.min() < 1.0:
@@ -194,11 +255,12 @@ class BeamSearch:
     def _blocked(
         self, drone: int, plans: Sequence[_Plan], planned: set[int], horizon: int
     ) -> NDArray[np.bool_]:
-        """Return the cells (H, S S) that a drone must keep out of, where drones collide.
+        """Return the cells (H, S S) that a drone must keep out of.
 
+        They are those outside the area and, where drones collide, those of other drones.
         A drone that has not planned may stay where it is, so that staying is always safe.
         """
-        blocked = np.zeros((horizon, self._side**2), np.bool_)
+        blocked = np.tile(self._masked, (horizon, 1))
         if self._forecast.rules.collisions:
             for n, plan in enumerate(plans):
                 if n == drone:

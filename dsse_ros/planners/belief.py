@@ -70,7 +70,8 @@ class GreedyOnBelief:
 
     def start(self, forecast: Forecast, seed: int) -> GreedyOnBelief:
         """Return the tactic for a mission; it draws nothing."""
-        self._actions = forecast.rules.action_set.with_moves()
+        area = forecast.scenario.area_mask
+        self._actions = forecast.rules.action_set.within(area).with_moves()
         return self
 
     def copy(self) -> GreedyOnBelief:
@@ -99,6 +100,9 @@ class GreedyOnBelief:
         across, down = away[:, 0, None, :], away[:, 1, :, None]
         moves = np.maximum(across, down) if self._actions.diagonal else across + down
         worth = likely * self.closeness**moves
+        for drones, water in self._actions.by_water(present):
+            if water is not None:
+                worth[drones] = np.where(water, worth[drones], -1.0)
         goals = list(present)
         for _ in range(min(len(present), size * size)):
             drone, row, col = np.unravel_index(int(np.argmax(worth)), worth.shape)
@@ -238,7 +242,9 @@ class BeamOnBelief:
 
     def horizon(self, rules: Rules) -> int:
         """Return how many steps it looks ahead."""
-        return self._options.horizon_by(rules)
+        horizon = self._options.completed(rules).horizon
+        assert horizon is not None
+        return horizon
 
     def start(self, forecast: Forecast, seed: int) -> BeamSearch:
         """Return the tactic for a mission."""

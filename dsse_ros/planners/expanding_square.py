@@ -23,7 +23,9 @@ from dsse_ros.search.actions import ActionSet
 _STARBOARD_TURNS = ((0, -1), (1, 0), (0, 1), (-1, 0))
 
 
-def make_expanding_square(actions: Sequence[str], *, seed: int = 0) -> RouteFollower:
+def make_expanding_square(
+    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+) -> RouteFollower:
     """Return a planner that searches outwards from the most probable cell.
 
     One drone flies the square spiral. Several share it: each ring around the datum is cut into
@@ -32,17 +34,18 @@ def make_expanding_square(actions: Sequence[str], *, seed: int = 0) -> RouteFoll
     Args:
         actions: Names of the actions by number.
         seed: For the choice of the cell to step aside to when a way is blocked.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
 
     Raises:
         ValueError: If search or a straight move is missing.
     """
-    return RouteFollower(square_routes, actions, seed=seed)
+    return RouteFollower(square_routes, actions, seed=seed, area=area)
 
 
 def square_routes(
     cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
 ) -> list[list[Cell]]:
-    """Return the route of each drone; together they have every cell of the grid once.
+    """Return the route of each drone; together they have every cell they can get to once.
 
     The arcs go to the drones clockwise as they are seen from the datum.
 
@@ -54,10 +57,12 @@ def square_routes(
     size = len(probability)
     row, col = divmod(int(np.argmax(np.nan_to_num(probability, nan=-np.inf))), size)
     datum = (col, row)
-    drones = sorted(range(len(cells)), key=lambda drone: _clockwise(datum, cells[drone]))
-    routes: list[list[Cell]] = [[] for _ in cells]
-    for drone, route in zip(drones, shared_square(datum, size, len(cells), actions), strict=True):
-        routes[drone] = route
+    routes = [[cell] for cell in cells]
+    for members, water in actions.by_water(cells):
+        drones = sorted(members, key=lambda drone: _clockwise(datum, cells[drone]))
+        shared = shared_square(datum, size, len(drones), actions, water)
+        for drone, route in zip(drones, shared, strict=True):
+            routes[drone] = route or routes[drone]
     return routes
 
 
@@ -77,17 +82,26 @@ def square_spiral(datum: Cell, size: int) -> Iterator[Cell]:
                 yield col, row
 
 
-def shared_square(datum: Cell, size: int, drones: int, actions: ActionSet) -> list[list[Cell]]:
+def shared_square(
+    datum: Cell,
+    size: int,
+    drones: int,
+    actions: ActionSet,
+    water: NDArray[np.bool_] | None = None,
+) -> list[list[Cell]]:
     """Divide the square spiral into one route per drone, clockwise from the north-west diagonal.
 
     A drone enters its arc of the next ring at the nearer end. The lengths of the routes differ
-    by one at most.
+    by one at most. Cells that are not in `water` (G, G) are left out.
     """
+    spiral = square_spiral(datum, size)
+    if water is not None:
+        spiral = ((col, row) for col, row in spiral if water[row, col])
     if drones == 1:
-        return [list(square_spiral(datum, size))]
+        return [list(spiral)]
     routes: list[list[Cell]] = [[] for _ in range(drones)]
     rings = groupby(
-        square_spiral(datum, size),
+        spiral,
         key=lambda cell: max(abs(cell[0] - datum[0]), abs(cell[1] - datum[1])),
     )
     for _, ring in rings:

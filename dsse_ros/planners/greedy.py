@@ -26,13 +26,16 @@ class Greedy:
     Args:
         actions: Names of the actions by number.
         seed: Not used, the policy draws nothing.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
 
     Raises:
         ValueError: If search or a straight move is missing.
     """
 
-    def __init__(self, actions: Sequence[str], *, seed: int = 0) -> None:
-        self._actions = ActionSet(actions).with_moves()
+    def __init__(
+        self, actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+    ) -> None:
+        self._actions = ActionSet(actions, area).with_moves()
 
     def __call__(
         self,
@@ -43,7 +46,7 @@ class Greedy:
         if not observations:
             return {}
         present = cells_of(observations)
-        goals = most_probable(probability_of(observations), len(present))
+        goals = self._goals(present, probability_of(observations))
         taken = set(present)
         actions = {}
         for agent, cell, goal in zip(observations, present, goals, strict=True):
@@ -53,6 +56,15 @@ class Greedy:
             taken.add(end)
             actions[agent] = self._actions.action(cell, end)
         return actions
+
+    def _goals(self, present: Sequence[Cell], probability: NDArray[np.float32]) -> list[Cell]:
+        """Return the goal of each drone, of the cells that it can get to."""
+        goals = list(present)
+        for drones, water in self._actions.by_water(present):
+            reached = probability if water is None else np.where(water, probability, -np.inf)
+            for drone, goal in zip(drones, most_probable(reached, len(drones)), strict=True):
+                goals[drone] = goal
+        return goals
 
 
 def most_probable(probability: NDArray[np.float32], count: int) -> list[Cell]:

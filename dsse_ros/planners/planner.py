@@ -27,8 +27,9 @@ class Planner(Protocol):
 
         Args:
             observations: By live agent, in the fixed order of the agents.
-            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid. Over
-                ROS also `step`, the steps done, and `action`, what the drone has done last.
+            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid or the
+                area that is searched. Over ROS also `step`, the steps done, and `action`, what the
+                drone has done last.
         """
         ...
 
@@ -48,7 +49,7 @@ class Search(Protocol):
 
 
 PlannerFactory: TypeAlias = Callable[..., Planner]
-"""Called with the names of the actions and the keyword `seed`."""
+"""Called with a `Search`, the keyword `seed` and, as keywords, the planner's own options."""
 
 
 def cells_of(observations: Mapping[str, AgentObservation]) -> list[Cell]:

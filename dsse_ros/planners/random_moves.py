@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts
 from dsse_ros.planners.planner import AgentObservation, cells_of
@@ -22,12 +23,15 @@ class RandomMoves:
     Args:
         actions: Names of the actions by number.
         seed: Of all draws.
+        area: Not used, the masks say what leaves it.
 
     Raises:
         ValueError: If search is missing.
     """
 
-    def __init__(self, actions: Sequence[str], *, seed: int = 0) -> None:
+    def __init__(
+        self, actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+    ) -> None:
         self._actions = ActionSet(actions)
         self._rng = np.random.default_rng(seed)
 

@@ -63,14 +63,22 @@ class RouteFollower:
         plan: Makes the routes.
         actions: Names of the actions by number.
         seed: For the choice of the cell to step aside to.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
 
     Raises:
         ValueError: If search or a straight move is missing.
     """
 
-    def __init__(self, plan: RoutePlan, actions: Sequence[str], *, seed: int = 0) -> None:
+    def __init__(
+        self,
+        plan: RoutePlan,
+        actions: Sequence[str],
+        *,
+        seed: int = 0,
+        area: NDArray[np.bool_] | None = None,
+    ) -> None:
         self._plan = plan
-        self._actions = ActionSet(actions).with_moves()
+        self._actions = ActionSet(actions, area).with_moves()
         self._rng = np.random.default_rng(seed)
         self._tracks: dict[str, Track] = {}
         self._size = 0

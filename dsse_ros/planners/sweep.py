@@ -13,17 +13,20 @@ from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.search.actions import ActionSet
 
 
-def make_sweep(actions: Sequence[str], *, seed: int = 0) -> RouteFollower:
+def make_sweep(
+    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+) -> RouteFollower:
     """Return a planner that searches every cell once, each drone in its own share.
 
     Args:
         actions: Names of the actions by number.
         seed: For the choice of the cell to step aside to when a way is blocked.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
 
     Raises:
         ValueError: If search or a straight move is missing.
     """
-    return RouteFollower(sweep_routes, actions, seed=seed)
+    return RouteFollower(sweep_routes, actions, seed=seed, area=area)
 
 
 def sweep_routes(
@@ -34,17 +37,38 @@ def sweep_routes(
     The shares go to the drones from west to east, then from north to south, so that drones in
     the default start (row by row from the north-west corner) never cross on their way there.
 
+    In an area the cells that drones can get to, lane by lane, are cut into one piece for each, all
+    as long.
+
     Args:
         cells: Present cell of each drone.
         probability: Any map (G, G); only its size matters.
         actions: Measure the way to the corners.
     """
+    if actions.area is not None:
+        return _area_routes(cells, actions)
     drones = sorted(range(len(cells)), key=lambda drone: cells[drone])
     routes: list[list[Cell]] = [[] for _ in cells]
     for drone, (cols, rows) in zip(drones, shares(len(probability), len(cells)), strict=True):
         passes = [boustrophedon(c, r) for r in (rows, rows[::-1]) for c in (cols, cols[::-1])]
         ways = [actions.distance(cells[drone], route[0]) for route in passes]
         routes[drone] = passes[ways.index(min(ways))]
+    return routes
+
+
+def _area_routes(cells: Sequence[Cell], actions: ActionSet) -> list[list[Cell]]:
+    """Return the route of each drone through its piece of the cells that it can get to."""
+    routes = [[cell] for cell in cells]
+    for members, water in actions.by_water(cells):
+        assert water is not None
+        side = range(len(water))
+        lanes = [cell for cell in boustrophedon(side, side) if water[cell[1], cell[0]]]
+        drones = sorted(members, key=lambda drone: cells[drone])
+        for drone, piece in zip(drones, split(len(lanes), len(drones)), strict=True):
+            route = lanes[piece.start : piece.stop]
+            ends = [actions.distance(cells[drone], cell) for cell in (*route[:1], *route[-1:])]
+            if route:
+                routes[drone] = route if ends[0] <= ends[-1] else route[::-1]
     return routes
 
 

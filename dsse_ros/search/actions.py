@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dsse_ros.search.paths import Paths
 
 T = TypeVar("T")
 
@@ -39,9 +41,11 @@ class ActionSet:
 
     Args:
         names: Names of the actions; the index is the action number.
+        area: (G, G) bool [row, col], the cells that moves stay in; None for the whole grid.
 
     Attributes:
         names: The names.
+        area: As given.
         moves: Of each action its step (dx, dy) in cells, to the east and to the south.
         search: Number of the action search.
         diagonal: Whether a step may change both coordinates.
@@ -50,8 +54,9 @@ class ActionSet:
         ValueError: If search is missing.
     """
 
-    def __init__(self, names: Iterable[str]) -> None:
+    def __init__(self, names: Iterable[str], area: NDArray[np.bool_] | None = None) -> None:
         self.names = tuple(names)
+        self.area = area
         self._check("search")
         self.moves = tuple(ACTION_VECTORS.get(name, (0, 0)) for name in self.names)
         self.search = self.names.index("search")
@@ -60,6 +65,8 @@ class ActionSet:
         self._number = {
             ACTION_VECTORS[name]: self.names.index(name) for name in usable if name in self.names
         }
+        moves = [step for step in self._number if step != (0, 0)]
+        self._paths = None if area is None else Paths(area, moves)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -73,8 +80,12 @@ class ActionSet:
         if missing:
             raise ValueError(f"actions: {', '.join(missing)} missing in {list(self.names)!r}")
 
+    def within(self, area: NDArray[np.bool_] | None) -> ActionSet:
+        """Return these actions in an area."""
+        return ActionSet(self.names, area)
+
     def with_moves(self) -> ActionSet:
-        """Return these actions, which lead to every cell.
+        """Return these actions, which lead to every cell of a grid.
 
         Raises:
             ValueError: If one of the four straight moves is missing.
@@ -90,7 +101,8 @@ class ActionSet:
         """Return the cell one step closer to the goal; the goal itself once there.
 
         Diagonally while both axes differ; without diagonals along the axis with the larger
-        difference, along the row when they are equal.
+        difference, along the row when they are equal. In an area another way where this is not on
+        a shortest one, and the present cell where none leads to the goal.
         """
         (col, row), (goal_col, goal_row) = start, goal
         d_col, d_row = goal_col - col, goal_row - row
@@ -99,27 +111,51 @@ class ActionSet:
                 d_row = 0
             else:
                 d_col = 0
-        return col + (d_col > 0) - (d_col < 0), row + (d_row > 0) - (d_row < 0)
+        straight = col + (d_col > 0) - (d_col < 0), row + (d_row > 0) - (d_row < 0)
+        return straight if self._paths is None else self._paths.next_cell(start, goal, straight)
 
     def distance(self, start: Cell, end: Cell) -> int:
-        """Return the number of moves between two cells on an empty grid."""
+        """Return the number of moves between two cells; -1 if none lead there."""
+        if self._paths is not None:
+            return int(self._paths.distances(end)[start[1], start[0]])
         d_col, d_row = abs(start[0] - end[0]), abs(start[1] - end[1])
         return max(d_col, d_row) if self.diagonal else d_col + d_row
 
     def neighbours(self, cell: Cell, size: int) -> list[Cell]:
-        """Return the cells of a size x size grid that are one move away."""
+        """Return the cells of a size x size grid, and of the area, that are one move away."""
         col, row = cell
-        return [
+        cells = [
             (col + d_col, row + d_row)
             for d_col, d_row in self._number
             if (d_col, d_row) != (0, 0) and 0 <= col + d_col < size and 0 <= row + d_row < size
         ]
+        return cells if self.area is None else [(x, y) for x, y in cells if self.area[y, x]]
+
+    def by_water(self, cells: Sequence[Cell]) -> list[tuple[list[int], NDArray[np.bool_] | None]]:
+        """Return drones by the cells that they can get to.
+
+        Args:
+            cells: Cell of each drone.
+
+        Returns:
+            Indices of drones that can meet, and the cells (G, G) bool [row, col] they can get to,
+            None for all of the grid.
+        """
+        if self._paths is None:
+            return [(list(range(len(cells))), None)]
+        waters: list[tuple[list[int], NDArray[np.bool_] | None]] = []
+        left = list(range(len(cells)))
+        while left:
+            water = self._paths.distances(cells[left[0]]) >= 0
+            waters.append(([i for i in left if water[cells[i][1], cells[i][0]]], water))
+            left = [i for i in left if not water[cells[i][1], cells[i][0]]]
+        return waters
 
     def masks(self, grid_size: int) -> list[list[NDArray[np.int8]]]:
         """Return by [row][col] the action masks (A,) int8, 0 where a move would leave the grid.
 
-        They are read-only; equal ones, and equal rows, are one object. The last row and column
-        are for a drone just outside, at -1 or G.
+        They are 0, too, where it would leave the area. They are read-only, and equal ones are one
+        object. The last row and column are for a drone just outside, at -1 or G.
         """
 
         def mask(west: bool, east: bool, north: bool, south: bool) -> NDArray[np.int8]:
@@ -134,4 +170,22 @@ class ActionSet:
             distinct = {edge: make(*edge) for edge in set(edges)}
             return [distinct[edge] for edge in edges]
 
-        return along(lambda north, south: along(lambda west, east: mask(west, east, north, south)))
+        table = along(lambda north, south: along(lambda west, east: mask(west, east, north, south)))
+        return table if self.area is None else self._masks_of(self.area, table)
+
+    def _masks_of(
+        self, area: NDArray[np.bool_], table: list[list[NDArray[np.int8]]]
+    ) -> list[list[NDArray[np.int8]]]:
+        """Return the table with the masks of the cells of an area."""
+        size, around = len(area), np.pad(area, 1)
+        free = np.stack(
+            [around[1 + dy : 1 + dy + size, 1 + dx : 1 + dx + size] for dx, dy in self.moves], -1
+        ).astype(np.int8)
+        free.flags.writeable = False
+        distinct: dict[bytes, NDArray[np.int8]] = {}
+        inner = [
+            [distinct.setdefault(mask.tobytes(), mask) for mask in masks_of_row]
+            for masks_of_row in free
+        ]
+        margin = table[size]
+        return [[*masks, table[i][size]] for i, masks in enumerate(inner)] + [margin]

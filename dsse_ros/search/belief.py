@@ -23,7 +23,7 @@ from dsse_ros.search import belief_kernels, kernels
 from dsse_ros.search.actions import Cell
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
-from dsse_ros.search.world import constants_of
+from dsse_ros.search.world import area_of, constants_of
 
 KEPT_BYTES = 1 << 28
 """Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
@@ -44,6 +44,7 @@ class Forecast:
 
     Attributes:
         constants: (1,) of `kernels.CONSTANTS`.
+        area: Which cells are searched, see `kernels`.
         first_step: Steps of the sea before a mission's first observation.
         chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
         tables: (R, S S, 9) float64, see `belief_kernels.look_up`.
@@ -57,6 +58,7 @@ class Forecast:
         self.rules = rules
         self.horizon = horizon
         self.constants = constants_of(resolved, rules)
+        self.area, self._runs = area_of(resolved)
         self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
         drifts = drift_samples if rules.person_motion == "drift" else 1
         g = resolved.grid_size
@@ -83,7 +85,7 @@ class Forecast:
         self._ready = 0
         belief_kernels.start_sea(self.constants, self._world, self._drifts)
         kernels.refresh_worlds(
-            self.constants, self._world, self._gauss, self._tails, self._circle,
+            self.constants, self._world, self._gauss, self._tails, self.area, self._circle,
             np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32),
         )  # fmt: skip
 
@@ -95,8 +97,8 @@ class Forecast:
         while self._ready <= step + self.horizon:
             slot, before = self._ready % slots, (self._ready - 1) % slots
             belief_kernels.forecast_step(
-                self.constants, self._world, self._gauss[0], self._tails[0], self._circle,
-                self._drifts, self.chances[slot], self.directions[slot],
+                self.constants, self._world, self._gauss[0], self._tails[0], self.area,
+                self._runs, self._circle, self._drifts, self.chances[slot], self.directions[slot],
             )  # fmt: skip
             # Where the map stays as it was, what was computed for the step before holds again.
             stays = self._ready > 0 and np.array_equal(self.chances[slot], self.chances[before])
@@ -148,13 +150,13 @@ class Belief:
     def _put_persons(self) -> None:
         """Put the first person in the start cell, the others likewise or scattered about it."""
         scenario, rules = self.forecast.scenario, self.forecast.rules
-        g, reach = scenario.grid_size, rules.person_scatter
+        g, reach, area = scenario.grid_size, rules.person_scatter, self.forecast.area
         x0, y0 = scenario.person_initial_position
         around = [
             (x, y)
             for y in range(max(y0 - reach, 0), min(y0 + reach, g - 1) + 1)
             for x in range(max(x0 - reach, 0), min(x0 + reach, g - 1) + 1)
-            if (x, y) != (x0, y0)
+            if (x, y) != (x0, y0) and (area is None or area[y, x])
         ] or [(x0, y0)]
         persons = scenario.person_amount
         for person, of_class in enumerate(self._class_of.tolist()):
@@ -178,8 +180,8 @@ class Belief:
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
         belief_kernels.predict(
-            forecast.constants, self.density, forecast.chances[slot], forecast.tables[slot],
-            forecast.directions[slot], self._scratch,
+            forecast.constants, forecast.area, self.density, forecast.chances[slot],
+            forecast.tables[slot], forecast.directions[slot], self._scratch,
         )  # fmt: skip
         belief_kernels.normalise(self.density)
         self.step += 1

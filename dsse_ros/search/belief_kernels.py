@@ -22,11 +22,13 @@ from dsse_ros.search.kernels import (
     drift_direction,
     drift_per_step,
     gather_drift,
+    is_masked,
     kernel,
     map_step,
     own_drift,
     part,
     spend_drift,
+    step_within,
 )
 
 MARGIN = 2
@@ -41,8 +43,8 @@ ROW = STEPS + FACTORS
 """Length of what `transition` writes to."""
 
 NEGLIGIBLE = 1e-13
-"""Share of a belief below which a cell counts as empty: without it a few cells' belief would
-spread over the whole grid, each cell with a table to compute."""
+"""Probability below which a cell counts as empty: without it a few cells' belief would spread over
+the whole grid, each cell with a table to compute."""
 
 
 NOTHING_LEFT = 1e-9
@@ -95,7 +97,7 @@ def start_sea(constants, worlds, drifts):
 
 
 @kernel
-def forecast_step(constants, worlds, gauss, tails, circle, drifts, chances, directions):
+def forecast_step(constants, worlds, gauss, tails, area, runs, circle, drifts, chances, directions):
     """Advance map and drifts by one step and write what persons step by.
 
     Args:
@@ -103,6 +105,8 @@ def forecast_step(constants, worlds, gauss, tails, circle, drifts, chances, dire
         worlds: (1,) of `kernels.WORLDS`.
         gauss: (2, 2 G + 1) float64, exponentials along x and y.
         tails: (2, G + 2) float64, their tail sums.
+        area: Of `kernels.step_worlds`.
+        runs: Of `kernels.step_worlds`.
         circle: (G + 1,) int64 scratch.
         drifts: (K,) of `kernels.PERSONS`.
         chances: (S S,) float64 out, the probability of every cell that persons look at.
@@ -111,11 +115,11 @@ def forecast_step(constants, worlds, gauss, tails, circle, drifts, chances, dire
     """
     c, w = constants[0], worlds[0]
     if not c.person_first:
-        map_step(c, w, gauss, tails, circle)
+        map_step(c, w, gauss, tails, area, runs, circle)
     chances[:] = 0.0
     for y in range(c.grid_size):
         for x in range(c.grid_size):
-            chances[index_of(c, x, y)] = cell_probability(c, w, gauss, x, y)
+            chances[index_of(c, x, y)] = cell_probability(c, w, gauss, area, x, y)
     for k in range(len(drifts)):
         directions[k] = NO_DIRECTION
         if c.person_drifts:
@@ -125,28 +129,26 @@ def forecast_step(constants, worlds, gauss, tails, circle, drifts, chances, dire
                 directions[k] = 3 * (int(dy) + 1) + int(dx) + 1
                 spend_drift(drifts[k])
     if c.person_first:
-        map_step(c, w, gauss, tails, circle)
+        map_step(c, w, gauss, tails, area, runs, circle)
 
 
 @part
-def towards_drift(c, chances, i, direction, row):
+def towards_drift(c, area, chances, i, direction, row):
     """Write the probabilities of the steps that `kernels.person_with_drift` draws from."""
-    g, side = c.grid_size, c.grid_size + 2 * MARGIN
+    side = c.grid_size + 2 * MARGIN
     total = DRIFT_WEIGHT
     for step in range(STEPS):
         total += chances[i + offset_of(c, step)]
     for step in range(STEPS):
         row[step] = chances[i + offset_of(c, step)] / total
-    # An axis that would leave the grid stays.
     x, y = i % side - MARGIN, i // side - MARGIN
     dx, dy = direction % 3 - 1, direction // 3 - 1
-    dx = dx if 0 <= x + dx < g else 0
-    dy = dy if 0 <= y + dy < g else 0
-    row[3 * (dy + 1) + dx + 1] += DRIFT_WEIGHT / total
+    to_x, to_y = step_within(area, c.grid_size, x, y, dx, dy)
+    row[3 * (to_y - y + 1) + to_x - x + 1] += DRIFT_WEIGHT / total
 
 
 @part
-def to_best_cell(c, chances, i, row):
+def to_best_cell(c, area, chances, i, row):
     """Write the probabilities of the steps that `kernels.person_to_best_cell` can be best.
 
     A step is best if its weight times its factor exceeds those of all steps before it and is no
@@ -157,7 +159,10 @@ def to_best_cell(c, chances, i, row):
         candidates += chances[i + offset_of(c, step)] > 0.0
         row[step] = 0.0
     if candidates == 0:
-        row[0 if c.person_walks_blind else NO_DIRECTION] = 1.0
+        side = c.grid_size + 2 * MARGIN
+        x, y = i % side - MARGIN, i // side - MARGIN
+        walks = c.person_walks_blind and not is_masked(area, c.grid_size, x - 1, y - 1)
+        row[0 if walks else NO_DIRECTION] = 1.0
         return
     shares = row[STEPS:]
     for step in range(STEPS):
@@ -190,28 +195,30 @@ def is_beaten(rival, factor, best, later):
 
 
 @part
-def transition(c, chances, i, direction, row):
+def transition(c, area, chances, i, direction, row):
     """Write the probabilities of a person's steps from a cell: one line for each `person_motion`.
 
     Args:
         c: The constants.
+        area: Of `kernels.step_worlds`.
         chances: (S S,) of `forecast_step`.
         i: Column of the cell.
         direction: Of `forecast_step`.
         row: (`ROW`,) float64 out, the first 9; the rest is scratch.
     """
     if c.person_drifts:
-        towards_drift(c, chances, i, direction, row)
+        towards_drift(c, area, chances, i, direction, row)
     else:
-        to_best_cell(c, chances, i, row)
+        to_best_cell(c, area, chances, i, row)
 
 
 @part
-def look_up(c, chances, table, i, direction, row):
+def look_up(c, area, chances, table, i, direction, row):
     """Write the probabilities (9,) of the steps from a cell, from the table if there is one.
 
     Args:
         c: The constants.
+        area: Of `kernels.step_worlds`.
         chances: (S S,) of `forecast_step`.
         table: (S S, 9) float64, negative where nothing is known yet; (0, 9) for no table.
         i: Column of the cell.
@@ -219,9 +226,9 @@ def look_up(c, chances, table, i, direction, row):
         row: (`ROW`,) float64 out, the rest is scratch.
     """
     if len(table) == 0:
-        transition(c, chances, i, direction, row)
+        transition(c, area, chances, i, direction, row)
     elif table[i, 0] < 0.0:
-        transition(c, chances, i, direction, row)
+        transition(c, area, chances, i, direction, row)
         for step in range(STEPS):
             table[i, step] = row[step]
     else:
@@ -230,11 +237,12 @@ def look_up(c, chances, table, i, direction, row):
 
 
 @kernel
-def predict(constants, belief, chances, table, directions, scratch):
+def predict(constants, area, belief, chances, table, directions, scratch):
     """Let the persons of a belief take their step.
 
     Args:
         constants: (1,) of `kernels.CONSTANTS`.
+        area: Of `kernels.step_worlds`.
         belief: (C K, S S) float64.
         chances: (S S,) of `forecast_step`.
         directions: (K,) of `forecast_step`.
@@ -248,19 +256,16 @@ def predict(constants, belief, chances, table, directions, scratch):
         if direction == STAND_STILL:
             continue
         now = belief[k]
-        total = 0.0
         for i in range(count):
-            total += now[i]
             scratch[i] = 0.0
-        least = NEGLIGIBLE * total
         for i in range(count):
             here = now[i]
-            if here <= least:
+            if here <= NEGLIGIBLE:
                 continue
             if is_lost(c, i):
                 scratch[i] += here
                 continue
-            look_up(c, chances, table, i, direction, row)
+            look_up(c, area, chances, table, i, direction, row)
             for step in range(STEPS):
                 scratch[i + offset_of(c, step)] += here * row[step]
         for i in range(count):
@@ -363,13 +368,14 @@ def learn(c, constants, drones, actions, live, pods, chances, belief, pos):
 
 @kernel
 def follow_worlds(
-    constants, worlds, drones, actions, live, done, start, pods, chances, tables, directions,
+    constants, area, worlds, drones, actions, live, done, start, pods, chances, tables, directions,
     first_step, beliefs, pos, scratch, first, last,
 ):  # fmt: skip
     """Let the beliefs of the worlds first..last - 1 follow a step that is done.
 
     Args:
         constants: (1,) of `kernels.CONSTANTS`.
+        area: Of `kernels.step_worlds`.
         worlds: (B,) of `kernels.WORLDS`, after the step.
         drones: (B, N) of `kernels.DRONES`, after the step.
         actions: (B, N) int8 of the step.
@@ -402,7 +408,9 @@ def follow_worlds(
                 c, constants, drones[b], actions[b], live[b], pods, chances[slot], beliefs[b],
                 pos[b],
             )  # fmt: skip
-        predict(constants, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
+        predict(
+            constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch
+        )
         normalise(beliefs[b])
 
 

@@ -6,11 +6,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numba.core import event
 
 from dsse_ros.search.parallel_env import SearchEnv
-from dsse_ros.search.rules import profile
+from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
+from dsse_ros.search.world import HOLD
 
 COMPILING = "compiling the search, once after an installation; it takes 10 s, or a few times that"
 """Logged before the compiler starts; not logged where its cache has all that is needed."""
@@ -29,13 +31,21 @@ class _FirstCompilation(event.Listener):
         pass
 
 
-def prepare(announce: Callable[[str], None]) -> None:
-    """Have reset and step compiled, or loaded from the cache, before a mission needs them.
+def prepared_env(scenario: Scenario, rules: Rules, announce: Callable[[str], None]) -> SearchEnv:
+    """Return an environment whose reset and step are compiled, or loaded from the cache.
 
     Args:
+        scenario: Of the environment.
+        rules: Of the environment.
         announce: Called with `COMPILING` if the compiler has work to do.
+
+    Raises:
+        FieldError: If the scenario does not fit the rules.
     """
+    # What is not allowed is said before a compiler that takes its time.
+    scenario.resolve(rules)
     with event.install_listener("numba:compile", _FirstCompilation(announce)):
-        env = SearchEnv(Scenario(grid_size=2), profile("paper"))
+        env = SearchEnv(scenario, rules)
         env.reset(seed=0)
-        env.step({agent: 0 for agent in env.agents})
+        env.advance(np.full(env.world.num_drones, HOLD, np.int8))
+    return env

@@ -16,7 +16,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-Kind = Literal["bool", "int", "float", "str", "vector", "cell", "cells", "floats", "ints", "names"]
+Kind = Literal[
+    "bool", "int", "float", "str", "vector", "cell", "cells", "floats", "ints", "names", "area"
+]
 
 
 class FieldError(ValueError):
@@ -29,7 +31,8 @@ class Spec:
 
     Attributes:
         kind: bool, int, float, str; `vector` is a pair of floats, `cell` a pair of integers
-            (col, row), `cells` a list of those, `floats`, `ints` and `names` are lists.
+            (col, row), `cells` a list of those, `floats`, `ints` and
+            `names` are lists, `area` is what `area.Area` reads.
         doc: One sentence for people, without the unit.
         unit: Unit of the value or of each element, "" if it has none.
         low: Smallest allowed value, inclusive.
@@ -61,6 +64,7 @@ class Spec:
             "floats": "a list of finite numbers",
             "ints": "a list of integers",
             "names": "a list of names",
+            "area": "a GeoJSON file of a Polygon or MultiPolygon, or a list of [lat, lon]",
         }[self.kind]
         if self.choices:
             return "one of " + ", ".join(self.choices)
@@ -119,6 +123,8 @@ class Spec:
                 if not all(isinstance(item, str) for item in items):
                     raise TypeError
                 return items
+            case "area":
+                return value
 
     def _cell(self, value: Any) -> tuple[int, int]:
         col, row = _elements(value)

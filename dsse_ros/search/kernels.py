@@ -8,6 +8,10 @@ The state of the worlds is in three structured arrays, `worlds` (B,), `drones` (
 (B, P); `constants` (1,) is shared and never written. x is the column and
 grows to the east, y is the row and grows to the south.
 
+Where only a part of the grid is searched, `area` (G, G) bool is true in its cells, and `runs`
+(R, 3) int64 has them as (row, first column, last column). Both are None where all of it is: then
+what they would cost is compiled away.
+
 The module is longer than others: Numba's cache is renewed when the file of a function changes, not
 when that of a function it calls does, so that all that is compiled into the step is in one file.
 """
@@ -211,10 +215,50 @@ def inside_circle(adx, ady, d2):
 
 
 @part
-def cell_probability(c, w, gauss, x, y):
-    """Return the probability of the cell (x, y), 0 outside the grid."""
+def is_inside(g, x, y):
+    """Return whether a cell is on the grid."""
+    # As an unsigned number, one below 0 is greater than any other.
+    return (np.uint64(x) < np.uint64(g)) & (np.uint64(y) < np.uint64(g))
+
+
+@part
+def is_masked(area, g, x, y):
+    """Return whether a cell is on the grid and not in the area."""
+    if area is None:
+        return False
+    return is_inside(g, x, y) and not area[y, x]
+
+
+@part
+def is_open(area, g, x, y):
+    """Return whether a cell is on the grid and in the area."""
+    if area is None:
+        return is_inside(g, x, y)
+    return is_inside(g, x, y) and area[y, x]
+
+
+@part
+def step_within(area, g, x, y, dx, dy):
+    """Return the cell that a step leads to; an axis that would leave stays alone.
+
+    Where either of both would lead to a cell of the area and both together would not, x moves.
+    """
+    if area is None:
+        return x + dx if 0 <= x + dx < g else x, y + dy if 0 <= y + dy < g else y
+    if is_open(area, g, x + dx, y + dy):
+        return x + dx, y + dy
+    if is_open(area, g, x + dx, y):
+        return x + dx, y
+    if is_open(area, g, x, y + dy):
+        return x, y + dy
+    return x, y
+
+
+@part
+def cell_probability(c, w, gauss, area, x, y):
+    """Return the probability of the cell (x, y), 0 outside the grid and the area."""
     g = c.grid_size
-    if x < 0 or y < 0 or x >= g or y >= g:
+    if x < 0 or y < 0 or x >= g or y >= g or is_masked(area, g, x, y):
         return 0.0
     adx, ady = abs(x - w.circle_x), abs(y - w.circle_y)
     if w.scale == 0.0:
@@ -285,11 +329,29 @@ def circle_sum(w, gauss, tails, circle, g):
 
 
 @part
-def normalise(c, w, gauss, tails, circle):
+def area_sum(c, w, gauss, tails, runs, circle, g):
+    """Return the sum of the Gaussian over the cells of the area, with a circle those in it."""
+    total = 0.0
+    for r in range(len(runs)):
+        row, low, high = runs[r, 0], runs[r, 1], runs[r, 2]
+        if c.circle:
+            half_width = circle[abs(row - w.circle_y)]
+            low, high = max(low, w.circle_x - half_width), min(high, w.circle_x + half_width)
+        if low <= high:
+            along_x = span_sum(tails[0], low - w.datum_x, high - w.datum_x)
+            total += gauss[1, g + row - w.datum_y] * along_x
+    return total
+
+
+@part
+def normalise(c, w, gauss, tails, runs, circle):
     """Set the scale that makes the probabilities sum to 1."""
     g = c.grid_size
     if c.circle:
         update_circle(w, circle)
+    if runs is not None:
+        total = area_sum(c, w, gauss, tails, runs, circle, g)
+    elif c.circle:
         total = circle_sum(w, gauss, tails, circle, g)
     else:
         total = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x) * span_sum(
@@ -300,7 +362,7 @@ def normalise(c, w, gauss, tails, circle):
 
 
 @part
-def write_map(c, w, gauss, circle, span, stream, out):
+def write_map(c, w, gauss, area, circle, span, stream, out):
     """Write the map (G, G) float32, out[y, x], row after row as memory likes it.
 
     `circle` and `span` (G,) float64 are scratch; `stream` says whether to write past the caches.
@@ -341,6 +403,16 @@ def write_map(c, w, gauss, circle, span, stream, out):
         else:
             for i in range(g):
                 row[i] = k * span[i]
+    if area is not None:
+        cut_map(area, out)
+
+
+@part
+def cut_map(area, out):
+    """Set the cells of a map outside the area to 0."""
+    for j in range(len(area)):
+        for i in range(len(area)):
+            out[j, i] = out[j, i] if area[j, i] else 0.0
 
 
 @part
@@ -350,8 +422,8 @@ def less_one(remainder):
 
 
 @part
-def drift(c, w):
-    """Move the datum by the drift of one step."""
+def drift(c, w, area):
+    """Move the datum by the drift of one step; it stays in the area."""
     g = c.grid_size
     if c.drift_remainder_dropped:
         if abs(w.remainder_x) >= 1:
@@ -366,14 +438,11 @@ def drift(c, w):
     elif not c.drift_remainder_dropped:
         w.remainder_x -= dx
         w.remainder_y -= dy
-    x, y = w.datum_x + dx, w.datum_y + dy
-    x_fits, y_fits = 0 <= x < g, 0 <= y < g
-    if not c.drift_axes_independent:
-        x_fits = y_fits = x_fits and y_fits
-    if x_fits:
-        w.datum_x = x
-    if y_fits:
-        w.datum_y = y
+    if c.drift_axes_independent:
+        w.datum_x, w.datum_y = step_within(area, g, w.datum_x, w.datum_y, dx, dy)
+    elif is_open(area, g, w.datum_x + dx, w.datum_y + dy):
+        w.datum_x += dx
+        w.datum_y += dy
 
 
 @part
@@ -392,17 +461,17 @@ def disperse(c, w, gauss, tails):
 
 
 @part
-def map_step(c, w, gauss, tails, circle):
+def map_step(c, w, gauss, tails, area, runs, circle):
     """Advance the map by one step: drift, dispersion, circle, normaliser."""
     previous_x, previous_y = w.datum_x, w.datum_y
-    drift(c, w)
+    drift(c, w, area)
     w.map_steps += 1
     if c.dispersion_inc > 0:
         disperse(c, w, gauss, tails)
     w.circle_x, w.circle_y = w.datum_x, w.datum_y
     if c.circle_on_previous_datum:
         w.circle_x, w.circle_y = previous_x, previous_y
-    normalise(c, w, gauss, tails, circle)
+    normalise(c, w, gauss, tails, runs, circle)
 
 
 FACTORS = 100
@@ -410,16 +479,17 @@ FACTORS = 100
 
 
 @part
-def person_to_best_cell(c, w, gauss, person):
+def person_to_best_cell(c, w, gauss, area, person):
     """Move a person to the best of the 3 x 3 window, each cell weighted by U{1..100} / 100."""
     best, best_dx, best_dy = 0.0, 0, 0
     for dy in range(-1, 2):
         for dx in range(-1, 2):
             factor = (1 + draw_below(w, FACTORS)) / np.float64(FACTORS)
-            weight = cell_probability(c, w, gauss, person.x + dx, person.y + dy) * factor
+            weight = cell_probability(c, w, gauss, area, person.x + dx, person.y + dy) * factor
             if weight > best:
                 best, best_dx, best_dy = weight, dx, dy
-    if best == 0.0 and c.person_walks_blind:
+    blind = best == 0.0 and c.person_walks_blind
+    if blind and not is_masked(area, c.grid_size, person.x - 1, person.y - 1):
         best_dx = best_dy = -1
     person.x += best_dx
     person.y += best_dy
@@ -456,7 +526,7 @@ def spend_drift(person):
 
 
 @part
-def person_with_drift(c, w, gauss, person):
+def person_with_drift(c, w, gauss, area, person):
     """Draw a person's step from the 3 x 3 window when its own drift has gathered a cell."""
     if not gather_drift(person):
         return
@@ -464,34 +534,31 @@ def person_with_drift(c, w, gauss, person):
     total = DRIFT_WEIGHT
     for dy in range(-1, 2):
         for dx in range(-1, 2):
-            total += cell_probability(c, w, gauss, person.x + dx, person.y + dy)
+            total += cell_probability(c, w, gauss, area, person.x + dx, person.y + dy)
     left = draw_unit(w) * total
     step_x, step_y = int(drift_dx), int(drift_dy)
     for k in range(9):
         dx, dy = k % 3 - 1, k // 3 - 1
-        left -= cell_probability(c, w, gauss, person.x + dx, person.y + dy)
+        left -= cell_probability(c, w, gauss, area, person.x + dx, person.y + dy)
         if dx == drift_dx and dy == drift_dy:
             left -= DRIFT_WEIGHT
         if left < 0:
             step_x, step_y = dx, dy
             break
-    if 0 <= person.x + step_x < c.grid_size:
-        person.x += step_x
-    if 0 <= person.y + step_y < c.grid_size:
-        person.y += step_y
+    person.x, person.y = step_within(area, c.grid_size, person.x, person.y, step_x, step_y)
     spend_drift(person)
 
 
 @kernel
-def persons_step(c, w, gauss, persons):
+def persons_step(c, w, gauss, area, persons):
     """Move every person that is not found yet."""
     for p in range(len(persons)):
         if persons[p].found and not c.found_persons_stay:
             continue
         if c.person_drifts:
-            person_with_drift(c, w, gauss, persons[p])
+            person_with_drift(c, w, gauss, area, persons[p])
         else:
-            person_to_best_cell(c, w, gauss, persons[p])
+            person_to_best_cell(c, w, gauss, area, persons[p])
 
 
 @part
@@ -529,16 +596,21 @@ def draw_own_drift(c, w, person):
 
 
 @part
-def scatter_persons(c, w, persons, cells):
+def scatter_persons(c, w, area, persons, cells):
     """Put all but the first person in different cells within `person_scatter` of the start."""
     g, s = c.grid_size, c.person_scatter
     x0, y0 = max(w.start_x - s, 0), max(w.start_y - s, 0)
     width = min(w.start_x + s, g - 1) - x0 + 1
     height = min(w.start_y + s, g - 1) - y0 + 1
-    count = width * height
-    for k in range(count):
-        cells[k] = k
-    start = (w.start_y - y0) * width + w.start_x - x0
+    count = start = 0
+    for k in range(width * height):
+        x, y = x0 + k % width, y0 + k // width
+        if is_masked(area, g, x, y):
+            continue
+        if x == w.start_x and y == w.start_y:
+            start = count
+        cells[count] = k
+        count += 1
     cells[0], cells[start] = cells[start], cells[0]
     for p in range(1, len(persons)):
         k = p + draw_below(w, count - p)
@@ -547,17 +619,17 @@ def scatter_persons(c, w, persons, cells):
 
 
 @part
-def sea_step(c, w, persons, gauss, tails, circle):
+def sea_step(c, w, persons, gauss, tails, area, runs, circle):
     """Advance the map and the persons by one step."""
     if c.person_first:
-        persons_step(c, w, gauss, persons)
-    map_step(c, w, gauss, tails, circle)
+        persons_step(c, w, gauss, area, persons)
+    map_step(c, w, gauss, tails, area, runs, circle)
     if not c.person_first:
-        persons_step(c, w, gauss, persons)
+        persons_step(c, w, gauss, area, persons)
 
 
 @part
-def reset_world(c, w, starts, drones, persons, gauss, tails, circle, cells):
+def reset_world(c, w, starts, drones, persons, gauss, tails, area, runs, circle, cells):
     """Set a world to its start: persons at the start cell, which has all the probability."""
     w.t = w.map_steps = 0
     w.datum_x = w.circle_x = w.start_x
@@ -582,13 +654,13 @@ def reset_world(c, w, starts, drones, persons, gauss, tails, circle, cells):
         if c.person_drifts:
             draw_own_drift(c, w, person)
     if c.person_scatter > 0:
-        scatter_persons(c, w, persons, cells)
+        scatter_persons(c, w, area, persons, cells)
     for _ in range(c.pre_search_steps + c.reset_sea_steps):
-        sea_step(c, w, persons, gauss, tails, circle)
+        sea_step(c, w, persons, gauss, tails, area, runs, circle)
 
 
 @inlined
-def search_cell(c, w, gauss, d, persons):
+def search_cell(c, w, gauss, area, d, persons):
     """Return (reward, found) of a search by a drone where it is."""
     finds = 0
     for p in range(len(persons)):
@@ -608,7 +680,7 @@ def search_cell(c, w, gauss, d, persons):
     if c.leave_flies_on:
         # A drone outside to the west or north sees the cell that a negative index names.
         x, y = (x + c.grid_size if x < 0 else x), (y + c.grid_size if y < 0 else y)
-    probability = cell_probability(c, w, gauss, x, y)
+    probability = cell_probability(c, w, gauss, area, x, y)
     enough = probability > c.search_min_probability or (
         c.search_min_inclusive and probability == c.search_min_probability
     )
@@ -666,20 +738,13 @@ def has_collided(g, drones, n, occupied):
 
 
 @part
-def is_inside(g, x, y):
-    """Return whether a cell is on the grid."""
-    # As an unsigned number, one below 0 is greater than any other.
-    return (np.uint64(x) < np.uint64(g)) & (np.uint64(y) < np.uint64(g))
-
-
-@part
 def can_collide(c, d):
     """Return whether a drone can collide; where drones end together, flags do not matter."""
     return d.alive and (c.ends_together or not d.terminated)
 
 
 @part
-def step_drones(c, w, drones, persons, gauss, occupied, actions):
+def step_drones(c, w, drones, persons, gauss, area, occupied, actions):
     """Do the actions in index order against the map of the last observation.
 
     Returns:
@@ -708,15 +773,16 @@ def step_drones(c, w, drones, persons, gauss, occupied, actions):
         if idle:
             pass
         elif action == search_action:
-            reward, found = search_cell(c, w, gauss, d, persons)
+            reward, found = search_cell(c, w, gauss, area, d, persons)
             if found and ends_together:
                 for m in range(len(drones)):
                     drones[m].terminated = True
                 terminated = True
         elif 0 <= action < num_actions:
             x, y = d.x + moves_x[action], d.y + moves_y[action]
-            inside = is_inside(grid_size, x, y)
-            if inside or leave_flies_on:
+            inside = is_open(area, grid_size, x, y)
+            # Outside the grid is water, outside the area is not.
+            if inside or (leave_flies_on and not is_inside(grid_size, x, y)):
                 d.x, d.y = x, y
             if not inside:
                 reward = leave_reward
@@ -765,7 +831,7 @@ def update_flags(c, w, drones, persons):
 
 
 @part
-def step_world(c, w, drones, persons, gauss, tails, occupied, circle, actions):
+def step_world(c, w, drones, persons, gauss, tails, area, runs, occupied, circle, actions):
     """Advance one world: drones in index order, then the sea, then collisions."""
     if c.ends_together:
         for n in range(len(drones)):
@@ -775,9 +841,9 @@ def step_world(c, w, drones, persons, gauss, tails, occupied, circle, actions):
         for p in range(len(persons)):
             persons[p].found = False
     unchanged = not w.done and w.num_missing == len(persons)
-    shared, eventful = step_drones(c, w, drones, persons, gauss, occupied, actions)
+    shared, eventful = step_drones(c, w, drones, persons, gauss, area, occupied, actions)
     w.t += 1
-    sea_step(c, w, persons, gauss, tails, circle)
+    sea_step(c, w, persons, gauss, tails, area, runs, circle)
     if shared:
         collide(c, drones, occupied)
     if shared or eventful or not unchanged:
@@ -797,7 +863,7 @@ def is_streamed(maps):
 
 @kernel
 def step_worlds(
-    constants, worlds, starts, drones, persons, gauss, tails,
+    constants, worlds, starts, drones, persons, gauss, tails, area, runs,
     occupied, circle, cells, span, actions, maps, first, last,
 ):  # fmt: skip
     """Advance the worlds first..last - 1 by one step and write their maps.
@@ -810,6 +876,8 @@ def step_worlds(
         persons: (B, P) of `PERSONS`.
         gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
         tails: (1 or B, 2, G + 2) float64, their tail sums.
+        area: (G, G) bool, the cells that are searched; None for all.
+        runs: (R, 3) int64, the same by row, first and last column; None for all.
         occupied: (G * G + 1,) uint16 scratch, see `occupy`.
         circle: (G + 1,) int64 scratch, see `update_circle`.
         cells: (K,) int64 scratch, the cells that persons are scattered over.
@@ -826,21 +894,23 @@ def step_worlds(
         table = min(b, len(gauss) - 1)
         if c.auto_reset and w.done:
             reset_world(
-                c, w, starts[b], drones[b], persons[b], gauss[table], tails[table], circle, cells
-            )
+                c, w, starts[b], drones[b], persons[b], gauss[table], tails[table], area, runs,
+                circle, cells,
+            )  # fmt: skip
         else:
             step_world(
-                c, w, drones[b], persons[b], gauss[table], tails[table], occupied, circle,
-                actions[b],
+                c, w, drones[b], persons[b], gauss[table], tails[table], area, runs,
+                occupied, circle, actions[b],
             )  # fmt: skip
         if maps.shape[1] > 0:
-            write_map(c, w, gauss[table], circle, span, stream, maps[b])
+            write_map(c, w, gauss[table], area, circle, span, stream, maps[b])
 
 
 @kernel
 def reset_worlds(
-    constants, worlds, starts, drones, persons, gauss, tails, circle, cells, span, maps, which
-):
+    constants, worlds, starts, drones, persons, gauss, tails, area, runs, circle, cells, span, maps,
+    which,
+):  # fmt: skip
     """Reset the worlds with which[b] and write their maps; arguments as in `step_worlds`."""
     c = constants[0]
     stream = is_streamed(maps)
@@ -848,15 +918,15 @@ def reset_worlds(
         if which[b]:
             table = min(b, len(gauss) - 1)
             reset_world(
-                c, worlds[b], starts[b], drones[b], persons[b], gauss[table], tails[table], circle,
-                cells,
+                c, worlds[b], starts[b], drones[b], persons[b], gauss[table], tails[table], area,
+                runs, circle, cells,
             )  # fmt: skip
             if maps.shape[1] > 0:
-                write_map(c, worlds[b], gauss[table], circle, span, stream, maps[b])
+                write_map(c, worlds[b], gauss[table], area, circle, span, stream, maps[b])
 
 
 @kernel
-def refresh_worlds(constants, worlds, gauss, tails, circle, span, maps):
+def refresh_worlds(constants, worlds, gauss, tails, area, circle, span, maps):
     """Write the tables and the maps that the state asks for; arguments as in `step_worlds`."""
     c = constants[0]
     stream = is_streamed(maps)
@@ -864,23 +934,25 @@ def refresh_worlds(constants, worlds, gauss, tails, circle, span, maps):
         disperse(c, worlds[b], gauss[b], tails[b])
     if maps.shape[1] > 0:
         for b in range(len(worlds)):
-            write_map(c, worlds[b], gauss[min(b, len(gauss) - 1)], circle, span, stream, maps[b])
+            table = gauss[min(b, len(gauss) - 1)]
+            write_map(c, worlds[b], table, area, circle, span, stream, maps[b])
 
 
 @kernel
 def report_worlds(
-    constants, drones, positions, rewards, terminated, truncated, action_masks, first, last
+    constants, area, drones, positions, rewards, terminated, truncated, action_masks, first, last
 ):
     """Write positions, rewards, flags and action masks of the drones of the worlds first..last - 1.
 
     Args:
         constants: (1,) of `CONSTANTS`.
+        area: As in `step_worlds`.
         drones: (B, N) of `DRONES`.
         positions: (B, N, 2) int64 out, as (x, y).
         rewards: (B, N) float64 out.
         terminated: (B, N) bool out.
         truncated: (B, N) bool out.
-        action_masks: (B, N, A) int8 out, 0 for moves out of the grid.
+        action_masks: (B, N, A) int8 out, 0 for moves out of the grid or the area.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
@@ -897,7 +969,10 @@ def report_worlds(
             cells[n, 0], cells[n, 1] = x, y
             reward[n] = d.reward
             ended[n], stopped[n] = d.terminated, d.truncated
-            if (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):
+            if area is not None and is_inside(c.grid_size, x, y):
+                for a in range(num_actions):
+                    masks[n, a] = is_open(area, c.grid_size, x + c.dx[a], y + c.dy[a])
+            elif (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):
                 for a in range(num_actions):
                     dx, dy = c.dx[a], c.dy[a]
                     west, east = dx < 0 and x == 0, dx > 0 and x == edge
@@ -906,13 +981,14 @@ def report_worlds(
 
 
 @kernel
-def read_cells(constants, worlds, gauss, x, y, out):
-    """Write the probabilities of cells of B worlds, 0 outside the grid.
+def read_cells(constants, worlds, gauss, area, x, y, out):
+    """Write the probabilities of cells of B worlds, 0 outside the grid and the area.
 
     Args:
         constants: (1,) of `CONSTANTS`.
         worlds: (B,) of `WORLDS`.
         gauss: (1 or B, 2, 2 G + 1) float64.
+        area: As in `step_worlds`.
         x: (B, K) int64.
         y: (B, K) int64.
         out: (B, K) float32 out.
@@ -921,4 +997,4 @@ def read_cells(constants, worlds, gauss, x, y, out):
     for b in range(len(worlds)):
         table = gauss[min(b, len(gauss) - 1)]
         for k in range(x.shape[1]):
-            out[b, k] = cell_probability(c, worlds[b], table, x[b, k], y[b, k])
+            out[b, k] = cell_probability(c, worlds[b], table, area, x[b, k], y[b, k])

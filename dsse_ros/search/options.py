@@ -44,19 +44,21 @@ def check_options(
     if not isinstance(options, Mapping):
         raise FieldError(f"options: {shown(options)} is not allowed; a mapping")
     check_known("the reset options", options, (*RESET_OPTIONS, IGNORED_OPTION))
+    mask = scenario.area_mask
     start = {
         name: SPECS[name].check(name, options[name])
         for name in RESET_OPTIONS
         if options.get(name) is not None
     }
     if "drones_positions" in start:
-        check_positions(start["drones_positions"], scenario.grid_size, scenario.num_drones)
+        check_positions(start["drones_positions"], scenario.grid_size, scenario.num_drones, mask)
     check_multipliers(start.get("person_pod_multipliers"), scenario.person_amount)
     if "person_initial_position" in start:
         cell = start["person_initial_position"]
-        check_cell("person_initial_position", cell, scenario.grid_size)
+        check_cell("person_initial_position", cell, scenario.grid_size, mask)
         if rules.person_scatter:
-            check_scatter(scenario.person_amount, cell, scenario.grid_size, rules.person_scatter)
+            scatter = rules.person_scatter
+            check_scatter(scenario.person_amount, cell, scenario.grid_size, scatter, mask)
     return start
 
 

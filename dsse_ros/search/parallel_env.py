@@ -31,7 +31,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell (x, y) and the map
     [y, x], one read-only array that all agents share. `infos[agent]` has
     `Found`, whether every person has been found, and `action_mask` (A,) int8, 0 where a move
-    would leave the grid. Actions are numbers of `rules.actions`.
+    would leave the grid or the area. Actions are numbers of `rules.actions`.
 
     Observed is the map that the rules draw, which no search changes, or with `observe="belief"`
     what can be known from the searches so far (`belief.Belief`); `infos[agent]` then has `pos`, the
@@ -105,7 +105,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     def _bind(self) -> None:
         """Make all that shares memory with the world's arrays, or must not be copied."""
         world = self.world
-        self._masks = self.rules.action_set.masks(world.grid_size)
+        self._masks = self.rules.action_set.within(self.scenario.area_mask).masks(world.grid_size)
         self._actions = np.zeros((1, world.num_drones), np.int8)
         self._action_bytes = self._actions[0].data.cast("B")
         # Views on the world's arrays; x and y open each drone's record.
@@ -322,6 +322,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             timestep_limit=s.timestep_limit,
             cell_size_m=s.cell_size,
             title=s.name,
+            area=s.area_mask,
         )
 
     def render(self) -> str | NDArray[np.uint8] | None:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 SHADES = " .:-=+*#%@"
 MAX_NAMED_DRONES = 8
+LAND = "#d8cba8"
+"""Colour of the cells outside the area."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class MissionView:
         timestep_limit: Steps the drones can do.
         cell_size_m: Side of a cell in metres.
         title: Name of the place.
+        area: (G, G) bool [row, col], the cells that are searched; None for all.
     """
 
     probability: NDArray[np.float32]
@@ -47,6 +50,7 @@ class MissionView:
     timestep_limit: int
     cell_size_m: float
     title: str = ""
+    area: NDArray[np.bool_] | None = None
 
     @property
     def headline(self) -> str:
@@ -59,10 +63,16 @@ class MissionView:
 
 
 def to_ansi(view: MissionView) -> str:
-    """Return the mission as text: shades of probability, drones 0-9, x down, P person, F found."""
+    """Return the mission as text: shades of probability, drones 0-9, x down, P person, F found.
+
+    A cell outside the area is a slash.
+    """
     top = float(view.probability.max()) or 1.0
     level = np.ceil(np.sqrt(view.probability / top) * (len(SHADES) - 1)).astype(int)
     rows = [[SHADES[i] for i in line] for line in level.tolist()]
+    if view.area is not None:
+        for row, col in np.argwhere(~view.area).tolist():
+            rows[row][col] = "/"
 
     def put(cell: NDArray[np.integer[Any]], mark: str) -> None:
         col, row = int(cell[0]), int(cell[1])
@@ -99,7 +109,7 @@ class Picture:
         """Draw the mission as it is now."""
         scene = (
             len(view.probability), view.cell_size_m, len(view.tracks), len(view.persons),
-            view.datum is None,
+            view.datum is None, None if view.area is None else view.area.tobytes(),
         )  # fmt: skip
         if scene != self._scene:
             self._scene, self._margins = scene, ()
@@ -118,6 +128,7 @@ class Picture:
 
     def _build(self, view: MissionView) -> None:
         from matplotlib import colormaps
+        from matplotlib.colors import ListedColormap
 
         grid, count = len(view.probability), len(view.tracks)
         self._grid, self._km = grid, view.cell_size_m / 1000.0
@@ -127,6 +138,12 @@ class Picture:
         self._sea = axes.imshow(
             view.probability, cmap="Blues", extent=(0, side, 0, side), interpolation="nearest"
         )
+        if view.area is not None:
+            outside = np.ma.masked_where(view.area, np.ones(view.area.shape))
+            axes.imshow(
+                outside, cmap=ListedColormap([LAND]), extent=(0, side, 0, side),
+                interpolation="nearest",
+            )  # fmt: skip
         bar = self._figure.colorbar(
             self._sea, ax=axes, label="probability per cell (%)", shrink=0.8, pad=0.02
         )

@@ -10,6 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.search.area import Area, area_mask
 from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.yaml_file import read_yaml
@@ -45,6 +49,17 @@ class Scenario:
     )  # fmt: skip
     origin_alt: float = field(
         "float", "Ellipsoidal height of the sea at the origin.", 0.0, low=-500, high=9000, unit="m"
+    )
+    area: Area | None = field(
+        "area",
+        "Polygons that are searched: a GeoJSON file or, in YAML and Python, a list of [lat, lon]. "
+        "A cell is in them if its centre is. By default the whole grid.",
+        None,
+    )
+    land: bool = field(
+        "bool",
+        "Whether cells on land, in a land mask of 1 km, are left out; it takes 6 s and 1 GB.",
+        False,
     )
     grid_size: int | None = field(
         "int", "Cells along a side of the square grid.", None, low=1, high=10000, unit="cells"
@@ -117,6 +132,8 @@ class Scenario:
 
     def __post_init__(self) -> None:
         check_all(self, Scenario)
+        if self.area is not None:
+            object.__setattr__(self, "area", Area.of(self.area))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Scenario:
@@ -137,11 +154,15 @@ class Scenario:
     def from_yaml(cls, path: str | os.PathLike[str]) -> Scenario:
         """Return the scenario that a YAML file of field names and values states.
 
+        The path of a file in it starts from its folder.
+
         Raises:
             FieldError: If the file cannot be read, is not YAML, or does not fit.
         """
         try:
             values = read_yaml(path)
+            if isinstance(values, dict) and isinstance(values.get("area"), str):
+                values["area"] = os.path.join(os.path.dirname(path), values["area"])
             return cls.from_dict({} if values is None else values)
         except FieldError as error:
             raise FieldError(f"scenario {os.fspath(path)!r}: {error}") from None
@@ -196,15 +217,17 @@ class Scenario:
                 "cell_size (of altitude and field_of_view)", round(cell, 3)
             )
         grid = self._resolve_grid(rules, cell)
-        positions = self._resolve_positions(grid)
+        origin = (self.origin_lat, self.origin_lon, self.origin_alt)
+        mask = area_mask(self.area, self.land, grid, cell, origin)
+        positions = self._resolve_positions(grid, mask)
         sigma = self.sigma if self.sigma is not None else rules.sigma
         person = self.person_initial_position or rules.person_initial_position
         person = person or (grid // 2, grid // 2)
-        check_cell("person_initial_position", person, grid)
+        check_cell("person_initial_position", person, grid, mask)
         multipliers = self.person_pod_multipliers
         check_multipliers(multipliers, self.person_amount)
         if rules.person_scatter:
-            check_scatter(self.person_amount, person, grid, rules.person_scatter)
+            check_scatter(self.person_amount, person, grid, rules.person_scatter, mask)
         derived = {
             "grid_size": grid,
             "zone_size": None,
@@ -257,17 +280,21 @@ class Scenario:
             raise FieldError("vector and current_speed state the same thing, not alike; give one")
         return self.vector
 
-    def _resolve_positions(self, grid: int) -> tuple[tuple[int, int], ...]:
+    def _resolve_positions(
+        self, grid: int, mask: NDArray[np.bool_] | None
+    ) -> tuple[tuple[int, int], ...]:
         count = self.num_drones
         if self.drones_positions is None:
             count = 1 if count is None else count
-            if count > grid * grid:
+            most = grid * grid if mask is None else int(mask.sum())
+            if count > most:
+                place = f"a {grid} x {grid} grid" if mask is None else "the area"
                 raise FieldError(
-                    f"num_drones: {count} is not allowed; at most {grid * grid}, "
-                    f"one per cell of a {grid} x {grid} grid"
+                    f"num_drones: {count} is not allowed; at most {most}, one per cell of {place}"
                 )
-            return tuple((i % grid, i // grid) for i in range(count))
-        check_positions(self.drones_positions, grid, count)
+            cells = range(count) if mask is None else np.flatnonzero(mask)[:count].tolist()
+            return tuple((i % grid, i // grid) for i in cells)
+        check_positions(self.drones_positions, grid, count, mask)
         return self.drones_positions
 
 
@@ -304,6 +331,12 @@ class ResolvedScenario(Scenario):
         """
         changed = self.stated.override(**values)
         return self if changed == self.stated else changed
+
+    @property
+    def area_mask(self) -> NDArray[np.bool_] | None:
+        """Which cells are searched, (G, G) bool [row, col], read-only; None for all."""
+        origin = (self.origin_lat, self.origin_lon, self.origin_alt)
+        return area_mask(self.area, self.land, self.grid_size, self.cell_size, origin)
 
     @property
     def step_duration_s(self) -> float:
@@ -357,8 +390,10 @@ def scenario_and_rules(
     return Scenario.of(scenario).override(**given), chosen.override(**of_rules)
 
 
-def check_cell(name: str, cell: tuple[int, int], grid_size: int) -> None:
-    """Raise unless the cell (col, row) is on the grid.
+def check_cell(
+    name: str, cell: tuple[int, int], grid_size: int, mask: NDArray[np.bool_] | None = None
+) -> None:
+    """Raise unless the cell (col, row) is on the grid and, with a mask (G, G), in the area.
 
     Raises:
         FieldError: If it is outside.
@@ -367,12 +402,19 @@ def check_cell(name: str, cell: tuple[int, int], grid_size: int) -> None:
         raise FieldError(
             f"{name}: {list(cell)} is not allowed; col and row from 0 to {grid_size - 1}"
         )
+    if mask is not None and not mask[cell[1], cell[0]]:
+        raise FieldError(
+            f"{name}: {list(cell)} is not allowed; one of the {int(mask.sum())} cells of the area"
+        )
 
 
 def check_positions(
-    positions: tuple[tuple[int, int], ...], grid_size: int, count: int | None
+    positions: tuple[tuple[int, int], ...],
+    grid_size: int,
+    count: int | None,
+    mask: NDArray[np.bool_] | None = None,
 ) -> None:
-    """Raise unless these are `count` different cells of the grid.
+    """Raise unless these are `count` different cells of the grid and, with a mask, of the area.
 
     Raises:
         FieldError: If there are too few or too many, or a cell is outside or stands twice.
@@ -383,7 +425,7 @@ def check_positions(
             f"one per drone ({count or 'at least 1'})"
         )
     for cell in positions:
-        check_cell("drones_positions", cell, grid_size)
+        check_cell("drones_positions", cell, grid_size, mask)
     if len(set(positions)) != len(positions):
         raise FieldError("drones_positions: two drones in one cell are not allowed")
 
@@ -401,15 +443,22 @@ def check_multipliers(multipliers: tuple[float, ...] | None, person_amount: int)
         )
 
 
-def check_scatter(amount: int, cell: tuple[int, int], grid_size: int, scatter: int) -> None:
+def check_scatter(
+    amount: int,
+    cell: tuple[int, int],
+    grid_size: int,
+    scatter: int,
+    mask: NDArray[np.bool_] | None = None,
+) -> None:
     """Raise unless the cells within `scatter` of the cell have room for every person.
 
     Raises:
         FieldError: If there are more persons than cells.
     """
-    room = 1
-    for c in cell:
-        room *= min(c + scatter, grid_size - 1) - max(c - scatter, 0) + 1
+    cols, rows = (range(max(c - scatter, 0), min(c + scatter + 1, grid_size)) for c in cell)
+    room = len(cols) * len(rows)
+    if mask is not None:
+        room = int(mask[rows.start : rows.stop, cols.start : cols.stop].sum())
     if amount > room:
         raise FieldError(
             f"person_amount: {amount} is not allowed; at most {room}, the cells within "

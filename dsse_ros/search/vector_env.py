@@ -86,9 +86,9 @@ class VectorEnv:
     Observations are `{"positions": (B, N, 2) int64 as (x, y), "probability": (B, G, G) float32 as
     [y, x]}`; in the lazy mode `probability` is a `LazyMaps`. Infos are `{"Found": (B,) bool every
     person found, "step": (B,) int64 steps done, "over": (B,) bool the search has ended,
-    "action_mask": (B, N, A) int8, 0 where a move would leave the grid}`, each with a mask of the
-    worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has it: all of
-    them.
+    "action_mask": (B, N, A) int8, 0 where a move would leave the grid or the area}`, each with a
+    mask of the worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has
+    it: all of them.
 
     With `observe="belief"` `probability` is what can be known in each world from the searches there
     (`belief.Belief`), and infos have `pos` (B,) float64, the cumulative probability of success of
@@ -232,7 +232,8 @@ class VectorEnv:
 
     def _write(self, outputs: list[NDArray[Any]], first: int, last: int) -> None:
         """Write the report of some worlds, see `kernels.report_worlds`."""
-        kernels.report_worlds(self.world.constants, self.world.drones, *outputs, first, last)
+        world = self.world
+        kernels.report_worlds(world.constants, world.area, world.drones, *outputs, first, last)
 
     def _write_with_beliefs(
         self,

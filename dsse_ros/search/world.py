@@ -17,6 +17,7 @@ from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
+from dsse_ros.search.area import runs_of
 from dsse_ros.search.fields import specs
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
@@ -77,6 +78,15 @@ def constants_of(
     return constants
 
 
+def area_of(
+    scenario: ResolvedScenario,
+) -> tuple[NDArray[np.bool_] | None, NDArray[np.int64] | None]:
+    """Return `area` and `runs` as the kernels read them, None where the whole grid is searched."""
+    mask = scenario.area_mask
+    # A read-only array would have them compiled anew.
+    return (None, None) if mask is None else (mask.copy(), runs_of(mask))
+
+
 class World:
     """B worlds, stepped together.
 
@@ -93,6 +103,7 @@ class World:
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
             `kernels.WORLDS`, `kernels.DRONES` and `kernels.PERSONS`.
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
+        area, runs: Which cells are searched, see `kernels`.
         maps: (B, G, G) float32, the probability of cell [row, col].
         rewards: (B, N) float64 of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool since the last reset, views on `drones`; when drones
@@ -131,6 +142,7 @@ class World:
         tables = num_worlds if resolved.dispersion_inc else 1
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
+        self.area, self.runs = area_of(resolved)
         self._reuse_maps = reuse_maps
         self._threads = threads
         self._bind()
@@ -152,7 +164,7 @@ class World:
         self._kernels = [
             partial(
                 kernels.step_worlds, self.constants, self.worlds, self.starts, self.drones,
-                self.persons, self.gauss, self.tails, *scratch,
+                self.persons, self.gauss, self.tails, self.area, self.runs, *scratch,
             )
             for scratch in self._scratch
         ]  # fmt: skip
@@ -234,7 +246,7 @@ class World:
         _, *scratch = self._scratch[0]
         kernels.reset_worlds(
             self.constants, self.worlds, self.starts, self.drones, self.persons, self.gauss,
-            self.tails, *scratch, self.maps, which,
+            self.tails, self.area, self.runs, *scratch, self.maps, which,
         )  # fmt: skip
 
     def step(
@@ -310,7 +322,7 @@ class World:
         """Write the tables that the state asks for, and these maps."""
         _, circle, _, span = self._scratch[0]
         kernels.refresh_worlds(
-            self.constants, self.worlds, self.gauss, self.tails, circle, span, maps
+            self.constants, self.worlds, self.gauss, self.tails, self.area, circle, span, maps
         )
 
     def close(self) -> None:
@@ -320,7 +332,7 @@ class World:
         self._bind()
 
     def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the probabilities (B, K) float32 of cells, 0 outside the grid.
+        """Return the probabilities (B, K) float32 of cells, 0 outside the grid and the area.
 
         Args:
             x: (B, K) int64 columns.
@@ -329,7 +341,7 @@ class World:
         # One kind of array, or the function would be compiled for each.
         x, y = (np.require(array, np.int64, ["C", "W"]) for array in (x, y))
         out = np.empty(x.shape, np.float32)
-        kernels.read_cells(self.constants, self.worlds, self.gauss, x, y, out)
+        kernels.read_cells(self.constants, self.worlds, self.gauss, self.area, x, y, out)
         return out
 
     def snapshot(self) -> Snapshot:
@@ -391,5 +403,5 @@ class World:
             "rules": dataclasses.asdict(self.rules),
         }
         # As a file has it: through JSON a tuple becomes a list.
-        identity: dict[str, Any] = json.loads(json.dumps(parts))
+        identity: dict[str, Any] = json.loads(json.dumps(parts, default=dataclasses.asdict))
         return identity

@@ -113,8 +113,8 @@ class WorldBeliefs:
         steps = max(int(world.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
         belief_kernels.follow_worlds(
-            world.constants, world.worlds, world.drones, self._actions, self._live, self._done,
-            self._start, self._pods, forecast.chances, forecast.tables, forecast.directions,
+            world.constants, world.area, world.worlds, world.drones, self._actions, self._live,
+            self._done, self._start, self._pods, forecast.chances, forecast.tables, forecast.directions,
             forecast.first_step, self.density, self.pos, self._scratch(), first, last,
         )  # fmt: skip
         self._forecasts.append(forecast)

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from mission_strategies import ITEMS
 
-from dsse_ros.flight.fence import Fence, check_item, check_mission, check_place
+from dsse_ros.flight.fence import Fence, check_item, check_mission, check_place, check_take_off
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic
 from msg_adapters.mission_items import FRAME_MISSION, Home, Mission, MissionItem
@@ -60,6 +60,22 @@ def test_an_item_outside_is_refused(beyond_m, along_m, low, swap, command):
 def test_all_the_rest_of_the_earth_is_outside(lat_deg, lon_deg):
     assume(abs(lat_deg + 24.03) > 0.02 or abs(lon_deg + 46.16) > 0.03)
     assert code(waypoint(lat_deg=lat_deg, lon_deg=lon_deg)) == "outside_fence"
+
+
+@given(st.integers(0, 19), st.integers(0, 19), st.sampled_from([16, 19]))
+def test_no_vehicle_is_sent_over_a_cell_outside_the_area_but_may_take_off_there(col, row, command):
+    area = tuple("1" * row_of + "0" * (20 - row_of) for row_of in range(20))
+    fence = dataclasses.replace(FENCE, area=area)
+    x_m, y_m = (col + 0.5) * 130.0, (19 - row + 0.5) * 130.0
+    item = waypoint(x_m, y_m, command=command)
+    place = (item.lat_deg, item.lon_deg, 120.0)
+    wanted = None if col < row else "outside_fence"
+    assert code(item, fence) == wanted
+    checked = check_place(*place, fence)
+    assert (checked.code if isinstance(checked, Rejected) else None) == wanted
+    assert check_take_off(*place, fence) == Accepted(place)
+    for of_home in (21, 22):
+        assert code(waypoint(x_m, y_m, command=of_home), fence) is None
 
 
 def test_the_place_straight_through_the_earth_is_outside():

@@ -99,6 +99,24 @@ def test_goals_are_flown_cell_by_cell_in_their_order(
     assert all(goal in left for goal in without_repeats(goals))
 
 
+def test_goals_are_flown_around_what_is_not_searched_and_out_of_reach_if_none_leads_there() -> None:
+    area = np.ones((5, 5), bool)
+    area[1:, 2] = False
+    area[4, 3] = area[3, 4] = False
+    buffer, here = CommandBuffer(ACTIONS, 1, area), (0, 4)
+    goals = [(4, 2), (4, 4), (2, 3)]
+    assert buffer.out_of_reach(here, goals) == goals[1:]
+    buffer.set_goals(0, goals)
+    # It ends before the cell that no moves lead to.
+    route = buffer.route(0, here)
+    assert route[-1] == (4, 2) and all(area[row, col] for col, row in route)
+    assert len(route) == 1 + 4 + 4 + 2
+    while here != goals[0]:
+        here = moved(here, int(buffer.take([0], np.array([here]), "hold")[0]))
+        assert area[here[1], here[0]]
+    assert buffer.take([0], np.array([here]), "hold").tolist() == [SEARCH]
+
+
 def without_repeats(goals: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return [goal for i, goal in enumerate(goals) if i == 0 or goal != goals[i - 1]]
 

@@ -5,12 +5,21 @@ import dataclasses
 import json
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from std_msgs.msg import String
 
-from msg_adapters.agents import AgentsInfo, Origin, agents_from_message, agents_message
+from dsse_ros.search import Scenario, profile
+from msg_adapters.agents import (
+    AgentsInfo,
+    Origin,
+    SearchDefinition,
+    agents_from_message,
+    agents_message,
+    area_rows,
+)
 from msg_adapters.frames import GridFrame
 
 NAMES = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=5, unique=True).map(tuple)
@@ -75,6 +84,30 @@ def test_the_same_information_gives_the_same_ascii_text(info):
     assert keys == sorted(keys)
 
 
+def test_an_area_comes_back_as_its_mask_and_as_its_polygons():
+    square = [[-24.035, -46.165], [-24.035, -46.15], [-24.02, -46.15], [-24.02, -46.165]]
+    rules = profile("paper")
+    given = Scenario(area=square, grid_size=8, cell_size=200, person_initial_position=(4, 4))
+    scenario = given.resolve(rules)
+    mask = scenario.area_mask
+    area = area_rows(mask)
+    info = dataclasses.replace(INFO, area=area, definition=SearchDefinition(rules, scenario))
+    heard = agents_from_message(agents_message(info))
+    assert heard == info
+    np.testing.assert_array_equal(heard.area_mask, mask)
+    np.testing.assert_array_equal(heard.definition.scenario.area_mask, mask)
+    assert INFO.area_mask is None and area_rows(None) is None
+
+
+def test_a_message_names_no_file_to_be_read(tmp_path):
+    rules = profile("paper")
+    definition = SearchDefinition(rules, Scenario().resolve(rules))
+    document = json.loads(agents_message(dataclasses.replace(INFO, definition=definition)).data)
+    document["definition"]["scenario"]["area"] = str(tmp_path / "area.geojson")
+    with pytest.raises(ValueError, match=r"^agents.definition.scenario.area: .* GeoJSON object"):
+        agents_from_message(String(data=json.dumps(document)))
+
+
 def test_the_grid_of_the_information_is_the_simulators():
     assert INFO.frame == GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0, "map")
 
@@ -114,6 +147,11 @@ def test_a_missing_key_is_named(field):
         (["run_id"], 2**32),
         (["origin", "lat_deg"], "south"),
         (["origin"], []),
+        (["area"], ["1" * 8]),
+        (["area"], ["1" * 8] * 7 + ["1" * 7]),
+        (["area"], ["1" * 8] * 7 + ["1" * 7 + "x"]),
+        (["area"], [1] * 8),
+        (["area"], "1" * 8),
     ],
 )
 def test_a_value_of_the_wrong_kind_is_refused_by_its_key(path, value):

@@ -135,6 +135,13 @@ def test_a_reader_gets_the_occupancy_with_row_0_north(matrix, scaling):
     )
 
 
+def test_cells_outside_the_area_are_unknown():
+    area = np.array([[True, False], [True, True]])
+    matrix = np.array([[0.5, 0.0], [0.5, 0.0]], np.float32)
+    message = occupancy_grid(frame_of(matrix), matrix, STAMP, area=area)
+    np.testing.assert_array_equal(occupancy_to_array(message), [[100, -1], [100, 0]])
+
+
 def test_the_message_says_where_and_when_the_map_is():
     message = occupancy_grid(frame_of(np.zeros((3, 3))), np.zeros((3, 3)), STAMP)
     assert message.header.frame_id == "map"

@@ -54,6 +54,29 @@ def test_a_track_is_take_off_each_cell_once_and_the_return(cells):
         assert math.isnan(item.param4)
 
 
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("merge_legs", [False, True])
+def test_no_waypoint_and_no_leg_lies_in_a_cell_that_the_drone_was_not_in(seed, merge_legs):
+    rng = np.random.default_rng(seed)
+    cells = [(10, 10)]
+    for _ in range(60):
+        # A drone flies a while in one direction; diagonal legs pass between cells at a corner.
+        dx, dy = rng.integers(-1, 2, 2)
+        for _ in range(rng.integers(1, 6)):
+            cells.append(tuple(int(c) for c in np.clip(np.add(cells[-1], (dx, dy)), 0, 19)))
+    flown = {tuple(cell) for cell in cells}
+    area = tuple("".join("1" if (c, r) in flown else "0" for c in range(20)) for r in range(20))
+    mission = track_mission(FRAME, cells, rng.random(len(cells)) < 0.2, merge_legs=merge_legs)
+    fence = Fence(FRAME, margin_m=0.0, min_alt_m=30.0, max_alt_m=120.0, area=area)
+    assert isinstance(check_mission(mission.numbered("px4"), fence, "px4"), Accepted)
+    stops_at = np.array([place(item) for item in mission.items[1:-1]], float)
+    for start, end in zip(stops_at, stops_at[1:], strict=False):
+        for share in np.linspace(0, 1, 97):
+            col, row = start + share * (end - start) + 0.5
+            if min(col % 1, 1 - col % 1) > 1e-3 and min(row % 1, 1 - row % 1) > 1e-3:
+                assert (int(col), int(row)) in flown
+
+
 @given(CELLS, st.booleans(), st.data())
 def test_a_search_is_a_descent_a_hold_and_a_climb_over_its_cell(cells, merge_legs, data):
     steps = [(cell, searched) for cell in cells for searched in [False, *data.draw(FLAGS)]]

@@ -154,4 +154,4 @@ def test_the_adapters_import_no_node_and_no_mavlink():
     )
     loaded = set(done.stdout.split())
     assert {"msg_adapters", "nav_msgs", "pymap3d"} <= loaded
-    assert not loaded & {"rclpy", "pymavlink", "pettingzoo", "tf2_msgs"}
+    assert not loaded & {"rclpy", "pymavlink", "tf2_msgs"}

@@ -88,7 +88,10 @@ def _environment() -> dict[str, str]:
     old = int(version("rclpy").split(".")[0]) < 8
     name, period = ("FASTRTPS", "heartbeatPeriod") if old else ("FASTDDS", "heartbeat_period")
     profiles = Path(tempfile.gettempdir()) / f"dsse_ros_test_{name}_{os.getuid()}.xml"
-    profiles.write_text(_PROFILES.format(period), encoding="utf-8")
+    written = profiles.with_suffix(f".{os.getpid()}")
+    written.write_text(_PROFILES.format(period), encoding="utf-8")
+    # In one go: a node of another test may be reading it.
+    written.replace(profiles)
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_PYTHON_CHECK_FIELDS": "1",

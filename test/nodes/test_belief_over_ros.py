@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The planners on a belief, over ROS: what `agents` tells is all that they need."""
+"""The planners on a belief, over ROS: all that they need is in `agents`."""
 
 from __future__ import annotations
 

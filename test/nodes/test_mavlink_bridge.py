@@ -101,7 +101,7 @@ def test_who_is_lost_on_the_ground_stays_there_when_it_is_connected_again(
 ) -> None:
     rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
     # It is to be ready some time after the order.
-    with autopilots((), autopilot=autopilot, ready_s=400.0) as vehicles:
+    with autopilots((), autopilot=autopilot, ready_s=240.0) as vehicles:
         bridge = Bridge(rig, vehicles, autopilot=autopilot, link_timeout=4.0, lost_timeout=4.0)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
         os.kill(vehicles[0].pid, signal.SIGSTOP)
@@ -119,9 +119,10 @@ def test_who_is_lost_on_the_ground_stays_there_when_it_is_connected_again(
 
 
 def test_a_take_off_is_called_off_when_a_search_comes_that_cannot_be_flown(rig: Rig) -> None:
-    with autopilots((), ready_s=10_000.0) as vehicles:
+    with autopilots(()) as vehicles:
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
-        bridge = Bridge(rig, vehicles)
+        # The take-off waits for somebody to arm it, for as long as that takes.
+        bridge = Bridge(rig, vehicles, arm=False)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
         sim.process.kill()
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5]})

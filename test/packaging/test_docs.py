@@ -423,9 +423,10 @@ def test_every_dependency_is_explained() -> None:
         if isinstance(node, ast.Call)
         for keyword in node.keywords
     }
+    extras = ast.literal_eval(given["extras_require"])
     requirements = [
         *ast.literal_eval(given["install_requires"]),
-        *ast.literal_eval(given["extras_require"])["viz"],
+        *(requirement for extra in ("area", "land", "viz") for requirement in extras[extra]),
     ]
     names = {re.split("[<>=]", requirement)[0] for requirement in requirements}
     assert set(table(README, "Dependencies", "Package")) == names

@@ -71,7 +71,7 @@ def test_a_distribution_comes_with_its_own_wheels(folder: Path, distro: str, ver
 
 def test_the_oldest_versions_have_an_environment_of_their_own(folder: Path) -> None:
     planned = make(folder, "--dry-run", "test-oldest").stdout
-    assert "--constraint .venv-oldest/oldest.txt '.[viz,test]'" in planned
+    assert "--constraint .venv-oldest/oldest.txt '.[viz,area,test]'" in planned
     assert ".venv-oldest/bin/pytest" in planned and ".venv/bin/pytest" not in planned
 
 

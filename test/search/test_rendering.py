@@ -93,6 +93,27 @@ def test_the_text_shows_every_drone_and_person_in_its_cell() -> None:
     assert "step 1" in text and "1 of 2" in text
 
 
+def test_the_pictures_show_what_is_not_searched() -> None:
+    north = [[-24.04, -46.17], [-24.04, -46.0], [-24.0355, -46.0], [-24.0355, -46.17]]
+    env = started(
+        area=north, render_mode="ansi", person_initial_position=(4, 7), drones_positions=[(0, 7)]
+    )
+    text = env.render()
+    assert isinstance(text, str)
+    mask = env.scenario.area_mask
+    assert mask is not None and 0 < mask.sum() < mask.size
+    for row, of_mask in zip(field_of(text), mask, strict=True):
+        assert [cell == "/" for cell in row] == (~of_mask).tolist()
+    env.render_mode = "rgb_array"
+    image = env.render()
+    assert isinstance(image, np.ndarray)
+    land = tuple(int(rendering.LAND[i : i + 2], 16) for i in (1, 3, 5))
+    share = (image == land).all(axis=2).sum() / image[..., 0].size
+    assert share > 0.05
+    plain = started(render_mode="rgb_array", person_initial_position=(4, 7)).render()
+    assert isinstance(plain, np.ndarray) and not (plain == land).all(axis=2).any()
+
+
 def test_the_text_shows_who_was_found_and_where_the_probability_is() -> None:
     env = started(drones_positions=[(0, 0)], person_amount=2, render_mode="ansi", sigma=1, **FAR)
     put_person(env, (0, 0), 0)

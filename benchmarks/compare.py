@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`make compare`: all planners on the same missions, and how they degrade when they are misled.
+
+Mission m of a case has the same seed with every planner, so that the person drifts alike: the
+difference to greedy is one of pairs. A mission without a find counts as the time limit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import re
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass
+from math import cos, radians, sin
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.bench import RESULTS, machine, own_versions
+from benchmarks.intervals import of_mean, of_share
+from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
+from benchmarks.shared_missions import Missions, play
+from dsse_ros.planners import load_planner
+from dsse_ros.search import FieldError, Rules, Scenario
+from dsse_ros.search.scenario import scenario_and_rules
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "planners.md"
+SEED = 20_000_000
+"""Of the first mission; planners are tuned on others."""
+BASELINE = "greedy"
+PLANNERS = (
+    "random", "sweep", "expanding_square", "spiral", "sector", "greedy",
+    "optimal_effort", "route", "belief_greedy", "belief",
+)  # fmt: skip
+PLANNER_SEEDS = {"random": 64, "belief": 16}
+"""How many seeds of a planner the missions share, of those that draw."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A search that planners are compared on.
+
+    Attributes:
+        title: For people.
+        scenario: Where `vectors` are drawn, with another vector.
+        rules: Of the search.
+        published: Figures of others.
+        vectors: Whether each component of the drift is drawn as `round(U(-.1, .1), 1)`.
+    """
+
+    title: str
+    scenario: Scenario
+    rules: Rules
+    published: tuple[Source, ...] = ()
+    vectors: bool = False
+
+    def parts(self, count: int) -> Iterator[tuple[Scenario, NDArray[np.int64]]]:
+        """Yield the scenarios of `count` missions, each with the numbers of its missions."""
+        if not self.vectors:
+            yield self.scenario, np.arange(count)
+            return
+        drawn = np.random.default_rng(SEED).uniform(-0.1, 0.1, (count, 2)).round(1) + 0.0
+        for vector in np.unique(drawn, axis=0):
+            scenario = self.scenario.override(vector=(float(vector[0]), float(vector[1])))
+            yield scenario, np.flatnonzero((drawn == vector).all(axis=1))
+
+
+def _cases() -> dict[str, Case]:
+    v2 = scenario_and_rules(
+        rules="v2", grid_size=40, drones_positions=[(20, 0), (20, 39), (0, 20), (39, 20)],
+        person_initial_position=(20, 20), dispersion_inc=0.05,
+    )  # fmt: skip
+    v1 = scenario_and_rules(
+        rules="v1", grid_size=20, person_initial_position=(9, 9), sigma=3, timestep_limit=200
+    )
+    published = dataclasses.replace(GREEDY[0.05][0], name="greedy")
+    sweep = dataclasses.replace(SWEEP[0], name="sweep", median_steps=None)
+    cases = {
+        "v2": Case("v2, grid 40, 4 drones, 100 steps", *v2, (published, PPO)),
+        "v1": Case("v1, grid 20, 1 drone, 200 steps", *v1, (sweep, REINFORCE), vectors=True),
+    }
+    for drones in (1, 2, 4, 8):
+        santos = scenario_and_rules(ROOT / "config" / "santos.yaml", num_drones=drones)
+        title = f"paper, santos, {drones} drone{'s' * (drones > 1)}, 180 steps"
+        cases[f"santos_{drones}"] = Case(title, *santos)
+    return cases
+
+
+CASES = _cases()
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What the planners do not know.
+
+    Attributes:
+        title: For people.
+        speed: Factor on the drift that planners believe in.
+        turn_deg: What that drift is turned by.
+        pod: Probability of detection of the world, None for the scenario's.
+        known: Whether the planners know it.
+        withdraw_at: Step after which one drone is lost, None for never.
+    """
+
+    title: str
+    speed: float = 1.0
+    turn_deg: float = 0.0
+    pod: float | None = None
+    known: bool = False
+    withdraw_at: int | None = None
+
+    def apply(self, scenario: Scenario, rules: Rules) -> tuple[Scenario, Scenario]:
+        """Return the scenario of the world, and the one that planners believe in."""
+        world = scenario.override(probability_of_detection=self.pod)
+        x, y = scenario.resolve(rules).vector
+        c, s = self.speed * cos(radians(self.turn_deg)), self.speed * sin(radians(self.turn_deg))
+        misled = self.speed != 1.0 or self.turn_deg != 0.0
+        believed = world if self.known else scenario
+        return world, believed.override(
+            vector=(c * x - s * y, s * x + c * y)
+        ) if misled else believed
+
+
+DISTURBANCES = {
+    "none": Disturbance("nothing"),
+    "speed": Disturbance("drift believed 30 % too fast", speed=1.3),
+    "slow": Disturbance("drift believed 30 % too slow", speed=0.7),
+    "direction": Disturbance("drift believed 30 deg off", turn_deg=30.0),
+    "pod": Disturbance("POD .8, believed 1", pod=0.8),
+    "pod_known": Disturbance("POD .8, known", pod=0.8, known=True),
+    "lost": Disturbance("one drone lost after step 10", withdraw_at=10),
+}
+DISTURBED_CASES = ("v2", "santos_4")
+
+
+def fly(planner: str, key: str, count: int, disturbance: str = "none") -> Missions:
+    """Play the missions of a case."""
+    case, disturbed = CASES[key], DISTURBANCES[disturbance]
+    whole = Missions(np.zeros(count, bool), np.zeros(count, np.int64), np.zeros(count, np.int64))
+    for scenario, numbers in case.parts(count):
+        world, believed = disturbed.apply(scenario, case.rules)
+        part = play(
+            planner, world, case.rules, (SEED + numbers).tolist(), believed=believed,
+            planner_seeds=PLANNER_SEEDS.get(planner, 1), withdraw_at=disturbed.withdraw_at,
+        )  # fmt: skip
+        for name in ("found", "steps", "lost"):
+            getattr(whole, name)[numbers] = getattr(part, name)
+    return whole
+
+
+def figures(missions: Missions, beside: Missions) -> dict[str, Any]:
+    """Return what missions came to, with 99 % intervals, and the difference to others in pairs."""
+    count = len(missions.found)
+    found = float(missions.found.mean())
+    difference = missions.steps - beside.steps
+    return {
+        "found": found,
+        "found_interval": of_share(found, count),
+        "steps": float(missions.steps.mean()),
+        "steps_interval": _interval(missions.steps),
+        "median_steps": float(np.median(missions.steps)),
+        "difference": float(difference.mean()),
+        "difference_interval": _interval(difference),
+        "lost_drones": int(missions.lost.sum()),
+    }
+
+
+def _interval(values: NDArray[np.int64]) -> tuple[float, float]:
+    return of_mean(float(values.mean()), float(values.std()), len(values))
+
+
+def _ranged(value: float, interval: Sequence[float], form: str) -> str:
+    """Return a value with the greater half of its interval."""
+    reach = max(interval[1] - value, value - interval[0])
+    return f"{value:{form}} ± {reach:.2f}"
+
+
+def case_table(case: Case, results: dict[str, Any]) -> str:
+    """Return the figures of a case as a Markdown table."""
+    lines = [
+        "| Planner | Found, % | Mean steps | Median | Steps more than greedy |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for source in case.published:
+        median = "" if source.median_steps is None else f"{source.median_steps:g}"
+        lines.append(
+            f"| published: {source.name} | {100 * source.found:.2f} | {source.steps:.2f} "
+            f"| {median} | |"
+        )
+    for name, row in results.items():
+        found = _ranged(100 * row["found"], [100 * x for x in row["found_interval"]], ".2f")
+        steps = _ranged(row["steps"], row["steps_interval"], ".2f")
+        more = (
+            ""
+            if name == BASELINE
+            else _ranged(row["difference"], row["difference_interval"], "+.2f")
+        )
+        lines.append(f"| `{name}` | {found} | {steps} | {row['median_steps']:g} | {more} |")
+    return "\n".join(lines) + "\n"
+
+
+def disturbance_table(results: dict[str, dict[str, Any]]) -> str:
+    """Return found and mean steps of each planner under each disturbance as a Markdown table."""
+    names = list(results["none"])
+    lines = ["| What is wrong | " + " | ".join(f"`{name}`" for name in names) + " |"]
+    lines.append("| --- |" + " --- |" * len(names))
+    for key, row in results.items():
+        cells = [
+            f"{100 * row[name]['found']:.1f} %, {_ranged(row[name]['steps'], row[name]['steps_interval'], '.2f')}"
+            for name in names
+        ]
+        lines.append(f"| {DISTURBANCES[key].title} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def tables(results: dict[str, Any]) -> dict[str, str]:
+    """Return the Markdown tables by name."""
+    written = {key: case_table(CASES[key], rows) for key, rows in results["cases"].items()}
+    for key, rows in results["disturbed"].items():
+        written[f"{key}_disturbed"] = disturbance_table(rows)
+    return written
+
+
+def with_tables(text: str, results: dict[str, Any]) -> str:
+    """Return a page with the tables, each between two comments, and the number of missions."""
+    for name, table in tables(results).items():
+        place = re.compile(rf"(<!-- compare: {name} -->\n).*?(<!-- end -->\n)", re.DOTALL)
+        text = place.sub(lambda found, table=table: f"{found[1]}\n{table}\n{found[2]}", text)
+    return re.sub(
+        r"(<!-- missions -->).*?(<!-- end -->)", rf"\g<1>{results['missions']}\g<2>", text
+    )
+
+
+def save_plot(curves: dict[str, dict[str, NDArray[np.int64]]], path: Path) -> None:
+    """Write the share of missions that have found over the steps, a panel for each case."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, panels = plt.subplots(2, 3, figsize=(12, 6.5), sharey=True, layout="constrained")
+    colours = dict(zip(PLANNERS, plt.get_cmap("tab10").colors, strict=True))
+    for axes, (key, rows) in zip(panels.flat, curves.items(), strict=True):
+        case = CASES[key]
+        limit = case.scenario.resolve(case.rules).timestep_limit
+        for name, counts in rows.items():
+            width = 2.2 if name.startswith("belief") else 1.2
+            axes.plot(100 * counts, color=colours[name], label=name, linewidth=width)
+        for source in case.published:
+            axes.plot(limit, 100 * source.found, "k_", markersize=14, clip_on=False)
+            axes.annotate(
+                f"published {source.name}", (limit, 100 * source.found), (-8, 3),
+                textcoords="offset points", ha="right", fontsize=7,
+            )  # fmt: skip
+        axes.set(title=case.title, xlim=(0, limit), ylim=(0, 100))
+        axes.title.set_fontsize(9)
+        axes.grid(alpha=0.3)
+    for axes in panels[-1]:
+        axes.set_xlabel("steps")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("missions that have found, %")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles[::-1], labels[::-1], loc="outside right center", fontsize=8)
+    figure.savefig(path, dpi=80)
+    plt.close(figure)
+
+
+def curve(missions: Missions, limit: int) -> NDArray[np.float64]:
+    """Return the share of the missions that have found by each step, (L + 1,)."""
+    at = np.bincount(missions.steps[missions.found], minlength=limit + 1)
+    return np.cumsum(at) / len(missions.found)
+
+
+def installed(names: Sequence[str]) -> list[str]:
+    """Return the planners that can be loaded; of each other one a line says why not."""
+    kept = []
+    for name in names:
+        try:
+            load_planner(name)
+        except FieldError as error:
+            print(f"{name} is left out: {error}", flush=True)
+        else:
+            kept.append(name)
+    return kept
+
+
+def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """Play everything; returns the figures and the curves."""
+    names = installed(PLANNERS)
+    jobs: dict[tuple[str, str, str], Future[Missions]] = {}
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        # The longest first.
+        for name in reversed(names):
+            for key in CASES:
+                jobs[key, "none", name] = pool.submit(fly, name, key, count)
+            for key in DISTURBED_CASES:
+                for disturbance in DISTURBANCES:
+                    if disturbance != "none":
+                        job = pool.submit(fly, name, key, count, disturbance)
+                        jobs[key, disturbance, name] = job
+        done = {job: future.result() for job, future in jobs.items()}
+    cases: dict[str, Any] = {}
+    curves: dict[str, dict[str, Any]] = {}
+    for key, case in CASES.items():
+        limit = case.scenario.resolve(case.rules).timestep_limit
+        baseline = done[key, "none", BASELINE]
+        cases[key] = {name: figures(done[key, "none", name], baseline) for name in names}
+        curves[key] = {name: curve(done[key, "none", name], limit) for name in names}
+    disturbed = {
+        key: {
+            disturbance: {
+                name: figures(done[key, disturbance, name], done[key, "none", name])
+                for name in names
+            }
+            for disturbance in DISTURBANCES
+        }
+        for key in DISTURBED_CASES
+    }
+    return {"missions": count, "cases": cases, "disturbed": disturbed}, curves
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Compare, print the tables, and keep them with the plot."""
+    parser = argparse.ArgumentParser(prog="compare", description=__doc__)
+    parser.add_argument("--missions", type=int, default=2000, help="of each planner and case")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    arguments = parser.parse_args(argv)
+    if arguments.missions < 100:
+        parser.error(f"missions: {arguments.missions} is not allowed; at least 100")
+    began = time.perf_counter()
+    results, curves = run(arguments.missions, os.cpu_count() or 1)
+    results |= {"seconds": round(time.perf_counter() - began), "machine": machine()}
+    results["versions"] = own_versions()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    path = arguments.out / "compare.json"
+    path.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    save_plot(curves, arguments.out / "compare.png")
+    for name, table in tables(results).items():
+        print(f"\n{name}\n\n{table}")
+    if arguments.out == RESULTS:
+        PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8"), results), encoding="utf-8")
+    print(f"{path} and {path.with_suffix('.png')} in {results['seconds']} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Routes that are planned on the belief, flown for a while, and planned again."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Hashable, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from dsse_ros.planners.planner import Cell
+from dsse_ros.planners.routes import RouteFollower
+from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.search.observation import Observation
+from dsse_ros.search.rules import Rules
+
+BeliefRoutePlan: TypeAlias = Callable[[Belief, Sequence[Cell], int], Sequence[Sequence[Cell]]]
+"""From a belief, the drones' cells and the steps until the next plan to one route per drone: the
+cells to search in their order, one that is to be searched twice two times; none empty."""
+
+
+class RoutesOnBelief:
+    """Flies routes and plans new ones every few steps, or when a drone is lost; a tactic.
+
+    Args:
+        plan: Makes the routes.
+        forecast: Of the mission.
+        period: Steps between two plans.
+        seed: For the choice of the cell to step aside to when a way is blocked.
+    """
+
+    def __init__(self, plan: BeliefRoutePlan, forecast: Forecast, period: int, seed: int) -> None:
+        self._plan = plan
+        self._area = forecast.scenario.area_mask
+        self._actions = forecast.rules.action_set.within(self._area).with_moves()
+        self._limit = forecast.scenario.timestep_limit
+        self._period = period
+        self._seed = seed
+        self._follower: RouteFollower | None = None
+        self._agents: list[Hashable] = []
+        self._planned_at = 0
+
+    def copy(self) -> RoutesOnBelief:
+        """Return one that goes on by itself from here."""
+        return copy.deepcopy(self)
+
+    def __call__(
+        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+    ) -> list[Cell]:
+        """Return the cell that each drone goes to; see `Tactic`."""
+        due = belief.step >= self._planned_at + self._period or list(agents) != self._agents
+        if self._follower is None or due:
+            steps = max(1, min(self._period, self._limit - belief.step))
+            routes = self._plan(belief, present, steps)
+            self._follower = RouteFollower(
+                lambda cells, probability, actions: routes,
+                self._actions.names,
+                seed=self._seed + belief.step,
+                area=self._area,
+            )
+            self._agents, self._planned_at = list(agents), belief.step
+        size = belief.forecast.scenario.grid_size
+        unused = np.zeros((size, size), np.float32)
+        observations = {
+            str(agent): Observation(np.array(cell), unused)
+            for agent, cell in zip(agents, present, strict=True)
+        }
+        chosen = self._follower(observations, {}).values()
+        moves = (self._actions.moves[action] for action in chosen)
+        return [(col + dx, row + dy) for (col, row), (dx, dy) in zip(present, moves, strict=True)]
+
+
+class RoutePlanning:
+    """Makes the tactic `RoutesOnBelief` for each mission.
+
+    Args:
+        plan_for: From the forecast of a mission to the plan.
+        period: Steps between two plans.
+    """
+
+    drift_samples = 16
+
+    def __init__(self, plan_for: Callable[[Forecast], BeliefRoutePlan], period: int) -> None:
+        self._plan_for = plan_for
+        self._period = period
+
+    def horizon(self, rules: Rules) -> int:
+        """Return 0: plans are made on the belief of the present."""
+        return 0
+
+    def start(self, forecast: Forecast, seed: int) -> RoutesOnBelief:
+        """Return the tactic for a mission."""
+        return RoutesOnBelief(self._plan_for(forecast), forecast, self._period, seed)

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Planners by name: those of this package, and those that other packages register.
+
+A package adds planners by entry points of the group `dsse_ros.planners`: the name of the planner,
+and a `PlannerFactory`. In its setup.py, for example:
+
+    entry_points={"dsse_ros.planners": ["my_planner = my_package.my_module:make_my_planner"]}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from importlib.metadata import EntryPoint, entry_points
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.belief import make_belief, make_belief_greedy
+from dsse_ros.planners.expanding_square import make_expanding_square
+from dsse_ros.planners.greedy import Greedy
+from dsse_ros.planners.optimal_effort import make_optimal_effort
+from dsse_ros.planners.planner import Planner, PlannerFactory, Search
+from dsse_ros.planners.random_moves import RandomMoves
+from dsse_ros.planners.sector import make_sector
+from dsse_ros.planners.spiral import make_spiral
+from dsse_ros.planners.sweep import make_sweep
+from dsse_ros.search.fields import FieldError
+
+GROUP = "dsse_ros.planners"
+"""Of the entry points."""
+
+PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
+    {
+        "sweep": make_sweep,
+        "expanding_square": make_expanding_square,
+        "sector": make_sector,
+        "spiral": make_spiral,
+        "greedy": Greedy,
+        "random": RandomMoves,
+    }
+)
+"""The planners that need to know no more than actions and area; called as `make_planner` is."""
+
+BELIEF_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType(
+    {
+        "belief": make_belief,
+        "belief_greedy": make_belief_greedy,
+        "optimal_effort": make_optimal_effort,
+    }
+)
+"""The planners that know the rules and the scenario too, as they keep a belief."""
+
+
+def _from_actions(make: Callable[..., Planner], search: Search, **options: Any) -> Planner:
+    area = search.scenario.resolve(search.rules).area_mask
+    return make(search.rules.actions, area=area, **options)
+
+
+_FACTORIES: Mapping[str, PlannerFactory] = MappingProxyType(
+    {
+        **{name: partial(_from_actions, make) for name, make in PLANNERS.items()},
+        **BELIEF_PLANNERS,
+    }
+)
+"""The planners of this package that need no extra."""
+
+_WITH_EXTRAS = (EntryPoint("route", "dsse_ros.planners.route:make_route", GROUP),)
+
+
+def _registered() -> dict[str, list[EntryPoint]]:
+    """Return the planners that are loaded when they are asked for; a name may be there twice."""
+    found: dict[str, list[EntryPoint]] = {entry.name: [entry] for entry in _WITH_EXTRAS}
+    own = {*_FACTORIES, *found}
+    for entry in entry_points(group=GROUP):
+        if entry.name not in own:
+            found.setdefault(entry.name, []).append(entry)
+    return found
+
+
+PLANNER_NAMES = (*_FACTORIES, *_registered())
+"""All that are installed. A name of this package stays its own."""
+
+
+def load_planner(name: str) -> PlannerFactory:
+    """Return the factory of a planner.
+
+    Raises:
+        FieldError: If the name is unknown, or the package that registers it is defective.
+    """
+    if isinstance(name, str) and name in _FACTORIES:
+        return _FACTORIES[name]
+    entries = _registered().get(name, []) if isinstance(name, str) else []
+    if not entries:
+        raise FieldError(f"planner: {name!r} is not known; one of {', '.join(PLANNER_NAMES)}")
+    if len(entries) > 1:
+        values = ", ".join(entry.value for entry in entries)
+        raise FieldError(f"planner: {name!r} is registered more than once: {values}")
+    try:
+        factory = entries[0].load()
+    except Exception as error:  # Code of others may raise anything.
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise FieldError(f"planner: {name!r} cannot be loaded: {reason}") from error
+    if not callable(factory):
+        raise FieldError(f"planner: {name!r} cannot be loaded: {entries[0].value} is no factory")
+    made: PlannerFactory = factory
+    return made
+
+
+def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> Planner:
+    """Return a planner for missions of an environment, or of any search.
+
+    Args:
+        search: An environment, or whatever has its `rules` and its `scenario`. Nothing hidden is
+            read from it.
+        name: One of `PLANNER_NAMES`.
+        seed: Of all that the planner draws.
+        options: Of the planner, such as the fields of `BeamOptions` for `belief`.
+
+    Raises:
+        ValueError: If the name is unknown, the planner's package is defective, or an action that
+            the planner needs is missing.
+    """
+    return load_planner(name)(search, seed=seed, **options)
+
+
+def make_planner(
+    name: str,
+    actions: Sequence[str],
+    *,
+    seed: int = 0,
+    area: NDArray[np.bool_] | None = None,
+    **options: Any,
+) -> Planner:
+    """Return a planner that needs to know no more than the actions and the area.
+
+    Args:
+        name: A key of `PLANNERS`.
+        actions: Names of the actions by number, as the rules give them.
+        seed: Of all that the planner draws.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
+        options: Of the planner.
+
+    Raises:
+        ValueError: If the name is unknown, the planner needs to know more, or an action that it
+            needs is missing.
+    """
+    if isinstance(name, str) and name in PLANNERS:
+        return PLANNERS[name](actions, seed=seed, area=area, **options)
+    if name in PLANNER_NAMES:
+        raise FieldError(f"planner: {name!r} has to know the rules and the scenario too")
+    raise FieldError(f"planner: {name!r} is not known; one of {', '.join(PLANNER_NAMES)}")

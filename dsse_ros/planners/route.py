@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Routes by a solver of vehicle routing problems, OR-Tools, which the extra `routes` installs.
+
+An orienteering problem with a team (Chao, Golden, Wasil, "The team orienteering problem", 1996):
+the drones collect as much of the likely cells' probability as they can within the time, and leave
+out the rest at a penalty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dsse_ros.planners.belief import BeliefPlanner
+from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
+from dsse_ros.planners.optimal_effort import allocate
+from dsse_ros.planners.planner import Cell, Search
+from dsse_ros.search.belief import Belief, Forecast
+
+try:
+    from ortools.constraint_solver import pywrapcp, routing_enums_pb2
+except ImportError as error:
+    raise ImportError(f"{error}; pip install 'dsse_ros[routes]'") from error
+
+MICRO = 1_000_000
+"""The solver counts in whole numbers."""
+NEVER = 1_000_000
+"""Steps to a cell that cannot be reached."""
+
+
+def make_route(
+    search: Search,
+    *,
+    seed: int = 0,
+    period: int = 3,
+    reach: int = 15,
+    cells_per_drone: int = 12,
+) -> BeliefPlanner:
+    """Return a planner that flies the routes of a solver.
+
+    Args:
+        search: What it may know: rules and scenario.
+        seed: For the choice of the cell to step aside to when a way is blocked.
+        period: Steps between two plans.
+        reach: Steps that a route may take once the drones are there; the mission's end comes first.
+        cells_per_drone: How many of the most likely cells the routes are chosen from.
+    """
+
+    def plan_for(forecast: Forecast) -> BeliefRoutePlan:
+        area = forecast.scenario.area_mask
+        actions = forecast.rules.action_set.within(area).with_moves()
+        limit = forecast.scenario.timestep_limit
+
+        def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
+            likely, pod = belief.cells(), float(belief.pods.mean())
+            chosen = list(allocate(likely, 1.0, cells_per_drone * len(present)))
+            gains = [float(likely[row, col]) * pod for col, row in chosen]
+            nodes = [*present, *chosen]
+            ways = [[_steps(actions.distance(a, b)) for b in nodes] for a in nodes]
+            nearest = [min(row[len(present) :]) for row in ways[: len(present)]]
+            there = max((steps for steps in nearest if steps < NEVER), default=0)
+            time = max(1, min(there + reach, limit - belief.step))
+            return [
+                [nodes[i] for i in route] or [cell]
+                for route, cell in zip(solve(ways, gains, len(present), time), present, strict=True)
+            ]
+
+        return plan
+
+    return BeliefPlanner(search, RoutePlanning(plan_for, period), seed=seed)
+
+
+def _steps(distance: int) -> int:
+    return distance if distance >= 0 else NEVER
+
+
+def solve(
+    ways: Sequence[Sequence[int]], gains: Sequence[float], drones: int, time: int
+) -> list[list[int]]:
+    """Return the nodes that each drone searches, in their order.
+
+    Args:
+        ways: (N + K, N + K) moves between any two nodes, the N drones first.
+        gains: (K,) what a search of each of the others finds.
+        drones: N.
+        time: Steps that a route may take; a search takes one.
+    """
+    end = len(ways)
+    manager = pywrapcp.RoutingIndexManager(end + 1, drones, list(range(drones)), [end] * drones)
+    routing = pywrapcp.RoutingModel(manager)
+    # The search of a node is part of the way from it; drones end where they are.
+    durations = np.zeros((end + 1, end + 1), int)
+    durations[:end, :end] = ways
+    durations[drones:end] += 1
+
+    transit = routing.RegisterTransitMatrix(durations.tolist())
+    routing.AddDimension(transit, 0, time, True, "time")
+    times = routing.GetDimensionOrDie("time")
+    # Of two routes that collect the same the shorter one is better.
+    routing.SetArcCostEvaluatorOfAllVehicles(transit)
+    for k, gain in enumerate(gains):
+        index = manager.NodeToIndex(drones + k)
+        worth = round(MICRO * gain)
+        routing.AddDisjunction([index], worth)
+        # The sooner, the better: what is collected at the end is worth half.
+        times.SetCumulVarSoftUpperBound(index, 0, worth // (2 * time))
+    parameters = pywrapcp.DefaultRoutingSearchParameters()
+    parameters.first_solution_strategy = (
+        routing_enums_pb2.FirstSolutionStrategy.PARALLEL_CHEAPEST_INSERTION
+    )
+    # It ends at a local optimum, not at a time, so that the same seed gives the same mission.
+    parameters.local_search_metaheuristic = (
+        routing_enums_pb2.LocalSearchMetaheuristic.GREEDY_DESCENT
+    )
+    solution = routing.SolveWithParameters(parameters)
+    routes: list[list[int]] = [[] for _ in range(drones)]
+    if solution is None:
+        return routes
+    for drone, route in enumerate(routes):
+        index = solution.Value(routing.NextVar(routing.Start(drone)))
+        while not routing.IsEnd(index):
+            route.append(manager.IndexToNode(index))
+            index = solution.Value(routing.NextVar(index))
+    return routes

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sector search (VS) of the IAMSAR manual, vol. II and III, for one or more drones.
+
+The search passes the datum again and again: three equilateral triangles, each with a corner at the
+datum, all turns 120 degrees to starboard, the datum passed straight on. The next pattern is turned
+by 30 degrees. Here the datum is the most probable cell at the first observation and the first leg
+goes north: the drift, along which the manual lays it, is not observed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import count, islice
+from math import cos, hypot, radians, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.greedy import most_probable
+from dsse_ros.planners.planner import Cell
+from dsse_ros.planners.routes import RouteFollower
+from dsse_ros.search.actions import ActionSet
+
+TURN_DEG = 120
+HEADINGS_DEG = (0, 240, 120)
+"""Of the first legs of a pattern's triangles, clockwise from north."""
+PATTERN_TURN_DEG = 30
+
+
+def make_sector(
+    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+) -> RouteFollower:
+    """Return a planner that crosses the most probable cell in sectors.
+
+    One drone flies the triangles one after the other. Several deal them out.
+
+    Args:
+        actions: Names of the actions by number.
+        seed: For the choice of the cell to step aside to when a way is blocked.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
+
+    Raises:
+        ValueError: If search or a straight move is missing.
+    """
+    return RouteFollower(sector_routes, actions, seed=seed, area=area)
+
+
+def sector_routes(
+    cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
+) -> list[list[Cell]]:
+    """Return the route of each drone, whole patterns together.
+
+    Args:
+        cells: Present cell of each drone.
+        probability: Map (G, G); the most probable cell is the datum.
+        actions: Have the area, if there is one.
+    """
+    size = len(probability)
+    datum = most_probable(probability, 1)[0]
+    farthest = hypot(*(max(c, size - 1 - c) for c in datum))
+    routes = [[cell] for cell in cells]
+    for drones, water in actions.by_water(cells):
+        # Until a pattern reaches beyond the grid, and then until each has as many triangles.
+        count = 3 * len(drones) * _patterns(farthest, size)
+        legs = list(islice(triangles(datum, size), count))
+        for i, drone in enumerate(drones):
+            flown = [cell for k, leg in enumerate(legs[i :: len(drones)]) for cell in leg[k > 0 :]]
+            route = _inside(flown, size, water)
+            routes[drone] = route or routes[drone]
+    return routes
+
+
+def _inside(cells: list[Cell], size: int, water: NDArray[np.bool_] | None) -> list[Cell]:
+    """Return the cells that are on the grid and, where there is an area, in this water."""
+    inside = [cell for cell in cells if max(cell) < size and min(cell) >= 0]
+    return inside if water is None else [(col, row) for col, row in inside if water[row, col]]
+
+
+def _patterns(farthest: float, size: int) -> int:
+    """Return how many patterns there are until both of the greatest radius are through."""
+    return 2 * max(1, -int(-farthest // _radius(size)))
+
+
+def _radius(size: int) -> int:
+    """Return the radius of the first pattern in cells: a quarter of the grid's side."""
+    return max(1, size // 4)
+
+
+def triangles(datum: Cell, size: int) -> Iterator[list[Cell]]:
+    """Yield the cells of one triangle after the other, from the datum to the datum.
+
+    Each second pattern fills the gaps of the one before; the next one reaches farther.
+    """
+    for pattern in count():
+        radius = _radius(size) * (1 + pattern // 2)
+        for heading in HEADINGS_DEG:
+            bearing = heading + PATTERN_TURN_DEG * (pattern % 2)
+            col, row = float(datum[0]), float(datum[1])
+            cells = [datum]
+            for _ in range(3):
+                end = (col + radius * sin(radians(bearing)), row - radius * cos(radians(bearing)))
+                cells += line((col, row), end)[1:]
+                col, row = end
+                bearing += TURN_DEG
+            yield cells
+
+
+def line(start: tuple[float, float], end: tuple[float, float]) -> list[Cell]:
+    """Return the cells along a straight leg, neighbours all, both ends included."""
+    steps = max(1, *(abs(round(b) - round(a)) for a, b in zip(start, end, strict=True)))
+    return [
+        (
+            round(start[0] + (end[0] - start[0]) * k / steps),
+            round(start[1] + (end[1] - start[1]) * k / steps),
+        )
+        for k in range(steps + 1)
+    ]

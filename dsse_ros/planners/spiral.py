@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Spiral search: round the datum and outwards, for one or more drones.
+
+Archimedes' spiral with a track spacing of one cell. N drones fly N arms of it, each turned by a
+part of the circle; an arm's turns are N cells apart, the others between them. The datum is the most
+probable cell at the first observation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan2, hypot, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.greedy import most_probable
+from dsse_ros.planners.planner import Cell
+from dsse_ros.planners.routes import RouteFollower
+from dsse_ros.search.actions import ActionSet
+
+
+def make_spiral(
+    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+) -> RouteFollower:
+    """Return a planner that searches in a spiral from the most probable cell.
+
+    Args:
+        actions: Names of the actions by number.
+        seed: For the choice of the cell to step aside to when a way is blocked.
+        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
+
+    Raises:
+        ValueError: If search or a straight move is missing.
+    """
+    return RouteFollower(spiral_routes, actions, seed=seed, area=area)
+
+
+def spiral_routes(
+    cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
+) -> list[list[Cell]]:
+    """Return the route of each drone; together they have every cell they can get to once.
+
+    The arms go to the drones clockwise as they are seen from the datum.
+
+    Args:
+        cells: Present cell of each drone.
+        probability: Map (G, G); the most probable cell is the datum.
+        actions: Have the area, if there is one.
+    """
+    datum = most_probable(probability, 1)[0]
+    routes = [[cell] for cell in cells]
+    for members, water in actions.by_water(cells):
+        drones = sorted(members, key=lambda drone: turns(datum, cells[drone]))
+        for drone, arm in zip(drones, arms(datum, len(probability), len(drones)), strict=True):
+            route = [(col, row) for col, row in arm if water is None or water[row, col]]
+            # On a small grid an arm may be empty.
+            routes[drone] = route or routes[drone]
+    return routes
+
+
+def arms(datum: Cell, size: int, count: int) -> list[list[Cell]]:
+    """Return the cells of each arm of the spiral, outwards."""
+    places: list[list[tuple[float, Cell]]] = [[] for _ in range(count)]
+    for row in range(size):
+        for col in range(size):
+            cell = (col, row)
+            radius, angle = hypot(col - datum[0], row - datum[1]), turns(datum, cell)
+            # At this angle arm i passes at the radii count * (angle + m) - i, m = 0, 1, ...
+            winding = round(radius - count * angle)
+            arm = -winding % count
+            places[arm].append(((winding + arm) / count + angle, cell))
+    return [[cell for _, cell in sorted(arm)] for arm in places]
+
+
+def turns(datum: Cell, cell: Cell) -> float:
+    """Return the angle at which a cell is seen, in turns clockwise from the east, from 0 to 1."""
+    return atan2(cell[1] - datum[1], cell[0] - datum[0]) / (2 * pi) % 1.0

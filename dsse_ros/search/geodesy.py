@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Metres on the grid to WGS84: ENU at the grid's south-west corner through ECEF, by pymap3d.
+
+x and y are those of ENU, exact where flat-Earth formulas are off by metres within a few kilometres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pymap3d
+
+_SURFACE_M = 1e-6
+"""How close to the surface its point is looked for."""
+_MAX_TURNS = 20
+
+Origin = tuple[float, float, float]
+"""Latitude and longitude in degrees and height above the ellipsoid in metres."""
+
+
+def surface_to_geodetic(origin: Origin, x_m: Any, y_m: Any) -> tuple[Any, Any]:
+    """Return latitude and longitude in degrees of points on the surface through the origin.
+
+    Args:
+        origin: The point (0, 0), and how high the surface is above the ellipsoid.
+        x_m: Metres east, a number or an array.
+        y_m: Metres north.
+    """
+    # The surface curves away from the plane; its point below (x, y) is found in two or three turns.
+    up_m = np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))
+    for _ in range(_MAX_TURNS):
+        lat_deg, lon_deg, alt_m = through_ecef(pymap3d.enu2geodetic, origin, x_m, y_m, up_m)
+        above_m = np.asarray(alt_m) - origin[2]
+        if not np.any(np.abs(above_m) > _SURFACE_M):
+            break
+        up_m = up_m - above_m
+    return lat_deg, lon_deg
+
+
+def through_ecef(
+    convert: Callable[..., tuple[Any, Any, Any]], origin: Origin, *point: Any
+) -> tuple[Any, Any, Any]:
+    """Return what a function of pymap3d makes of a point, given as numbers or arrays."""
+    # pymap3d does not broadcast, and its results differ in type between scalars and arrays.
+    arrays = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in point))
+    converted = convert(*(np.atleast_1d(array) for array in arrays), *origin)
+    if arrays[0].ndim == 0:
+        first, second, third = (float(array[0]) for array in converted)
+        return first, second, third
+    return converted

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where only a part of the grid is searched, no planner sends a drone out of it."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+from areas import geojson_of, random_mask, scenario_of
+from grid_walker import DIAGONAL, STRAIGHT
+from numpy.typing import NDArray
+
+from dsse_ros.planners import PLANNER_NAMES, planner_for
+from dsse_ros.search import PROFILES, parallel_env
+from dsse_ros.search.actions import ActionSet
+from dsse_ros.search.belief import Belief, Forecast
+
+SMALL = {"belief": {"samples": 64, "width": 4, "horizon": 4, "drift_samples": 4}}
+"""A belief of less effort: what it may do is the same."""
+
+
+@pytest.mark.parametrize("rules", PROFILES)
+@pytest.mark.parametrize("name", PLANNER_NAMES)
+def test_no_planner_leaves_the_area_or_lets_drones_collide(name: str, rules: str) -> None:
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        mask = random_mask(rng, 10)
+        # Nobody is found, so that all of the time is flown.
+        env = parallel_env(scenario_of(mask, rng, 4), rules=rules, probability_of_detection=0.0)
+        if rules == "v1":
+            env = parallel_env(scenario_of(mask, rng, 4), rules=rules)
+        planner = planner_for(env, name, seed=seed, **SMALL.get(name, {}))
+        observations, infos = env.reset(seed=seed)
+        while env.agents:
+            actions = planner(observations, infos)
+            for agent, action in actions.items():
+                assert infos[agent]["action_mask"][action]
+            observations, rewards, _, _, infos = env.step(actions)
+            assert mask[env.positions[:, 1], env.positions[:, 0]].all()
+            late = env.steps_done > env.scenario.timestep_limit
+            assert late or min(rewards.values(), default=0) > -1000
+
+
+@pytest.mark.parametrize("names", [STRAIGHT, DIAGONAL])
+def test_drones_go_by_shortest_ways_and_stay_where_none_leads(names: tuple[str, ...]) -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        mask = random_mask(rng, 9)
+        actions = ActionSet(names, mask)
+        cells = [(int(x), int(y)) for y, x in np.argwhere(mask)]
+        goal = cells[rng.integers(len(cells))]
+        wanted = distances(mask, actions, goal)
+        for cell in cells:
+            assert actions.distance(cell, goal) == wanted.get(cell, -1)
+            step = actions.towards(cell, goal)
+            if cell == goal or cell not in wanted:
+                assert step == cell
+            else:
+                assert wanted[step] == wanted[cell] - 1
+                assert actions.towards(goal, cell) in actions.neighbours(goal, 9)
+
+
+def distances(
+    mask: NDArray[np.bool_], actions: ActionSet, goal: tuple[int, int]
+) -> dict[tuple[int, int], int]:
+    """Number of moves from each cell that leads to the goal, by a search of its own."""
+    steps = {move for move in actions.moves if move != (0, 0)}
+    found, queue = {goal: 0}, deque([goal])
+    while queue:
+        x, y = queue.popleft()
+        for dx, dy in steps:
+            cell = (x + dx, y + dy)
+            inside = 0 <= cell[0] < len(mask) and 0 <= cell[1] < len(mask)
+            if inside and mask[cell[1], cell[0]] and cell not in found:
+                found[cell] = found[(x, y)] + 1
+                queue.append(cell)
+    return found
+
+
+@pytest.mark.parametrize("drones", [1, 3])
+@pytest.mark.parametrize("name", ["sweep", "expanding_square"])
+def test_every_cell_that_a_drone_can_get_to_is_searched(name: str, drones: int) -> None:
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        mask = random_mask(rng, 8)
+        given = scenario_of(mask, rng, drones) | {"timestep_limit": 600}
+        env = parallel_env(given, probability_of_detection=0.0, collisions=False)
+        actions = ActionSet(env.rules.actions, mask)
+        waters = actions.by_water([tuple(cell) for cell in given["drones_positions"]])
+        left = np.any([water for _, water in waters], axis=0)
+        planner = planner_for(env, name)
+        observations, infos = env.reset(seed=seed)
+        while env.agents and left.any():
+            chosen = planner(observations, infos)
+            for agent, action in chosen.items():
+                if action == actions.search:
+                    x, y = observations[agent][0]
+                    left[y, x] = False
+            observations, *_, infos = env.step(chosen)
+        assert not left.any()
+
+
+@pytest.mark.parametrize("rules", PROFILES)
+def test_a_belief_has_nothing_outside_the_area_and_is_where_persons_are(rules: str) -> None:
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        mask = random_mask(rng, 8)
+        given: dict[str, Any] = scenario_of(mask, rng, 1) | {"person_amount": 1}
+        env = parallel_env(given, rules=rules)
+        belief = Belief(Forecast(env.scenario, env.rules, drift_samples=512))
+        seen = np.zeros((30, *mask.shape))
+        runs = 300
+        for run in range(runs):
+            env.reset(seed=run)
+            for step in range(30):
+                person = env.world.persons[0, 0]
+                if 0 <= person["x"] < 8 and 0 <= person["y"] < 8:
+                    seen[step, person["y"], person["x"]] += 1 / runs
+                env.advance(np.array([-1], np.int8))
+        for step in range(30):
+            likely = belief.cells()
+            assert not likely[~mask].any()
+            # Twice the distance that as many draws of a cell have on average, and more.
+            assert np.abs(likely - seen[step]).sum() < 2 * np.sqrt(mask.sum() / runs) + 0.05
+            belief.advance()
+
+
+def test_an_area_that_is_the_whole_grid_plans_as_without_one() -> None:
+    around = geojson_of(np.ones((8, 8), bool))
+    for name in PLANNER_NAMES:
+        moves = []
+        for area in (around, None):
+            env = parallel_env(area=area, num_drones=3, cell_size=130.0)
+            planner = planner_for(env, name, **SMALL.get(name, {}))
+            observations, infos = env.reset(seed=2)
+            cells = []
+            while env.agents:
+                observations, *_, infos = env.step(planner(observations, infos))
+                cells.append(env.positions.tolist())
+            moves.append(cells)
+        assert moves[0] == moves[1]
