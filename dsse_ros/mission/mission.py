@@ -80,6 +80,8 @@ class Mission:
     def __init__(self, env: SearchEnv, seed: int, *, belief: bool = True) -> None:
         self.env = env
         self._beliefs = WorldBeliefs(env.world) if belief else None
+        # As the last caller of `belief` got it, until it changes.
+        self._belief_map: NDArray[np.float32] | None = None
         self.commands = CommandBuffer(
             env.rules.actions, env.world.num_drones, env.scenario.area_mask
         )
@@ -189,7 +191,9 @@ class Mission:
         """
         if self._beliefs is None:
             raise ValueError("no belief follows the mission")
-        return self._beliefs.write()[0]
+        if self._belief_map is None:
+            self._belief_map = self._beliefs.write()[0]
+        return self._belief_map
 
     @property
     def missing(self) -> list[int]:
@@ -314,6 +318,7 @@ class Mission:
         probabilities: NDArray[np.float64],
     ) -> StepResult:
         world = self.env.world
+        self._belief_map = None
         self._stamp_ns += self._step_ns
         cells = self.env.positions
         _, truncated = self.env.flags

@@ -408,9 +408,7 @@ def follow_worlds(
                 c, constants, drones[b], actions[b], live[b], pods, chances[slot], beliefs[b],
                 pos[b],
             )  # fmt: skip
-        predict(
-            constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch
-        )
+        predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
         normalise(beliefs[b])
 
 

@@ -322,6 +322,8 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             timestep_limit=s.timestep_limit,
             cell_size_m=s.cell_size,
             title=s.name,
+            pos=None if self._beliefs is None else float(self._beliefs.pos[0]),
+            belief=self._beliefs is not None,
             area=s.area_mask,
         )
 

@@ -114,8 +114,9 @@ class WorldBeliefs:
         forecast.look(forecast.first_step + steps)
         belief_kernels.follow_worlds(
             world.constants, world.area, world.worlds, world.drones, self._actions, self._live,
-            self._done, self._start, self._pods, forecast.chances, forecast.tables, forecast.directions,
-            forecast.first_step, self.density, self.pos, self._scratch(), first, last,
+            self._done, self._start, self._pods, forecast.chances, forecast.tables,
+            forecast.directions, forecast.first_step, self.density, self.pos, self._scratch(),
+            first, last,
         )  # fmt: skip
         self._forecasts.append(forecast)
 
