@@ -165,8 +165,8 @@ MISSION: Mapping[str, Argument] = {
         "true", _SIM,
     ),
     "publish_belief": Argument(
-        "bool", "Whether the simulation publishes where the persons are as far as the searches "
-        "tell.", "false", _SIM,
+        "bool", "Whether the simulation publishes the belief: where the persons are, after the "
+        "searches so far.", "false", _SIM,
     ),
     "use_sim_time": Argument(
         "bool", "Whether planner and RViz take their time from /clock; by default if it is "

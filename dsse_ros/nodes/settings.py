@@ -92,7 +92,7 @@ class SimSettings(FlightSettings):
     reveal_person: bool = field("bool", "Whether markers show where the persons are.", False)
     publish_belief: bool = field(
         "bool",
-        "Whether belief and belief_grid go out: where the persons are as far as the searches tell.",
+        "Whether belief and belief_grid go out: where the persons are, after the searches so far.",
         False,
     )
     compute_pos: str = field(
