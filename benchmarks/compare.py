@@ -15,7 +15,7 @@ import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from math import cos, radians, sin
 from multiprocessing import get_context
@@ -44,7 +44,7 @@ PLANNERS = (
     "optimal_effort", "route", "belief_greedy", "belief",
 )  # fmt: skip
 PLANNER_SEEDS = {"random": 64, "belief": 8}
-"""How many seeds of a planner the missions share, of those that draw."""
+"""How many seeds of a planner the missions of a case share, of those that draw."""
 
 
 @dataclass(frozen=True)
@@ -147,16 +147,17 @@ DISTURBANCES = {
 DISTURBED_CASES = ("v2", "santos_4")
 
 
-def fly(planner: str, key: str, count: int, disturbance: str | None = None) -> Missions:
-    """Play the missions of a case, as it is or with another disturbance."""
-    case = CASES[key]
-    disturbed = DISTURBANCES[disturbance or case.disturbance]
+def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
+    """Play the missions of a case."""
+    case, disturbed = CASES[key], DISTURBANCES[disturbance]
     whole = Missions(np.zeros(count, bool), np.zeros(count, np.int64), np.zeros(count, np.int64))
-    for scenario, numbers in case.parts(count):
+    parts = list(case.parts(count))
+    seeds = max(1, PLANNER_SEEDS.get(planner, 1) // len(parts))
+    for scenario, numbers in parts:
         world, assumed = disturbed.apply(scenario, case.rules)
         part = play(
             planner, world, case.rules, (SEED + numbers).tolist(), assumed=assumed,
-            planner_seeds=PLANNER_SEEDS.get(planner, 1), withdraw_at=disturbed.withdraw_at,
+            planner_seeds=seeds, withdraw_at=disturbed.withdraw_at,
         )  # fmt: skip
         for name in ("found", "steps", "lost"):
             getattr(whole, name)[numbers] = getattr(part, name)
@@ -281,25 +282,30 @@ def installed(names: Sequence[str]) -> list[str]:
 def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
     """Play everything; returns the figures and the curves."""
     names = installed(PLANNERS)
-    jobs: dict[tuple[str, str, str], Future[Missions]] = {}
+    jobs: dict[Future[Missions], tuple[str, str, str]] = {}
+    done: dict[tuple[str, str, str], Missions] = {}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        # The longest first.
+        # Those that take the longest come first.
         for name in reversed(names):
-            for key in CASES:
-                jobs[key, "none", name] = pool.submit(fly, name, key, count)
-            for key in DISTURBED_CASES:
-                for disturbance in DISTURBANCES:
-                    if disturbance != "none":
-                        job = pool.submit(fly, name, key, count, disturbance)
-                        jobs[key, disturbance, name] = job
-        done = {job: future.result() for job, future in jobs.items()}
+            for key, case in CASES.items():
+                kinds = {case.disturbance, *(DISTURBANCES if key in DISTURBED_CASES else ())}
+                for kind in sorted(kinds):
+                    jobs[pool.submit(fly, name, key, count, kind)] = (key, kind, name)
+        for job in as_completed(jobs):
+            key, kind, name = jobs[job]
+            done[jobs[job]] = missions = job.result()
+            print(
+                f"{len(done)}/{len(jobs)} {key}, {kind}, {name}: {missions.found.mean():.2%}, "
+                f"{missions.steps.mean():.2f} steps",
+                flush=True,
+            )
     cases: dict[str, Any] = {}
     curves: dict[str, dict[str, Any]] = {}
     for key, case in CASES.items():
         limit = case.scenario.resolve(case.rules).timestep_limit
-        baseline = done[key, "none", BASELINE]
-        cases[key] = {name: figures(done[key, "none", name], baseline) for name in names}
-        curves[key] = {name: curve(done[key, "none", name], limit) for name in names}
+        played = {name: done[key, case.disturbance, name] for name in names}
+        cases[key] = {name: figures(played[name], played[BASELINE]) for name in names}
+        curves[key] = {name: curve(played[name], limit) for name in names}
     disturbed = {
         key: {
             disturbance: {
