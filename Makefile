@@ -42,7 +42,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim sitl-demo check test test-oldest lint format bench reproduce clean
+.PHONY: help sim sitl-demo check test test-oldest lint format bench reproduce compare clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
@@ -81,6 +81,9 @@ bench: $(VENV)/.test ## Measure beside the published packages and a C baseline: 
 
 reproduce: $(VENV)/.test ## Replay the published tables
 	@$(BIN)/python -m benchmarks.reproduce
+
+compare: $(VENV)/.test ## Compare all planners on the same missions: MISSIONS=n of each
+	@$(BIN)/python -m benchmarks.compare --missions '$(or $(MISSIONS),2000)'
 
 clean: ## Remove the environment and everything built
 	rm -rf $(VENV) $(VENV)-oldest build dist install log *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -15,7 +15,7 @@ import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from math import cos, radians, sin
 from multiprocessing import get_context
@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import plot
 from benchmarks.bench import RESULTS, machine, own_versions
 from benchmarks.intervals import of_mean, of_share
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
@@ -42,8 +43,8 @@ PLANNERS = (
     "random", "sweep", "expanding_square", "spiral", "sector", "greedy",
     "optimal_effort", "route", "belief_greedy", "belief",
 )  # fmt: skip
-PLANNER_SEEDS = {"random": 64, "belief": 16}
-"""How many seeds of a planner the missions share, of those that draw."""
+PLANNER_SEEDS = {"random": 64, "belief": 8}
+"""How many seeds of a planner the missions of a case share, of those that draw."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class Case:
         rules: Of the search.
         published: Figures of others.
         vectors: Whether each component of the drift is drawn as `round(U(-.1, .1), 1)`.
+        disturbance: What planners do not know, a key of `DISTURBANCES`.
     """
 
     title: str
@@ -63,6 +65,7 @@ class Case:
     rules: Rules
     published: tuple[Source, ...] = ()
     vectors: bool = False
+    disturbance: str = "none"
 
     def parts(self, count: int) -> Iterator[tuple[Scenario, NDArray[np.int64]]]:
         """Yield the scenarios of `count` missions, each with the numbers of its missions."""
@@ -93,6 +96,9 @@ def _cases() -> dict[str, Case]:
         santos = scenario_and_rules(ROOT / "config" / "santos.yaml", num_drones=drones)
         title = f"paper, santos, {drones} drone{'s' * (drones > 1)}, 180 steps"
         cases[f"santos_{drones}"] = Case(title, *santos)
+    shore = scenario_and_rules(ROOT / "config" / "santos_shore.yaml")
+    title = "paper, santos_shore, 4 drones, POD .8, drift 30 % off"
+    cases["shore"] = Case(title, *shore, disturbance="speed")
     return cases
 
 
@@ -105,7 +111,7 @@ class Disturbance:
 
     Attributes:
         title: For people.
-        speed: Factor on the drift that planners believe in.
+        speed: Factor on the drift that planners assume.
         turn_deg: What that drift is turned by.
         pod: Probability of detection of the world, None for the scenario's.
         known: Whether the planners know it.
@@ -120,38 +126,38 @@ class Disturbance:
     withdraw_at: int | None = None
 
     def apply(self, scenario: Scenario, rules: Rules) -> tuple[Scenario, Scenario]:
-        """Return the scenario of the world, and the one that planners believe in."""
+        """Return the scenario of the world, and the one that planners assume."""
         world = scenario.override(probability_of_detection=self.pod)
         x, y = scenario.resolve(rules).vector
         c, s = self.speed * cos(radians(self.turn_deg)), self.speed * sin(radians(self.turn_deg))
         misled = self.speed != 1.0 or self.turn_deg != 0.0
-        believed = world if self.known else scenario
-        return world, believed.override(
-            vector=(c * x - s * y, s * x + c * y)
-        ) if misled else believed
+        assumed = world if self.known else scenario
+        return world, assumed.override(vector=(c * x - s * y, s * x + c * y)) if misled else assumed
 
 
 DISTURBANCES = {
     "none": Disturbance("nothing"),
-    "speed": Disturbance("drift believed 30 % too fast", speed=1.3),
-    "slow": Disturbance("drift believed 30 % too slow", speed=0.7),
-    "direction": Disturbance("drift believed 30 deg off", turn_deg=30.0),
-    "pod": Disturbance("POD .8, believed 1", pod=0.8),
+    "speed": Disturbance("drift assumed 30 % too fast", speed=1.3),
+    "slow": Disturbance("drift assumed 30 % too slow", speed=0.7),
+    "direction": Disturbance("drift assumed 30 deg off", turn_deg=30.0),
+    "pod": Disturbance("POD .8, assumed 1", pod=0.8),
     "pod_known": Disturbance("POD .8, known", pod=0.8, known=True),
     "lost": Disturbance("one drone lost after step 10", withdraw_at=10),
 }
 DISTURBED_CASES = ("v2", "santos_4")
 
 
-def fly(planner: str, key: str, count: int, disturbance: str = "none") -> Missions:
+def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
     """Play the missions of a case."""
     case, disturbed = CASES[key], DISTURBANCES[disturbance]
     whole = Missions(np.zeros(count, bool), np.zeros(count, np.int64), np.zeros(count, np.int64))
-    for scenario, numbers in case.parts(count):
-        world, believed = disturbed.apply(scenario, case.rules)
+    parts = list(case.parts(count))
+    seeds = max(1, PLANNER_SEEDS.get(planner, 1) // len(parts))
+    for scenario, numbers in parts:
+        world, assumed = disturbed.apply(scenario, case.rules)
         part = play(
-            planner, world, case.rules, (SEED + numbers).tolist(), believed=believed,
-            planner_seeds=PLANNER_SEEDS.get(planner, 1), withdraw_at=disturbed.withdraw_at,
+            planner, world, case.rules, (SEED + numbers).tolist(), assumed=assumed,
+            planner_seeds=seeds, withdraw_at=disturbed.withdraw_at,
         )  # fmt: skip
         for name in ("found", "steps", "lost"):
             getattr(whole, name)[numbers] = getattr(part, name)
@@ -209,16 +215,18 @@ def case_table(case: Case, results: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _found_and_steps(row: dict[str, Any]) -> str:
+    steps = _ranged(row["steps"], row["steps_interval"], ".2f")
+    return f"{100 * row['found']:.1f} %, {steps}"
+
+
 def disturbance_table(results: dict[str, dict[str, Any]]) -> str:
     """Return found and mean steps of each planner under each disturbance as a Markdown table."""
     names = list(results["none"])
     lines = ["| What is wrong | " + " | ".join(f"`{name}`" for name in names) + " |"]
     lines.append("| --- |" + " --- |" * len(names))
     for key, row in results.items():
-        cells = [
-            f"{100 * row[name]['found']:.1f} %, {_ranged(row[name]['steps'], row[name]['steps_interval'], '.2f')}"
-            for name in names
-        ]
+        cells = [_found_and_steps(row[name]) for name in names]
         lines.append(f"| {DISTURBANCES[key].title} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -241,38 +249,15 @@ def with_tables(text: str, results: dict[str, Any]) -> str:
     )
 
 
-def save_plot(curves: dict[str, dict[str, NDArray[np.int64]]], path: Path) -> None:
-    """Write the share of missions that have found over the steps, a panel for each case."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, panels = plt.subplots(2, 3, figsize=(12, 6.5), sharey=True, layout="constrained")
-    colours = dict(zip(PLANNERS, plt.get_cmap("tab10").colors, strict=True))
-    for axes, (key, rows) in zip(panels.flat, curves.items(), strict=True):
-        case = CASES[key]
-        limit = case.scenario.resolve(case.rules).timestep_limit
-        for name, counts in rows.items():
-            width = 2.2 if name.startswith("belief") else 1.2
-            axes.plot(100 * counts, color=colours[name], label=name, linewidth=width)
-        for source in case.published:
-            axes.plot(limit, 100 * source.found, "k_", markersize=14, clip_on=False)
-            axes.annotate(
-                f"published {source.name}", (limit, 100 * source.found), (-8, 3),
-                textcoords="offset points", ha="right", fontsize=7,
-            )  # fmt: skip
-        axes.set(title=case.title, xlim=(0, limit), ylim=(0, 100))
-        axes.title.set_fontsize(9)
-        axes.grid(alpha=0.3)
-    for axes in panels[-1]:
-        axes.set_xlabel("steps")
-    for axes in panels[:, 0]:
-        axes.set_ylabel("missions that have found, %")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles[::-1], labels[::-1], loc="outside right center", fontsize=8)
-    figure.savefig(path, dpi=80)
-    plt.close(figure)
+def save_plot(curves: dict[str, dict[str, NDArray[np.float64]]], path: Path) -> None:
+    """Write the shares of the missions that have found over the steps as a picture."""
+    plot.save_curves(
+        [
+            (CASES[key].title, rows, {source.name: source.found for source in CASES[key].published})
+            for key, rows in curves.items()
+        ],
+        path,
+    )
 
 
 def curve(missions: Missions, limit: int) -> NDArray[np.float64]:
@@ -297,25 +282,30 @@ def installed(names: Sequence[str]) -> list[str]:
 def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
     """Play everything; returns the figures and the curves."""
     names = installed(PLANNERS)
-    jobs: dict[tuple[str, str, str], Future[Missions]] = {}
+    jobs: dict[Future[Missions], tuple[str, str, str]] = {}
+    done: dict[tuple[str, str, str], Missions] = {}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        # The longest first.
+        # Those that take the longest come first.
         for name in reversed(names):
-            for key in CASES:
-                jobs[key, "none", name] = pool.submit(fly, name, key, count)
-            for key in DISTURBED_CASES:
-                for disturbance in DISTURBANCES:
-                    if disturbance != "none":
-                        job = pool.submit(fly, name, key, count, disturbance)
-                        jobs[key, disturbance, name] = job
-        done = {job: future.result() for job, future in jobs.items()}
+            for key, case in CASES.items():
+                kinds = {case.disturbance, *(DISTURBANCES if key in DISTURBED_CASES else ())}
+                for kind in sorted(kinds):
+                    jobs[pool.submit(fly, name, key, count, kind)] = (key, kind, name)
+        for job in as_completed(jobs):
+            key, kind, name = jobs[job]
+            done[jobs[job]] = missions = job.result()
+            print(
+                f"{len(done)}/{len(jobs)} {key}, {kind}, {name}: {missions.found.mean():.2%}, "
+                f"{missions.steps.mean():.2f} steps",
+                flush=True,
+            )
     cases: dict[str, Any] = {}
     curves: dict[str, dict[str, Any]] = {}
     for key, case in CASES.items():
         limit = case.scenario.resolve(case.rules).timestep_limit
-        baseline = done[key, "none", BASELINE]
-        cases[key] = {name: figures(done[key, "none", name], baseline) for name in names}
-        curves[key] = {name: curve(done[key, "none", name], limit) for name in names}
+        played = {name: done[key, case.disturbance, name] for name in names}
+        cases[key] = {name: figures(played[name], played[BASELINE]) for name in names}
+        curves[key] = {name: curve(played[name], limit) for name in names}
     disturbed = {
         key: {
             disturbance: {

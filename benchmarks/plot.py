@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The speeds as a picture."""
+"""The speeds, and the planners compared, as pictures."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib
+from numpy.typing import NDArray
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
@@ -47,4 +49,40 @@ def save(cells: list[dict[str, Any]], path: Path) -> None:
     panels[0].set_ylabel("environment steps per second")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right center", fontsize=8)
     figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def save_curves(
+    cases: Sequence[tuple[str, Mapping[str, NDArray[Any]], Mapping[str, float]]], path: Path
+) -> None:
+    """Write the share of missions that have found over the steps, a panel for each case.
+
+    Args:
+        cases: Of each its title, by planner the share after each step (L + 1,), and by name the
+            published shares after the last one.
+        path: Of the picture.
+    """
+    figure, panels = plt.subplots(2, 4, figsize=(15, 6.5), sharey=True, layout="constrained")
+    for axes in panels.flat[len(cases) :]:
+        axes.axis("off")
+    for axes, (title, rows, published) in zip(panels.flat, cases, strict=False):
+        limit = 0
+        for name, shares in rows.items():
+            width = 2.2 if name.startswith("belief") else 1.2
+            axes.plot(100 * shares, label=name, linewidth=width)
+            limit = len(shares) - 1
+        for name, share in published.items():
+            axes.plot(limit, 100 * share, "k_", markersize=14, clip_on=False)
+            axes.annotate(
+                f"published {name}", (limit, 100 * share), (-8, 3), textcoords="offset points",
+                ha="right", fontsize=7,
+            )  # fmt: skip
+        axes.set(xlabel="steps", xlim=(0, limit), ylim=(0, 100))
+        axes.set_title(title, fontsize=9)
+        axes.grid(alpha=0.3)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("missions that have found, %")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles[::-1], labels[::-1], loc="outside right center", fontsize=9)
+    figure.savefig(path, dpi=80)
     plt.close(figure)

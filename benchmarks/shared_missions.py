@@ -51,7 +51,7 @@ def play(
     rules: Rules,
     seeds: Sequence[int],
     *,
-    believed: Scenario | None = None,
+    assumed: Scenario | None = None,
     planner_seeds: int = 1,
     withdraw_at: int | None = None,
 ) -> Missions:
@@ -62,7 +62,7 @@ def play(
         scenario: Of the world.
         rules: Of the world.
         seeds: (M,) of the missions: each is that of an environment seeded with it.
-        believed: The scenario that the planner is given, by default that of the world.
+        assumed: The scenario that the planner is given, by default that of the world.
         planner_seeds: How many seeds of the planner are dealt to the missions in turn.
         withdraw_at: Step after which the last drone is withdrawn from each mission.
     """
@@ -70,10 +70,11 @@ def play(
     world = World(scenario, rules, count, reuse_maps=True)
     world.seed(seeds)
     world.reset()
-    limit, actions = world.scenario.timestep_limit, rules.action_set
+    limit = world.scenario.timestep_limit
     agents = [f"drone{i}" for i in range(world.drones.shape[1])]
+    actions = rules.action_set.within(world.scenario.area_mask)
     masks = actions.masks(world.scenario.grid_size)
-    search: Search = SimpleNamespace(rules=rules, scenario=believed or scenario)
+    search: Search = SimpleNamespace(rules=rules, scenario=assumed or scenario)
     groups = [
         _Group(np.arange(k, count, planner_seeds), planner_for(search, name, seed=k), {})
         for k in range(min(planner_seeds, count))
@@ -86,7 +87,7 @@ def play(
         for group in groups:
             first = group.members[0]
             drones, probability = world.drones[first], world.maps[first]
-            live = [n for n in range(len(agents)) if drones["alive"][n]]
+            live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
             cells = {n: (int(drones["x"][n]), int(drones["y"][n])) for n in live}
             observations = {agents[n]: Observation(np.array(cells[n]), probability) for n in live}
             infos = {
@@ -109,6 +110,8 @@ def play(
         steps[ended] = np.where(found[ended], step + 1, limit)
         lost[ended] = (world.terminated[ended] & ~found[ended, None]).sum(axis=1)
         if withdraw_at == step + 1:
+            # As `SearchEnv.withdraw`: the next step terminates it.
+            world.worlds["num_active"] -= world.drones["alive"][:, -1]
             world.drones["alive"][:, -1] = False
         groups = [part for group in groups for part in _split(group, world)]
         if not groups:
@@ -123,7 +126,8 @@ def _split(group: _Group, world: World) -> Sequence[_Group]:
     if not len(members):
         return []
     drones = world.drones[members]
-    seen = np.stack([drones["alive"], drones["x"], drones["y"]], axis=-1)
+    gone = drones["terminated"] | drones["truncated"]
+    seen = np.stack([gone, drones["x"], drones["y"]], axis=-1)
     views, of_view = np.unique(seen.reshape(len(members), -1), axis=0, return_inverse=True)
     if len(views) == 1:
         return [_Group(members, group.planner, group.infos)]

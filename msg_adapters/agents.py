@@ -130,7 +130,7 @@ def _definition(keys: Keys) -> SearchDefinition:
     for name, value in parts.items():
         if not isinstance(value, dict):
             keys.refuse(name, "an object")
-    # Whoever sends a message does not name files for us to read.
+    # A message must not name a file to be read here.
     if not isinstance(parts["scenario"].get("area"), dict | None):
         keys.inner("scenario").refuse("area", "a GeoJSON object or null")
     try:

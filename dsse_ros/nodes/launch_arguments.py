@@ -135,8 +135,8 @@ MISSION: Mapping[str, Argument] = {
     "scenario": Argument("str", "YAML file, or name of a scenario of the package.", "santos", _SIM),
     "rules": Argument("str", "Profile of the rules.", "paper", _SIM, choices=("paper", "v1", "v2")),
     "planner": Argument(
-        "str", "Which planner commands the drones.", "greedy", _PLANNER,
-        choices=("sweep", "expanding_square", "greedy", "random", "belief", "belief_greedy"),
+        "str", "Which planner commands the drones, one of this package or of another.", "greedy",
+        _PLANNER,
     ),
     "num_drones": Argument("int", "Number of drones; by default the scenario's.", "", _SIM, low=1,
         high=10**8,

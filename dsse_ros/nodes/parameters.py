@@ -108,12 +108,12 @@ def check_flat(arguments: Iterable[str]) -> None:
 
 def to_ros(spec: Spec, value: Any) -> Any:
     """Return a field's value as a parameter holds it."""
+    if spec.kind == "area":
+        return "" if value is None else value.to_geojson()
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if spec.kind == "cells":
         return [part for cell in value for part in cell]
-    if spec.kind == "area":
-        return value.to_geojson()
     return list(value)
 
 

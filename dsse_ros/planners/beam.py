@@ -309,13 +309,14 @@ def plan_drone(
 
 @compiled
 def exact_value(
-    constants, density, pods, chances, tables, directions, slots, plans, lengths, drone, gamma,
-    kappa, nearness, belief, scratch,
+    constants, area, density, pods, chances, tables, directions, slots, plans, lengths, drone,
+    gamma, kappa, nearness, belief, scratch,
 ):  # fmt: skip
     """Return what plans are worth by the exact filter, where `plan_drone` has samples.
 
     Args:
         constants: (1,) of `kernels.CONSTANTS`.
+        area: Of a `Forecast`.
         density: (C K, S S), of a `Belief`.
         pods: (C,), of a `Belief`.
         chances: (R, S S), of a `Forecast`.
@@ -342,7 +343,7 @@ def exact_value(
                     constants, belief, pods, cell % side - MARGIN, cell // side - MARGIN
                 )
         slot = slots[h]
-        predict(constants, belief, chances[slot], tables[slot], directions[slot], scratch)
+        predict(constants, area, belief, chances[slot], tables[slot], directions[slot], scratch)
         worth *= gamma
     left = 0.0
     end = plans[drone, -1]

@@ -196,9 +196,10 @@ class BeamSearch:
             together[drone], lengths[drone] = candidate.path, candidate.length
             return float(
                 beam.exact_value(
-                    forecast.constants, belief.density, belief.pods, forecast.chances,
-                    forecast.tables, forecast.directions, slots, together, lengths, drone,
-                    options.gamma, options.kappa, self._nearness, self._density, self._scratch,
+                    forecast.constants, forecast.area, belief.density, belief.pods,
+                    forecast.chances, forecast.tables, forecast.directions, slots, together,
+                    lengths, drone, options.gamma, options.kappa, self._nearness, self._density,
+                    self._scratch,
                 )
             )  # fmt: skip
 

@@ -77,7 +77,7 @@ def allocate(likely: NDArray[np.float64], pod: float, searches: int) -> dict[Cel
 def nearest_routes(
     present: Sequence[Cell], searches: dict[Cell, int], actions: ActionSet
 ) -> list[list[Cell]]:
-    """Deal cells to drones: whoever is free first takes the cell nearest to where it is then.
+    """Deal cells to drones: the one that is free first takes the cell nearest to it.
 
     Args:
         present: Cells of the drones.

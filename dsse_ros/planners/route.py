@@ -54,7 +54,7 @@ def make_route(
 
         def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
             likely, pod = belief.cells(), float(belief.pods.mean())
-            chosen = list(allocate(likely, 1.0, cells_per_drone * len(present)))
+            chosen = list(allocate(likely, 1.0, cells_per_drone * len(present))) or [present[0]]
             gains = [float(likely[row, col]) * pod for col, row in chosen]
             nodes = [*present, *chosen]
             ways = [[_steps(actions.distance(a, b)) for b in nodes] for a in nodes]
@@ -93,7 +93,6 @@ def solve(
     durations = np.zeros((end + 1, end + 1), int)
     durations[:end, :end] = ways
     durations[drones:end] += 1
-
     transit = routing.RegisterTransitMatrix(durations.tolist())
     routing.AddDimension(transit, 0, time, True, "time")
     times = routing.GetDimensionOrDie("time")

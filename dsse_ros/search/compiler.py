@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,18 @@ class _FirstCompilation(event.Listener):
         pass
 
 
+def announced(announce: Callable[[str], None]) -> AbstractContextManager[Any]:
+    """Return a context in which the compiler is announced when it first has work to do.
+
+    Args:
+        announce: Called with `COMPILING` then.
+    """
+    context: AbstractContextManager[Any] = event.install_listener(
+        "numba:compile", _FirstCompilation(announce)
+    )
+    return context
+
+
 def prepared_env(
     scenario: Scenario,
     rules: Rules,
@@ -50,9 +63,9 @@ def prepared_env(
     Raises:
         FieldError: If the scenario does not fit the rules.
     """
-    # What is not allowed is said before a compiler that takes its time.
+    # Bad input is refused before the compiler takes its time.
     grid_size = scenario.resolve(rules).grid_size
-    with event.install_listener("numba:compile", _FirstCompilation(announce)):
+    with announced(announce):
         env = SearchEnv(scenario, rules)
         env.reset(seed=0)
         hold = np.full(env.world.num_drones, HOLD, np.int8)

@@ -53,7 +53,7 @@ class Scenario:
     area: Area | None = field(
         "area",
         "Polygons that are searched: a GeoJSON file or, in YAML and Python, a list of [lat, lon]. "
-        "A cell is in them if its centre is. By default the whole grid.",
+        "A cell is in them if its centre is. Empty for the whole grid.",
         None,
     )
     land: bool = field(
@@ -133,7 +133,8 @@ class Scenario:
     def __post_init__(self) -> None:
         check_all(self, Scenario)
         if self.area is not None:
-            object.__setattr__(self, "area", Area.of(self.area))
+            whole_grid = isinstance(self.area, str) and not self.area
+            object.__setattr__(self, "area", None if whole_grid else Area.of(self.area))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Scenario:
@@ -161,7 +162,7 @@ class Scenario:
         """
         try:
             values = read_yaml(path)
-            if isinstance(values, dict) and isinstance(values.get("area"), str):
+            if isinstance(values, dict) and values.get("area") and isinstance(values["area"], str):
                 values["area"] = os.path.join(os.path.dirname(path), values["area"])
             return cls.from_dict({} if values is None else values)
         except FieldError as error:

@@ -50,6 +50,17 @@ def test_the_same_seed_and_commands_give_the_same_mission(
         assert first.pos == second.pos
 
 
+def test_goals_that_no_moves_in_the_area_lead_to_are_refused() -> None:
+    north = [[-24.04, -46.17], [-24.04, -46.0], [-24.0365, -46.0], [-24.0365, -46.17]]
+    flown = mission(area=north, person_initial_position=(3, 6))
+    mask = flown.env.scenario.area_mask
+    assert mask is not None and not mask[0].any() and mask[6].all()
+    assert flown.refuse_goals(0, [(0, 6), (6, 6)]) is None
+    refused = flown.refuse_goals(0, [(0, 6), (1, 0)])
+    assert refused is not None
+    assert refused.code == "outside_area" and "[1, 0]" in refused.reason
+
+
 @given(seeds, joints)
 def test_a_reset_repeats_the_mission_and_time_goes_on(seed: int, actions: list[list[int]]) -> None:
     flown = mission(seed)

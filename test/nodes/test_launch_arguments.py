@@ -56,7 +56,8 @@ def test_an_argument_is_a_parameter_of_the_nodes_it_is_for(argument: Argument, n
             continue
         spec = SPECS[node][parameter]
         assert argument.kind == spec.kind
-        assert set(argument.choices) == set(spec.choices)
+        # Other packages add planners, which a launch file need not be able to import.
+        assert set(argument.choices) == (set() if name == "planner" else set(spec.choices))
         if name != "seed":
             # Which may be -1 for the simulation alone.
             assert argument.low == spec.low
@@ -120,7 +121,7 @@ def test_a_text_becomes_a_value_of_the_type_of_the_parameter(
     [
         ("seed", "six"), ("seed", "1.0"), ("seed", "-2"), ("num_drones", "0"),
         ("num_drones", "many"), ("step_rate", "nan"), ("step_rate", "-1"), ("auto_reset", "maybe"),
-        ("rviz", "2"), ("planner", "oracle"), ("rules", "v9"), ("log_level", "loud"),
+        ("rviz", "2"), ("rules", "v9"), ("log_level", "loud"),
         ("params_file", "/no/such.yaml"), ("system_ids", "[1, x]"), ("system_ids", "[0]"),
         ("system_ids", "[]"), ("connections", "[a"), ("mode", "manual"), ("bridge", "/no/such.yml"),
     ],

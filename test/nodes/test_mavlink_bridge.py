@@ -240,12 +240,12 @@ def test_without_a_planner_the_vehicles_hold_until_it_goes_on(rig: Rig) -> None:
 
 def test_px4_flies_cells_and_searches_too(rig: Rig) -> None:
     # A busy machine may keep the bridge from sending for a while.
-    patient = ("--param", "COM_OF_LOSS_T=80")
-    with autopilots((), autopilot="px4", speedup=8.0, options=patient) as vehicles:
+    patient = ("--param", "COM_OF_LOSS_T=200")
+    with autopilots((), autopilot="px4", options=patient) as vehicles:
         sim = rig.sim(
             SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1, "wait_for_vehicles": True}
         )
-        bridge = Bridge(rig, vehicles, autopilot="px4", setpoint_rate=50.0)
+        bridge = Bridge(rig, vehicles, autopilot="px4", setpoint_rate=100.0)
         fly(sim, SEARCH)
         fly(sim, UP)
         state = bridge.until(0, arrived="true", flying="false", armed="false")

@@ -17,7 +17,7 @@ CELL_M = 130.0
 
 
 def random_mask(rng: np.random.Generator, size: int) -> NDArray[np.bool_]:
-    """Cells (G, G) of an area: rooms and walks of one cell's width, then islands in them."""
+    """Cells (G, G) of an area: rectangles and walks of one cell's width, then islands in them."""
     mask = np.zeros((size, size), bool)
     for _ in range(rng.integers(0, 3)):
         (x0, x1), (y0, y1) = np.sort(rng.integers(0, size, (2, 2)), axis=1)

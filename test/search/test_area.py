@@ -184,6 +184,20 @@ def test_a_drone_that_would_leave_the_area_is_treated_as_at_the_edge_of_the_grid
         assert env.positions.tolist() == [[1, 1]]
 
 
+def test_a_person_that_walks_blindly_stays_before_a_cell_outside_the_area() -> None:
+    for masked, wanted in ((True, (7, 7)), (False, (6, 6))):
+        mask = np.ones((9, 9), bool)
+        mask[6, 6], mask[0, 0] = not masked, False
+        given = {"area": geojson_of(mask), "grid_size": 9, "vector": (0, 0), **PLACE}
+        env = parallel_env(given, rules="v1", person_initial_position=(2, 2))
+        env.reset(seed=0)
+        person = env.world.persons[0]
+        person["x"] = person["y"] = 7
+        assert not env.probability[6:, 6:].any()
+        env.advance(np.array([-1], np.int8))
+        assert (person["x"][0], person["y"][0]) == wanted
+
+
 def test_drones_start_row_by_row_in_the_area() -> None:
     env = parallel_env(
         area=SQUARE, grid_size=20, num_drones=12, person_initial_position=(8, 8), **PLACE
@@ -205,6 +219,7 @@ def test_geojson_comes_back_from_its_text_and_from_a_file_beside_the_scenario(
 ) -> None:
     area = Area.of(geojson_of(random_mask(np.random.default_rng(3), 12)))
     assert Area.of(area.to_geojson()) == area
+    assert Scenario(area=area).override(area="").area is None
     feature = {"type": "Feature", "properties": {}, "geometry": json.loads(area.to_geojson())}
     collection = {"type": "FeatureCollection", "features": [feature]}
     (tmp_path / "shore.geojson").write_text(json.dumps(collection))
@@ -219,7 +234,7 @@ POINT = {"type": "Point", "coordinates": [-46, -24]}
 
 
 @pytest.mark.parametrize(
-    ("area", "said"),
+    ("area", "error"),
     [
         (7, "area: 7 is not allowed; a GeoJSON file"),
         ([], "three or more"),
@@ -242,28 +257,28 @@ POINT = {"type": "Point", "coordinates": [-46, -24]}
         ([[10, 10], [10, 11], [11, 11]], "centre of a cell of the grid"),
     ],
 )
-def test_an_area_that_cannot_be_searched_is_refused_in_one_line(area: Any, said: str) -> None:
-    with pytest.raises(FieldError, match=re.escape(said)) as refusal:
+def test_an_area_that_cannot_be_searched_is_refused_in_one_line(area: Any, error: str) -> None:
+    with pytest.raises(FieldError, match=re.escape(error)) as refusal:
         parallel_env(area=area, grid_size=20)
     assert str(refusal.value).startswith("area: ") and "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("fields", "error"),
     [
         ({"person_initial_position": (0, 0)}, "person_initial_position: [0, 0] is not allowed"),
         ({"drones_positions": [(8, 8), (1, 1)]}, "drones_positions: [1, 1] is not allowed"),
         ({"num_drones": 200}, "num_drones: 200 is not allowed; at most 156, one per cell of the"),
     ],
 )
-def test_nobody_starts_outside_the_area(fields: dict[str, Any], said: str) -> None:
+def test_nobody_starts_outside_the_area(fields: dict[str, Any], error: str) -> None:
     given = {"area": SQUARE, "grid_size": 20, "person_initial_position": (8, 8), **PLACE}
-    with pytest.raises(FieldError, match=re.escape(said)):
+    with pytest.raises(FieldError, match=re.escape(error)):
         parallel_env(given, **fields)
     options = {k: v for k, v in fields.items() if k != "num_drones"}
     if options:
         env = parallel_env(given, num_drones=len(options.get("drones_positions", [0])))
-        with pytest.raises(FieldError, match=re.escape(said)):
+        with pytest.raises(FieldError, match=re.escape(error)):
             env.reset(options=options)
 
 

@@ -120,7 +120,8 @@ def test_an_override_of_one_way_of_stating_a_thing_replaces_the_other() -> None:
 
 def test_a_resolved_scenario_leaves_nothing_open_and_resolves_to_itself() -> None:
     scenario = resolved()
-    other_ways = {"zone_size", "current_speed", "current_toward"}
+    # The whole grid has no polygons.
+    other_ways = {"zone_size", "current_speed", "current_toward", "area"}
     for field in dataclasses.fields(scenario):
         assert (getattr(scenario, field.name) is None) == (field.name in other_ways)
     assert scenario.resolve(PAPER) == scenario
@@ -333,7 +334,7 @@ def test_every_place_that_comes_with_the_package_can_be_searched(path: Path) -> 
     while env.agents:
         env.step(dict.fromkeys(env.agents, 4))
     assert env.scenario.name
-    assert env.scenario.cell_size == 130
+    assert env.scenario.step_duration_s == 13
 
 
 def test_the_paper_s_zone_is_one_of_them() -> None:

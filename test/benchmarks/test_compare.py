@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `make compare` counts is what single environments do, and the page shows its results."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.compare import (
+    CASES,
+    DISTURBANCES,
+    PAGE,
+    RESULTS,
+    figures,
+    with_tables,
+)
+from benchmarks.shared_missions import Missions, play
+from dsse_ros.planners import planner_for
+from dsse_ros.search import SearchEnv, parallel_env
+
+SMALL: dict[str, dict[str, Any]] = {
+    "v2": {
+        "rules": "v2", "grid_size": 12, "num_drones": 2, "person_initial_position": (6, 5),
+        "timestep_limit": 40,
+    },
+    "paper": {"grid_size": 8, "num_drones": 2, "sigma": 2, "timestep_limit": 40},
+    "several": {
+        "rules": "v2", "grid_size": 12, "num_drones": 2, "person_amount": 2,
+        "person_initial_position": (6, 5), "timestep_limit": 30,
+    },
+}  # fmt: skip
+
+
+def alone(env: SearchEnv, name: str, seed: int, planner_seed: int, lost: int | None) -> Any:
+    """Play one mission; returns whether all were found, and the steps."""
+    observations, infos = env.reset(seed=seed)
+    planner = planner_for(env, name, seed=planner_seed)
+    steps, limit = 0, env.scenario.timestep_limit
+    while env.agents and steps < limit:
+        observations, _, _, _, infos = env.step(planner(observations, infos))
+        observations = {agent: observations[agent] for agent in env.agents}
+        steps += 1
+        if steps == lost:
+            env.withdraw(env.scenario.num_drones - 1)
+    found = bool(env.world.worlds["num_missing"][0] == 0)
+    return found, steps if found else limit
+
+
+@pytest.mark.parametrize("name", ["greedy", "random", "belief_greedy", "expanding_square"])
+@pytest.mark.parametrize("key", ["v2", "paper"])
+@pytest.mark.parametrize("lost", [None, 5])
+def test_missions_that_share_decisions_are_what_single_ones_are(
+    name: str, key: str, lost: int | None
+) -> None:
+    env = parallel_env(**SMALL[key])
+    seeds = list(range(70, 82))
+    missions = play(name, env.scenario, env.rules, seeds, planner_seeds=2, withdraw_at=lost)
+    for m, seed in enumerate(seeds):
+        assert (missions.found[m], missions.steps[m]) == alone(env, name, seed, m % 2, lost)
+
+
+def test_the_difference_is_one_of_pairs() -> None:
+    steps = np.array([10, 20, 60, 40] * 50)
+    ours = Missions(steps < 60, steps - 3, np.zeros(200, np.int64))
+    beside = Missions(steps < 60, steps, np.zeros(200, np.int64))
+    row = figures(ours, beside)
+    assert row["difference"] == -3
+    assert row["difference_interval"] == (-3, -3)
+    low, high = row["steps_interval"]
+    assert high - low > 1
+
+
+def test_a_disturbance_misleads_the_planner_and_leaves_the_world_as_it_is() -> None:
+    case = CASES["santos_4"]
+    vector = np.array(case.scenario.resolve(case.rules).vector)
+    for key, length, turn in (("speed", 1.3, 0), ("slow", 0.7, 0), ("direction", 1, 30)):
+        world, assumed = DISTURBANCES[key].apply(case.scenario, case.rules)
+        assert world.resolve(case.rules) == case.scenario.resolve(case.rules)
+        wrong = np.array(assumed.resolve(case.rules).vector)
+        assert np.linalg.norm(wrong) == pytest.approx(length * np.linalg.norm(vector))
+        cosine = wrong @ vector / np.linalg.norm(wrong) / np.linalg.norm(vector)
+        assert np.degrees(np.arccos(min(1.0, cosine))) == pytest.approx(turn, abs=1e-5)
+    for key, known in (("pod", 1.0), ("pod_known", 0.8)):
+        world, assumed = DISTURBANCES[key].apply(case.scenario, case.rules)
+        assert world.probability_of_detection == 0.8
+        assert assumed.probability_of_detection == known
+
+
+def test_the_drifts_of_table_a_are_drawn_as_published() -> None:
+    parts = list(CASES["v1"].parts(10_000))
+    assert len(parts) == 9
+    assert sorted(int(n) for _, numbers in parts for n in numbers) == list(range(10_000))
+    still = next(len(n) for s, n in parts if s.vector == (0.0, 0.0))
+    assert still == pytest.approx(2500, abs=200)
+
+
+def test_the_page_shows_the_kept_results() -> None:
+    results = json.loads((RESULTS / "compare.json").read_text(encoding="utf-8"))
+    page = PAGE.read_text(encoding="utf-8")
+    assert with_tables(page, results) == page

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Promises of the routes of a solver."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dsse_ros.planners import planner_for
+from dsse_ros.search import parallel_env
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER: dict[str, Any] = {
+    "grid_size": 8, "num_drones": 3, "sigma": 2, "vector": (0.1, 0.05), "timestep_limit": 25,
+    "person_initial_position": (4, 5), "probability_of_detection": 0.0,
+}  # fmt: skip
+
+
+def test_without_the_extra_one_line_says_what_to_install() -> None:
+    code = (
+        "import sys; sys.modules['ortools'] = None\n"
+        "from dsse_ros.planners import load_planner\n"
+        "try:\n    load_planner('route')\n"
+        "except ValueError as error:\n    print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120
+    )
+    (line,) = done.stdout.splitlines()
+    assert "pip install 'dsse_ros[routes]'" in line
+
+
+def test_the_routes_keep_to_the_time_and_have_each_node_once() -> None:
+    solve = pytest.importorskip("dsse_ros.planners.route", exc_type=ImportError).solve
+    cells = [(0, 0), (7, 7), (1, 0), (2, 0), (7, 6), (7, 5), (0, 7)]
+    ways = [[abs(a - c) + abs(b - d) for c, d in cells] for a, b in cells]
+    routes = solve(ways, [0.2, 0.2, 0.2, 0.2, 0.1], 2, 4)
+    assert routes == [[2, 3], [4, 5]]
+    for drone, route in enumerate(routes):
+        steps = sum(ways[a][b] + 1 for a, b in pairwise([drone, *route]))
+        assert steps <= 4
+    (first, second) = solve(ways, [0.2, 0.2, 0.2, 0.2, 0.1], 2, 20)
+    assert sorted(first + second) == [2, 3, 4, 5, 6]
+
+
+def test_no_drone_collides_and_the_same_seed_gives_the_same_mission() -> None:
+    pytest.importorskip("ortools")
+    played = []
+    for _ in range(2):
+        env = parallel_env(**PAPER)
+        planner = planner_for(env, "route", seed=1)
+        observations, infos = env.reset(seed=2)
+        actions = []
+        while env.agents:
+            assert len(env.agents) == 3
+            actions.append(planner(observations, infos))
+            observations, _, _, _, infos = env.step(actions[-1])
+            observations = {agent: observations[agent] for agent in env.agents}
+        played.append(actions)
+    assert played[0] == played[1]
+    assert len(played[0]) >= 25
