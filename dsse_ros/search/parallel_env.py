@@ -43,8 +43,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         rules: The rules in force.
 
     Raises:
-        FieldError: If the scenario does not fit the rules, or the render mode or what is observed
-            is unknown.
+        FieldError: If the scenario does not fit the rules, or an argument is unknown.
     """
 
     metadata = {
@@ -367,13 +366,8 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
 
     def _advance(self) -> None:
         """Advance the world by the actions taken."""
-        if self._beliefs is None:
-            self.world.step(self._actions)
-        else:
-            self._beliefs.before_step(self._actions)
-            self.world.step(self._actions)
-            self._beliefs.after_step()
-            self._note_belief()
+        (self._beliefs or self.world).step(self._actions)
+        self._note_belief()
         if self.render_mode is not None:
             self._track.append(self.positions)
         elif self._track:

@@ -91,6 +91,12 @@ class WorldBeliefs:
             return scenario
         return scenario.override(**replaced).resolve(self._world.rules)
 
+    def step(self, actions: NDArray[np.int8]) -> None:
+        """Advance every world by one step, see `World.step`, and follow it."""
+        self.before_step(actions)
+        self._world.step(actions)
+        self.after_step()
+
     def before_step(self, actions: NDArray[np.int8]) -> None:
         """Note who is about to act.
 

@@ -35,10 +35,10 @@ def test_topics_diagnostics_record_and_environment_agree(rig: Rig, tmp_path: Pat
     }  # fmt: skip
     sim = rig.sim(
         {**given, "seed": SEED, "publish_belief": True, "record_file": str(record)},
-        namespace="/believed",
+        namespace="/sea",
     )
-    images = rig.listen(Image, "/believed/belief", LATCHED)
-    grids = rig.listen(OccupancyGrid, "/believed/belief_grid", LATCHED)
+    images = rig.listen(Image, "/sea/belief", LATCHED)
+    grids = rig.listen(OccupancyGrid, "/sea/belief_grid", LATCHED)
     env = parallel_env(observe="belief", **FIELDS)
     env.reset(seed=SEED)
     wanted = [(0.0, env.probability)]
@@ -61,7 +61,7 @@ def test_topics_diagnostics_record_and_environment_agree(rig: Rig, tmp_path: Pat
 
     def shown() -> str | None:
         for status in rig.first(DiagnosticArray, "/diagnostics", RELIABLE).status:
-            if status.name == "believed/dsse_sim":
+            if status.name == "sea/dsse_sim":
                 return {pair.key: pair.value for pair in status.values}["pos"]
         return None
 
