@@ -50,7 +50,7 @@ setup(
         # 1.8.75 on it brings 800 MB of 3D libraries.
         "sitl": ["MAVProxy>=1.8.71,<1.8.75", "future>=1.0", "mavsdk>=4.1,<5"],
         # What a scenario's fields of the same names need.
-        "area": ["shapely>=2.0"],
+        "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
         "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
         "test": [

@@ -27,7 +27,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
-from dsse_ros.mission.mission_log import MissionRecord, read_log
+from dsse_ros.mission.mission_log import MissionRecord, last_pos, read_log
 from dsse_ros.nodes.exit_codes import BAD_INPUT, fail
 from dsse_ros.nodes.interrupts import Stop, on_signals
 from dsse_ros.nodes.qos import LATCHED
@@ -63,29 +63,28 @@ class Watcher(Node):
     """Follows a mission over its topics.
 
     Args:
-        search_action: Number of the action search.
-        probability_of_detection: Of a search.
+        log: The record of the mission, which is written before a step is published.
+        belief: Whether the belief goes out too.
 
     Attributes:
         step: Steps done, -1 before the first report.
         num_active: Drones in flight.
         done: Whether the mission is over and its last map is here.
-        probability: The last map (G, G).
-        unsearched: As `Mission.unsearched`, over the steps seen.
+        probability: The last belief (G, G), or the last map if no belief goes out.
+        belief: The argument.
     """
 
-    def __init__(self, search_action: int, probability_of_detection: float) -> None:
+    def __init__(self, log: Path, *, belief: bool) -> None:
         super().__init__("dsse_watcher")
         self.step = -1
         self.num_active = 0
-        self.unsearched = 1.0
+        self.belief = belief
         self.probability: NDArray[np.float32] | None = None
-        self._search = search_action
-        self._pod = probability_of_detection
+        self._log = log
         self._map_stamp = -1
         self._report_stamp = -1
-        self._previous: NDArray[np.float32] | None = None
-        self.create_subscription(Image, "probability", self._on_map, LATCHED)
+        topic = "belief" if belief else "probability"
+        self.create_subscription(Image, topic, self._on_map, LATCHED)
         self.create_subscription(PointCloud2, "step_report", self._on_report, LATCHED)
 
     @property
@@ -94,7 +93,6 @@ class Watcher(Node):
         return self.step >= 0 and self.num_active == 0 and self._map_stamp == self._report_stamp
 
     def _on_map(self, message: Image) -> None:
-        self._previous = self.probability
         self.probability = image_to_probability(message)
         self._map_stamp = to_nanoseconds(message.header.stamp)
 
@@ -104,13 +102,6 @@ class Watcher(Node):
         self.step = int(report["step"][0])
         self.num_active = int((~down).sum())
         self._report_stamp = to_nanoseconds(message.header.stamp)
-        # What was searched counts with the map that the drones had seen.
-        seen = self._previous if self._map_stamp == self._report_stamp else self.probability
-        searched = report[report["action"] == self._search]
-        if seen is not None and len(searched):
-            cells = {(int(col), int(row)) for col, row in zip(searched["col"], searched["row"])}  # noqa: B905
-            probability = sum(float(seen[row, col]) for col, row in cells)
-            self.unsearched *= 1.0 - min(self._pod * probability, 1.0)
 
     def line(self) -> str:
         """Return the state of the search for the progress line."""
@@ -119,8 +110,9 @@ class Watcher(Node):
         row, col = np.unravel_index(int(self.probability.argmax()), self.probability.shape)
         best = float(self.probability[row, col])
         active = f"{self.num_active} drones" if self.num_active else "over"
-        effort = f"search effort {1.0 - self.unsearched:.1%}"
-        return f"best cell ({col}, {row}) {best:.1%}, {active}, {effort}"
+        pos = last_pos(self._log)
+        success = "" if pos is None else f", POS {pos:.1%}"
+        return f"best cell ({col}, {row}) {best:.1%}, {active}{success}"
 
 
 @contextlib.contextmanager
@@ -186,7 +178,7 @@ def compiling(log: Path) -> bool:
 
 
 def fly(
-    arguments: argparse.Namespace, path: Path, scenario: Scenario, rules: Rules, stop: Stop
+    arguments: argparse.Namespace, path: Path, scenario: ResolvedScenario, rules: Rules, stop: Stop
 ) -> Watcher:
     """Run the mission to its end, with a progress line; returns what was seen.
 
@@ -195,9 +187,11 @@ def fly(
         MissionStopped: If `stop` is wanted.
     """
     out: Path = arguments.out
+    belief = SimSettings(compute_pos=arguments.compute_pos).has_belief(scenario.grid_size)
     sim = {
         "scenario": str(path), "rules": rules.profile, "seed": arguments.seed,
         "step_rate": float(arguments.rate), "record_file": str(out / "mission.csv"),
+        "publish_belief": belief,
     }  # fmt: skip
     if arguments.drones is not None:
         sim["num_drones"] = arguments.drones
@@ -205,7 +199,7 @@ def fly(
     sim_ros = ros_for(SIM_PARAMETERS, arguments.ros)
     planner_ros = ros_for(PLANNER_PARAMETERS, arguments.ros)
     sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
-    watcher = Watcher(rules.action_set.search, scenario.probability_of_detection)
+    watcher = Watcher(out / "mission.csv", belief=belief)
     executor = new_executor()
     executor.add_node(watcher)
     bar = tqdm(
@@ -272,7 +266,7 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
         "time at sea": f"{minutes} min {seconds} s",
         "drones": f"{len(metres)}, {down} lost" if down else f"{len(metres)}",
         "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
-        "search effort": f"{record.search_effort:.1%}",
+        **({} if record.pos is None else {"POS": f"{record.pos:.1%}"}),
         "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
     }
     title = scenario.name or "Mission"
@@ -294,6 +288,8 @@ def picture(record: MissionRecord, watcher: Watcher, scenario: ResolvedScenario)
         timestep_limit=scenario.timestep_limit,
         cell_size_m=scenario.cell_size,
         title=scenario.name,
+        pos=record.pos,
+        belief=watcher.belief,
         area=scenario.area_mask,
     )
 
@@ -307,9 +303,11 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add_search("santos")
     parser.add("--rate", type=float, default=20.0, help="steps/s at most, 0: no limit")
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
+    parser.set_defaults(compute_pos="auto")
+    of_sim = {"step_rate": "rate", "compute_pos": "compute_pos"}
     return parser.parse_with_ros(
         argv,
-        {"step_rate": ("rate", specs(SimSettings)["step_rate"])},
+        {name: (option, specs(SimSettings)[name]) for name, option in of_sim.items()},
         {*SIM_PARAMETERS, *PLANNER_PARAMETERS},
     )
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.command_buffer import Cell, CommandBuffer
 from dsse_ros.search import HOLD, SearchEnv, Snapshot, SnapshotError
+from dsse_ros.search.world_beliefs import WorldBeliefs
 from msg_adapters.result import Rejected
 
 END_NS = 2**31 * 10**9
@@ -54,32 +55,38 @@ HISTORY_DTYPE = np.dtype(
 """What is kept of a drone in each step, packed: a mission may have millions of steps."""
 
 _OF_RESULT = ("actions", "held", "probabilities")
-_OF_MISSION = ("seed", "number", "unsearched", "aborted", "tracks", "searches", "lost", "_stamp_ns")
+_OF_MISSION = ("seed", "number", "aborted", "tracks", "searches", "lost", "_stamp_ns")
 
 
 class Mission:
     """One search after the other on one environment.
+
+    Args:
+        env: The environment.
+        seed: Of the first mission.
+        belief: Whether a belief follows the mission; without one there is no `pos`.
 
     Attributes:
         env: The environment.
         seed: Seed of the mission under way.
         number: Missions started so far, 1 for the first.
         result: The last step's result.
-        unsearched: Product over the steps of 1 - POD times the probability of the cells searched.
         aborted: Whether the mission was aborted because commands were missing.
         tracks: Of each drone, the cells it was in, without repeats.
         searches: Of each drone, how often it has searched in each cell of its track.
         lost: The drones that were lost, in the order in which they were.
     """
 
-    def __init__(self, env: SearchEnv, seed: int) -> None:
+    def __init__(self, env: SearchEnv, seed: int, *, belief: bool = True) -> None:
         self.env = env
+        self._beliefs = WorldBeliefs(env.world) if belief else None
+        # As the last caller of `belief` got it, until it changes.
+        self._belief_map: NDArray[np.float32] | None = None
         self.commands = CommandBuffer(
             env.rules.actions, env.world.num_drones, env.scenario.area_mask
         )
         self.seed = seed
         self.number = 0
-        self.unsearched = 1.0
         self.aborted = False
         self.tracks: list[list[Cell]] = []
         self.searches: list[list[int]] = []
@@ -92,11 +99,12 @@ class Mission:
     def reset(self, seed: int) -> StepResult:
         """Start a new mission; mission time goes on, or starts anew every 34 years."""
         self.env.reset(seed=seed)
+        if self._beliefs is not None:
+            self._beliefs.reset()
         if self._stamp_ns > END_NS // 2:
             self._stamp_ns = 0
         self.seed = seed
         self.number += 1
-        self.unsearched = 1.0
         self.aborted = False
         self.commands.clear()
         count = self.env.world.num_drones
@@ -167,13 +175,25 @@ class Mission:
         return live
 
     @property
-    def search_effort(self) -> float:
-        """How much has been searched, 0 to 1: the complement of `unsearched`.
+    def pos(self) -> float | None:
+        """Cumulative probability of success of the searches so far, None without a belief.
 
-        It is no probability of success: the map learns nothing from a search in vain, so that
-        searching one cell again and again counts each time.
+        The probability that searches like these find the person, before it is known how they
+        ended; of several persons the expected share of finds. See `belief.Belief`.
         """
-        return 1.0 - self.unsearched
+        return None if self._beliefs is None else float(self._beliefs.pos[0])
+
+    def belief(self) -> NDArray[np.float32]:
+        """Return the probability of where the persons are who were not found, (G, G) as [y, x].
+
+        Raises:
+            ValueError: If no belief follows the mission.
+        """
+        if self._beliefs is None:
+            raise ValueError("no belief follows the mission")
+        if self._belief_map is None:
+            self._belief_map = self._beliefs.write()[0]
+        return self._belief_map
 
     @property
     def missing(self) -> list[int]:
@@ -226,15 +246,14 @@ class Mission:
         joint = self.commands.take(self.live, self.result.cells, missing_action)
         searching = live & (joint == self.env.rules.action_set.search)
         probabilities = np.where(searching, self._probabilities(), 0.0)
-        searchers = np.flatnonzero(searching)
-        cells = map(tuple, self.result.cells[searchers].tolist())
-        searched = dict(zip(cells, probabilities[searchers].tolist(), strict=True))
+        if self._beliefs is not None:
+            self._beliefs.before_step(joint[None])
         self.env.advance(joint)
+        if self._beliefs is not None:
+            self._beliefs.after_step()
         self._past += _packed(self.result).tobytes()
-        pod = self.env.scenario.probability_of_detection
-        self.unsearched *= 1.0 - min(pod * sum(searched.values()), 1.0)
         self.result = self._result(joint, live & (joint == HOLD), probabilities)
-        for drone in searchers.tolist():
+        for drone in np.flatnonzero(searching).tolist():
             self.searches[drone][-1] += 1
         return self.result
 
@@ -249,6 +268,7 @@ class Mission:
                 **of_world.arrays,
                 **{f"result_{name}": a.copy() for name, a in arrays.items()},
                 "history": self._rows_before(),
+                **({} if self._beliefs is None else self._beliefs.arrays()),
             },
             # Through JSON nothing of it stays shared.
             json.loads(json.dumps({**extra, "commands": self.commands.state()})),
@@ -264,7 +284,11 @@ class Mission:
         extra, arrays = snapshot.extra, snapshot.arrays
         if not {*_OF_MISSION, "commands"} <= extra.keys() or "history" not in arrays:
             raise SnapshotError("the snapshot is of a world, not of a mission")
+        if self._beliefs is not None:
+            self._beliefs.check(snapshot)
         self.env.restore(snapshot)
+        if self._beliefs is not None:
+            self._beliefs.restore(snapshot)
         for name in _OF_MISSION:
             setattr(self, name, extra[name])
         self.tracks = [[(col, row) for col, row in track] for track in extra["tracks"]]
@@ -294,6 +318,7 @@ class Mission:
         probabilities: NDArray[np.float64],
     ) -> StepResult:
         world = self.env.world
+        self._belief_map = None
         self._stamp_ns += self._step_ns
         cells = self.env.positions
         _, truncated = self.env.flags

@@ -20,10 +20,14 @@ from msg_adapters.geodesy import cell_to_geodetic
 
 COLUMNS = (
     "mission", "step", "time_s", "agent", "col", "row", "east_m", "north_m", "lat_deg", "lon_deg",
-    "action", "reward", "terminated", "truncated", "found", "held", "probability", "search_effort",
+    "action", "reward", "terminated", "truncated", "found", "held", "probability", "pos",
 )  # fmt: skip
-"""Column names; `probability` is that of the cell searched, `search_effort` is as
-`Mission.search_effort` has it. Persons have no action and no reward."""
+"""Column names; `probability` is that of the cell searched, `pos` is as `Mission.pos` has it.
+Persons have no action and no reward."""
+
+
+_TAIL_BYTES = 1 << 16
+"""At the end of a log, where the rows of its last step are looked for."""
 
 
 class MissionLog:
@@ -69,7 +73,7 @@ class MissionLog:
         cells = np.vstack([result.cells, np.stack([persons["x"], persons["y"]], axis=1)])
         east, north = cell_to_map(self._frame, cells[:, 0], cells[:, 1])
         lat, lon, _ = cell_to_geodetic(self._frame, cells[:, 0], cells[:, 1], 0.0)
-        drones = len(result.cells)
+        drones, pos = len(result.cells), "" if mission.pos is None else repr(mission.pos)
         for i, (col, row) in enumerate(cells.tolist()):
             place = (
                 col, row, f"{east[i]:.3f}", f"{north[i]:.3f}", f"{lat[i]:.9f}", f"{lon[i]:.9f}",
@@ -87,7 +91,7 @@ class MissionLog:
                         repr(float(result.rewards[i])),
                         *(int(flag[i]) for flag in flags),
                         repr(float(result.probabilities[i])),
-                        repr(mission.search_effort),
+                        pos,
                     )  # fmt: skip
                 )
             else:
@@ -157,7 +161,7 @@ class MissionRecord:
         truncated: (N,) bool after the last step.
         found: (N, K) bool.
         times_s: (K,) float64 mission time.
-        search_effort: Search effort after the last step.
+        pos: As `Mission.pos` after the last step.
     """
 
     tracks: NDArray[np.int64]
@@ -169,7 +173,7 @@ class MissionRecord:
     truncated: NDArray[np.bool_]
     found: NDArray[np.bool_]
     times_s: NDArray[np.float64]
-    search_effort: float
+    pos: float | None
 
 
 def read_log(path: str | os.PathLike[str]) -> MissionRecord:
@@ -200,8 +204,26 @@ def read_log(path: str | os.PathLike[str]) -> MissionRecord:
         truncated=flags["truncated"][:, -1],
         found=flags["found"],
         times_s=table("time_s", float)[0],
-        search_effort=float(drones[0][-1]["search_effort"]),
+        pos=_pos_of(drones[0][-1]),
     )
+
+
+def last_pos(path: str | os.PathLike[str]) -> float | None:
+    """Return the POS after the last step of a log that is being written; None if it has none."""
+    try:
+        with Path(path).open("rb") as file:
+            file.seek(max(file.seek(0, os.SEEK_END) - _TAIL_BYTES, 0))
+            # The first line is the head, or one in part, as the last one may be.
+            lines = file.read().decode().split("\n")[1:-1]
+    except OSError:
+        return None
+    rows = [dict(zip(COLUMNS, line.split(","), strict=True)) for line in lines]
+    of_drones = [row for row in rows if row["agent"].startswith("drone")]
+    return _pos_of(of_drones[-1]) if of_drones else None
+
+
+def _pos_of(row: dict[str, str]) -> float | None:
+    return float(row["pos"]) if row["pos"] else None
 
 
 def _by_agent(rows: list[dict[str, str]], kind: str) -> list[list[dict[str, str]]]:

@@ -158,7 +158,7 @@ def values(
         "missing_drones": names(mission, [] if mission.done else mission.missing),
         "lost_drones": names(mission, mission.lost),
         "timeouts": timeouts,
-        "search_effort": f"{mission.search_effort:.6f}",
+        **({} if mission.pos is None else {"pos": f"{mission.pos:.6f}"}),
         **{f"publishers.{topic}": count for topic, count in publishers.items()},
         "duplicates": duplicates,
         "rejected": sum(rejected.values()),

@@ -164,6 +164,10 @@ MISSION: Mapping[str, Argument] = {
         "bool", "Whether the simulation publishes /clock, which only one in a domain should.",
         "true", _SIM,
     ),
+    "publish_belief": Argument(
+        "bool", "Whether the simulation publishes the belief: where the persons are, after the "
+        "searches so far.", "false", _SIM,
+    ),
     "use_sim_time": Argument(
         "bool", "Whether planner and RViz take their time from /clock; by default if it is "
         "published.", "true", ("planner_node", "rviz2"),

@@ -21,6 +21,7 @@ from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
 from dsse_ros.search import HOLD, Observation
+from dsse_ros.search.compiler import announced
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.commands import joint_action_message
@@ -139,10 +140,11 @@ class PlannerNode(AlarmNode):
         answer = None
         if live.any():
             try:
-                if last is None or step[:2] != last[:2] or step[2] < last[2]:
-                    self._planner = self._make_planner(info)
-                assert self._planner is not None
-                actions = _ask(self._planner, info, report, probability, live)
+                with announced(self.get_logger().info):
+                    if last is None or step[:2] != last[:2] or step[2] < last[2]:
+                        self._planner = self._make_planner(info)
+                    assert self._planner is not None
+                    actions = _ask(self._planner, info, report, probability, live)
                 answer = joint_action_message(step[2], actions, mission=step[1])
             except Exception as error:
                 # Planners of others may raise anything.

@@ -10,6 +10,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from numpy.typing import NDArray
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -72,6 +73,7 @@ class MissionPublishers:
         frame: Where the grid lies.
         run_id: Identity of the simulation since its start.
         publish_clock: Whether mission time goes out on `/clock`.
+        publish_belief: Whether the belief goes out, of a mission that has one.
 
     Attributes:
         run_id: Identity that the messages carry.
@@ -85,6 +87,7 @@ class MissionPublishers:
         *,
         run_id: int,
         publish_clock: bool,
+        publish_belief: bool,
     ) -> None:
         self._mission = mission
         self.run_id = run_id
@@ -93,6 +96,10 @@ class MissionPublishers:
         self._publisher = endpoints.publisher
         self._grid = self._publisher(OccupancyGrid, "probability_grid", LATCHED)
         self._image = self._publisher(Image, "probability", LATCHED)
+        self._belief_grid = self._belief_image = None
+        if publish_belief:
+            self._belief_grid = self._publisher(OccupancyGrid, "belief_grid", LATCHED)
+            self._belief_image = self._publisher(Image, "belief", LATCHED)
         self._drones = self._publisher(PoseArray, "drones", LATCHED)
         self._report = self._publisher(PointCloud2, "step_report", REPORTS)
         self._mission_report = self._publisher(PointCloud2, "mission_report", LATCHED)
@@ -160,16 +167,29 @@ class MissionPublishers:
             publisher.publish(message)
 
     def publish_grid(self, stamp: Time, grid_scaling: str) -> None:
-        """Publish the map for people."""
-        env = self._mission.env
-        area = env.scenario.area_mask
-        self._grid.publish(occupancy_grid(self._frame, env.probability, stamp, grid_scaling, area))
+        """Publish the map, and the belief if it goes out, for people."""
+        self._publish_grid(self._grid, self._mission.env.probability, stamp, grid_scaling)
+        if self._belief_grid is not None:
+            belief = self._mission.belief()
+            self._publish_grid(self._belief_grid, belief, stamp, grid_scaling)
+
+    def _publish_grid(
+        self,
+        publisher: Publisher,
+        probability: NDArray[np.float32],
+        stamp: Time,
+        grid_scaling: str,
+    ) -> None:
+        area = self._mission.env.scenario.area_mask
+        publisher.publish(occupancy_grid(self._frame, probability, stamp, grid_scaling, area))
 
     def publish_step(self, result: StepResult, stamp: Time, grid_scaling: str) -> None:
         """Publish a step, all messages with the same stamp; the step report goes last."""
         frame, env = self._frame, self._mission.env
         self.publish_grid(stamp, grid_scaling)
         self._image.publish(probability_image(frame, env.probability, stamp))
+        if self._belief_image is not None:
+            self._belief_image.publish(probability_image(frame, self._mission.belief(), stamp))
         cells = result.cells.tolist()
         for publisher, cell, message in zip(self._poses, cells, self._pose_of, strict=True):
             publisher.publish(pose_stamped(frame, cell, stamp, message))

@@ -12,6 +12,9 @@ from dsse_ros.search.fields import FieldError, check_all, field
 from dsse_ros.search.rules import PROFILES
 from msg_adapters.agents import MAX_ID
 
+LARGEST_AUTO_GRID = 100
+"""Cells a side of the largest grid whose missions have a belief without being asked for one."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SimSettings(FlightSettings):
@@ -87,6 +90,18 @@ class SimSettings(FlightSettings):
         choices=("max", "linear", "log"),
     )
     reveal_person: bool = field("bool", "Whether markers show where the persons are.", False)
+    publish_belief: bool = field(
+        "bool",
+        "Whether belief and belief_grid go out: where the persons are, after the searches so far.",
+        False,
+    )
+    compute_pos: str = field(
+        "str",
+        "Whether a belief follows the mission, for its POS in diagnostics and record_file; "
+        f"auto: on grids of at most {LARGEST_AUTO_GRID} cells a side, or for publish_belief.",
+        "auto",
+        choices=("auto", "always", "never"),
+    )
     wait_for_vehicles: bool = field(
         "bool",
         "Whether a step waits until every vehicle is in its drone's cell and has searched it.",
@@ -122,6 +137,8 @@ class SimSettings(FlightSettings):
         check_all(self)
         if self.run_id == 0:
             raise FieldError(f"run_id: 0 is not allowed; -1 or 1 to {MAX_ID}")
+        if self.publish_belief and self.compute_pos == "never":
+            raise FieldError("compute_pos: 'never' is not allowed with publish_belief")
         if not self.map_frame:
             raise FieldError("map_frame: '' is not allowed; a name")
         for name in ("map_frame", "frame_prefix"):
@@ -132,6 +149,12 @@ class SimSettings(FlightSettings):
                 )
         if self.resume and not self.snapshot_file:
             raise FieldError("resume: True is not allowed without snapshot_file, to start from")
+
+    def has_belief(self, grid_size: int) -> bool:
+        """Return whether a belief follows a mission on a grid of this size."""
+        if self.compute_pos == "auto":
+            return self.publish_belief or grid_size <= LARGEST_AUTO_GRID
+        return self.compute_pos == "always"
 
 
 RUN_TIME_SETTINGS = frozenset(

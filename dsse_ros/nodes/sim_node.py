@@ -71,7 +71,8 @@ class SimNode(AlarmNode):
         self.settings, env, endpoints = read_parameters(self)
         settings = self.settings
         self.frame = grid_frame(env.scenario, settings)
-        self.mission = Mission(env, draw_seed(self.settings))
+        has_belief = settings.has_belief(env.world.grid_size)
+        self.mission = Mission(env, draw_seed(self.settings), belief=has_belief)
         self.files = MissionFiles(
             self.mission,
             record_file=settings.record_file,
@@ -85,6 +86,7 @@ class SimNode(AlarmNode):
             self.frame,
             run_id=draw_run_id(self.settings),
             publish_clock=settings.publish_clock,
+            publish_belief=settings.publish_belief,
         )
         self.stopped = False
         self.timeouts = 0

@@ -53,7 +53,7 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
     rules = profile(settings.rules, **of(RULES_SPECS))
     path = find_scenario(settings.scenario) if settings.scenario else None
     scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
-    env = prepared_env(scenario, rules, node.get_logger().info)
+    env = prepared_env(scenario, rules, node.get_logger().info, has_belief=settings.has_belief)
     declare(node, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
     declare(node, SCENARIO_SPECS, _in_force(env.scenario))
     declare(node, RULES_SPECS, vars(rules))

@@ -95,12 +95,14 @@ class Forecast:
         if step < self._ready - slots:
             self._start()
         while self._ready <= step + self.horizon:
-            slot = self._ready % slots
-            self.tables[slot] = -1.0
+            slot, before = self._ready % slots, (self._ready - 1) % slots
             belief_kernels.forecast_step(
                 self.constants, self._world, self._gauss[0], self._tails[0], self.area,
                 self._runs, self._circle, self._drifts, self.chances[slot], self.directions[slot],
             )  # fmt: skip
+            # Where the map stays as it was, what was computed for the step before holds again.
+            stays = self._ready > 0 and np.array_equal(self.chances[slot], self.chances[before])
+            self.tables[slot] = self.tables[before] if stays else -1.0
             self._ready += 1
         return step % slots
 
@@ -199,7 +201,7 @@ class Belief:
             return
         left = belief_kernels.normalise(self.density)
         self.pos += (1.0 - self.pos) * min(taken, 1.0)
-        if left < 1e-9:
+        if left < belief_kernels.NOTHING_LEFT:
             chances = self.forecast.chances[
                 self.forecast.look(self.step + self.forecast.first_step)
             ]
@@ -212,8 +214,10 @@ class Belief:
         Where it looks for one person only, the cell keeps its share: others may be there. Where it
         looks for all, nobody detectable is left in it.
         """
-        if not self.forecast.rules.one_find_per_search:
-            self.observe_failed_searches([cell])
+        density = self.density.copy()
+        self.observe_failed_searches([cell])
+        if self.forecast.rules.one_find_per_search:
+            self.density = density
 
     def cells(self) -> NDArray[np.float64]:
         """Return the probability of containment of every cell, (G, G) as [y, x].

@@ -47,6 +47,10 @@ NEGLIGIBLE = 1e-13
 the whole grid, each cell with a table to compute."""
 
 
+NOTHING_LEFT = 1e-9
+"""Share of a belief that searches have left below which it cannot be true, as nobody is there."""
+
+
 @part
 def index_of(c, x, y):
     """Return the column of a belief that stands for a cell."""
@@ -324,3 +328,101 @@ def write_cells(constants, belief, out):
         for y in range(c.grid_size):
             for x in range(c.grid_size):
                 out[y, x] += belief[k, index_of(c, x, y)]
+
+
+@part
+def detectable(c, belief, pods, x, y):
+    """Return what `search` would take away, 0 off the grid."""
+    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
+        return 0.0
+    i, drifts, share = index_of(c, x, y), len(belief) // len(pods), 0.0
+    for k in range(len(belief)):
+        share += belief[k, i] * pods[k // drifts]
+    return share
+
+
+@part
+def learn(c, constants, drones, actions, live, pods, chances, belief, pos):
+    """Let a belief learn from the searches of a step; returns the POS with them.
+
+    Those that failed come first, then the finds: see `belief.Belief.observe_find`.
+    """
+    for finds in range(2):
+        taken = 0.0
+        for n in range(len(drones)):
+            d = drones[n]
+            if live[n] and actions[n] == c.search_action and d.found == (finds == 1):
+                if d.found and c.one_find_per_search:
+                    pos += (1.0 - pos) * detectable(c, belief, pods, d.x, d.y)
+                else:
+                    taken += search(constants, belief, pods, d.x, d.y)
+        if taken > 0.0:
+            pos += (1.0 - pos) * min(taken, 1.0)
+            if normalise(belief) < NOTHING_LEFT:
+                for k in range(len(belief)):
+                    for i in range(belief.shape[1]):
+                        belief[k, i] = chances[i]
+                normalise(belief)
+    return pos
+
+
+@kernel
+def follow_worlds(
+    constants, area, worlds, drones, actions, live, done, start, pods, chances, tables, directions,
+    first_step, beliefs, pos, scratch, first, last,
+):  # fmt: skip
+    """Let the beliefs of the worlds first..last - 1 follow a step that is done.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        area: Of `kernels.step_worlds`.
+        worlds: (B,) of `kernels.WORLDS`, after the step.
+        drones: (B, N) of `kernels.DRONES`, after the step.
+        actions: (B, N) int8 of the step.
+        live: (B, N) bool, the drones in the search before the step.
+        done: (B,) bool, the worlds whose search had ended before the step.
+        start: (C K, S S) float64, the belief at a mission's first observation.
+        pods: (C,) float64, probability of detection.
+        chances: (R, S S) of `forecast_step`; that of step s of the sea is at s % R.
+        tables: (R, S S, 9) of `look_up`.
+        directions: (R, K) of `forecast_step`.
+        first_step: Steps of the sea before a mission's first observation.
+        beliefs: (B, C K, S S) float64.
+        pos: (B,) float64, the POS of all searches of the mission.
+        scratch: Of `predict`.
+        first: Number of the first world.
+        last: Number of the last world, plus one.
+    """
+    c = constants[0]
+    for b in range(first, last):
+        if c.auto_reset and done[b]:
+            for k in range(len(start)):
+                for i in range(start.shape[1]):
+                    beliefs[b, k, i] = start[k, i]
+            pos[b] = 0.0
+            continue
+        step = worlds[b].t - 1
+        slot = (first_step + step) % len(directions)
+        if c.time_out_acts or step < c.timestep_limit + c.time_out_grace:
+            pos[b] = learn(
+                c, constants, drones[b], actions[b], live[b], pods, chances[slot], beliefs[b],
+                pos[b],
+            )  # fmt: skip
+        predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
+        normalise(beliefs[b])
+
+
+@kernel
+def write_beliefs(constants, beliefs, scratch, maps, first, last):
+    """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x]."""
+    c = constants[0]
+    for b in range(first, last):
+        for i in range(beliefs.shape[2]):
+            scratch[i] = 0.0
+        for k in range(beliefs.shape[1]):
+            for i in range(beliefs.shape[2]):
+                scratch[i] += beliefs[b, k, i]
+        for y in range(c.grid_size):
+            for x in range(c.grid_size):
+                # A sum of shares may be a rounding above 1.
+                maps[b, y, x] = min(scratch[index_of(c, x, y)], 1.0)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import HOLD
+from dsse_ros.search.world_beliefs import WorldBeliefs
 
 COMPILING = "compiling the search, once after an installation; it takes 10 s, or a few times that"
 """Logged before the compiler starts; not logged where its cache has all that is needed."""
@@ -31,21 +33,47 @@ class _FirstCompilation(event.Listener):
         pass
 
 
-def prepared_env(scenario: Scenario, rules: Rules, announce: Callable[[str], None]) -> SearchEnv:
+def announced(announce: Callable[[str], None]) -> AbstractContextManager[Any]:
+    """Return a context in which the compiler is announced when it first has work to do.
+
+    Args:
+        announce: Called with `COMPILING` then.
+    """
+    context: AbstractContextManager[Any] = event.install_listener(
+        "numba:compile", _FirstCompilation(announce)
+    )
+    return context
+
+
+def prepared_env(
+    scenario: Scenario,
+    rules: Rules,
+    announce: Callable[[str], None],
+    *,
+    has_belief: Callable[[int], bool] = lambda grid_size: False,
+) -> SearchEnv:
     """Return an environment whose reset and step are compiled, or loaded from the cache.
 
     Args:
         scenario: Of the environment.
         rules: Of the environment.
         announce: Called with `COMPILING` if the compiler has work to do.
+        has_belief: Called with the size of the grid, whether a belief is prepared too.
 
     Raises:
         FieldError: If the scenario does not fit the rules.
     """
     # Bad input is refused before the compiler takes its time.
-    scenario.resolve(rules)
-    with event.install_listener("numba:compile", _FirstCompilation(announce)):
+    grid_size = scenario.resolve(rules).grid_size
+    with announced(announce):
         env = SearchEnv(scenario, rules)
         env.reset(seed=0)
-        env.advance(np.full(env.world.num_drones, HOLD, np.int8))
+        hold = np.full(env.world.num_drones, HOLD, np.int8)
+        beliefs = WorldBeliefs(env.world) if has_belief(grid_size) else None
+        if beliefs is not None:
+            beliefs.before_step(hold[None])
+        env.advance(hold)
+        if beliefs is not None:
+            beliefs.after_step()
+            beliefs.write()
     return env

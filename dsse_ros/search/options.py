@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The options of a reset, for the single environment and the batch alike."""
+"""The options of an environment and of a reset, for the single environment and the batch alike."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.search.fields import FieldError, check_known, shown
+from dsse_ros.search.fields import FieldError, Spec, check_known, shown
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import (
     SPECS,
@@ -25,6 +25,9 @@ RESET_OPTIONS = (
     "person_initial_position",
     "person_pod_multipliers",
 )
+
+OBSERVED = Spec("str", "What agents observe.", choices=("map", "belief"))
+"""The argument `observe` of the environments."""
 
 IGNORED_OPTION = "options"
 """What PettingZoo's own tests pass to every environment."""

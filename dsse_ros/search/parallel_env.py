@@ -16,11 +16,12 @@ from pettingzoo import ParallelEnv
 from dsse_ros.search import rendering
 from dsse_ros.search.fields import FieldError, Spec, shown
 from dsse_ros.search.observation import AgentObservation
-from dsse_ros.search.options import check_options, check_seed
+from dsse_ros.search.options import OBSERVED, check_options, check_seed
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario, Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
+from dsse_ros.search.world_beliefs import WorldBeliefs
 
 
 class SearchEnv(ParallelEnv[str, AgentObservation, int]):
@@ -32,13 +33,18 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     `Found`, whether every person has been found, and `action_mask` (A,) int8, 0 where a move
     would leave the grid or the area. Actions are numbers of `rules.actions`.
 
+    Observed is the map that the rules draw, which no search changes, or with `observe="belief"`
+    what can be known from the searches so far (`belief.Belief`); `infos[agent]` then has `pos`, the
+    cumulative probability of success of the searches of the mission.
+
     Attributes:
         world: The arrays behind this environment, a batch of one.
         scenario: The resolved scenario.
         rules: The rules in force.
 
     Raises:
-        FieldError: If the scenario does not fit the rules, or the render mode is unknown.
+        FieldError: If the scenario does not fit the rules, or the render mode or what is observed
+            is unknown.
     """
 
     metadata = {
@@ -48,13 +54,24 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         "is_parallelizable": True,
     }
 
-    def __init__(self, scenario: Scenario, rules: Rules, render_mode: str | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        rules: Rules,
+        render_mode: str | None = None,
+        *,
+        observe: str = "map",
+    ) -> None:
         modes: list[str] = self.metadata["render_modes"]  # type: ignore[assignment]
         if render_mode is not None and not (isinstance(render_mode, str) and render_mode in modes):
             raise FieldError(f"render_mode: {shown(render_mode)} is not allowed; one of {modes}")
         self.render_mode = render_mode
         self.rules = rules
-        self.world = World(scenario, rules)
+        of_belief = OBSERVED.check("observe", observe) == "belief"
+        self.world = World(scenario, rules, write_maps=not of_belief)
+        self._beliefs = WorldBeliefs(self.world) if of_belief else None
+        self._belief_map: NDArray[np.float32] | None = None
+        self._note_belief()
         self.scenario = self.world.scenario
         g = self.world.grid_size
         # A drone that flies on outside is one cell off the grid when its search ends.
@@ -139,8 +156,11 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         if seed is not None:
             self.world.seed(check_seed(seed))
         self.world.place(**start)
+        if self._beliefs is not None:
+            self._beliefs.reset()
         self.world.reset()
         self._start_options = start
+        self._note_belief()
         self._note_live()
         self._start_track()
         result = self._observe(self.agents, self._live)
@@ -217,16 +237,24 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
 
     def snapshot(self) -> Snapshot:
         """Return the whole state of the mission, random state included."""
-        return self.world.snapshot()
+        snapshot = self.world.snapshot()
+        if self._beliefs is not None:
+            snapshot.arrays.update(self._beliefs.arrays())
+        return snapshot
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot, bit for bit; the tracks of pictures start anew.
 
         Raises:
-            SnapshotError: If it is of another scenario or other rules; the mission under way
-                stays as it is.
+            SnapshotError: If it is of another scenario or other rules, or has no belief where that
+                is observed; the mission under way stays as it is.
         """
+        if self._beliefs is not None:
+            self._beliefs.check(snapshot)
         self.world.restore(snapshot)
+        if self._beliefs is not None:
+            self._beliefs.restore(snapshot)
+        self._note_belief()
         self._note_live()
         self._start_track()
 
@@ -254,8 +282,8 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
 
     @property
     def probability(self) -> NDArray[np.float32]:
-        """The map (G, G) as [y, x] of the last observation, read-only."""
-        probability = self.world.maps[0]
+        """The map, or belief, (G, G) as [y, x] of the last observation, read-only."""
+        probability = self.world.maps[0] if self._belief_map is None else self._belief_map
         probability.setflags(write=False)
         return probability
 
@@ -294,6 +322,8 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             timestep_limit=s.timestep_limit,
             cell_size_m=s.cell_size,
             title=s.name,
+            pos=None if self._beliefs is None else float(self._beliefs.pos[0]),
+            belief=self._beliefs is not None,
             area=s.area_mask,
         )
 
@@ -331,9 +361,19 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     def _start_track(self) -> None:
         self._track = [] if self.render_mode is None else [self.positions]
 
+    def _note_belief(self) -> None:
+        """Take the belief as it is now, if it is what is observed."""
+        self._belief_map = None if self._beliefs is None else self._beliefs.write()[0]
+
     def _advance(self) -> None:
         """Advance the world by the actions taken."""
-        self.world.step(self._actions)
+        if self._beliefs is None:
+            self.world.step(self._actions)
+        else:
+            self._beliefs.before_step(self._actions)
+            self.world.step(self._actions)
+            self._beliefs.after_step()
+            self._note_belief()
         if self.render_mode is not None:
             self._track.append(self.positions)
         elif self._track:
@@ -360,6 +400,10 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             agent: {"Found": found, "action_mask": masks[y][x]}
             for agent, (x, y) in zip(agents, cells.tolist())
         }
+        if self._beliefs is not None:
+            pos = float(self._beliefs.pos[0])
+            for info in infos.values():
+                info["pos"] = pos
         return observations, infos
 
     def _take(self, actions: Mapping[str, int]) -> None:
@@ -418,6 +462,7 @@ def parallel_env(
     cell_size: float | None = None,
     drone_speed: float | None = None,
     render_mode: str | None = None,
+    observe: str = "map",
     **fields: Any,
 ) -> SearchEnv:
     """Return the search as a PettingZoo parallel environment.
@@ -436,6 +481,8 @@ def parallel_env(
         cell_size: Side of a cell in metres.
         drone_speed: Ground speed in metres per second.
         render_mode: ansi, rgb_array, human or None.
+        observe: What the agents observe: `map`, as the rules draw it, or `belief`, which learns
+            from the searches.
         fields: Any other field of `Scenario` or `Rules`, by name.
 
     Raises:
@@ -455,4 +502,4 @@ def parallel_env(
         drone_speed=drone_speed,
         **fields,
     )
-    return SearchEnv(*chosen, render_mode)
+    return SearchEnv(*chosen, render_mode, observe=observe)

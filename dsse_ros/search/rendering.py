@@ -37,6 +37,8 @@ class MissionView:
         timestep_limit: Steps the drones can do.
         cell_size_m: Side of a cell in metres.
         title: Name of the place.
+        pos: Cumulative probability of success of the searches, None where it is not known.
+        belief: Whether the probability is a belief, which has learned from the searches.
         area: (G, G) bool [row, col], the cells that are searched; None for all.
     """
 
@@ -50,15 +52,19 @@ class MissionView:
     timestep_limit: int
     cell_size_m: float
     title: str = ""
+    pos: float | None = None
+    belief: bool = False
     area: NDArray[np.bool_] | None = None
 
     @property
     def headline(self) -> str:
-        """One line: place, step, persons found, drones in flight."""
+        """One line: place, step, persons found, drones in flight, POS."""
         parts = [f"step {self.step} of {self.timestep_limit}"]
         if len(self.persons):
             parts.append(f"{int(self.found.sum())} of {len(self.persons)} found")
         parts.append(f"{int(self.alive.sum())} of {len(self.alive)} drones in flight")
+        if self.pos is not None:
+            parts.append(f"POS {self.pos:.1%}")
         return ": ".join(filter(None, [self.title, ", ".join(parts)]))
 
 
@@ -109,7 +115,7 @@ class Picture:
         """Draw the mission as it is now."""
         scene = (
             len(view.probability), view.cell_size_m, len(view.tracks), len(view.persons),
-            view.datum is None, None if view.area is None else view.area.tobytes(),
+            view.datum is None, view.belief, None if view.area is None else view.area.tobytes(),
         )  # fmt: skip
         if scene != self._scene:
             self._scene, self._margins = scene, ()
@@ -145,7 +151,11 @@ class Picture:
                 interpolation="nearest",
             )  # fmt: skip
         bar = self._figure.colorbar(
-            self._sea, ax=axes, label="probability per cell (%)", shrink=0.8, pad=0.02
+            self._sea,
+            ax=axes,
+            label="belief after the searches, per cell (%)" if view.belief else "map, per cell (%)",
+            shrink=0.8,
+            pad=0.02,
         )
         self._beside = bar.ax
         colours = colormaps["tab10" if count <= 10 else "turbo"]

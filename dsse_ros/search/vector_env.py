@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.fields import FieldError, Spec, shown
-from dsse_ros.search.options import check_options, check_seed
+from dsse_ros.search.options import OBSERVED, check_options, check_seed
 from dsse_ros.search.recycling import Recycler
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.world import HOLD, World
+from dsse_ros.search.world_beliefs import WorldBeliefs
 
 Observations = dict[str, Any]
 
@@ -89,6 +90,11 @@ class VectorEnv:
     mask of the worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has
     it: all of them.
 
+    With `observe="belief"` `probability` is what can be known in each world from the searches there
+    (`belief.Belief`), and infos have `pos` (B,) float64, the cumulative probability of success of
+    the searches of the mission. Beliefs take 8 B C K (G + 4)^2 bytes, with C different
+    `person_pod_multipliers` and K = 1, or 64 where persons have a drift of their own (`v2`).
+
     The arrays belong to the caller, who may keep and change them. The memory of those that nothing
     refers to any more is used again: a loop that holds the last observation or two makes no new
     arrays, one that keeps more pays for new memory as it would for copies.
@@ -100,9 +106,10 @@ class VectorEnv:
         lazy: Whether to keep only the maps' parameters.
         copy: Whether every step returns arrays of its own, or overwrites those it returned before.
         threads: How many threads share the worlds.
+        observe: `map`, as the rules draw it, or `belief`, which is not lazy.
 
     Raises:
-        FieldError: If the scenario does not fit the rules, or a number is not allowed.
+        FieldError: If the scenario does not fit the rules, or a value is not allowed.
     """
 
     def __init__(
@@ -114,20 +121,28 @@ class VectorEnv:
         lazy: bool = False,
         copy: bool = True,
         threads: int = 1,
+        observe: str = "map",
     ) -> None:
+        of_belief = OBSERVED.check("observe", observe) == "belief"
+        if of_belief and lazy:
+            raise FieldError("lazy: true is not allowed with observe: 'belief'")
         self.num_envs = Spec("int", "", low=1).check("num_envs", num_envs)
         threads = Spec("int", "", low=1, high=1024).check("threads", threads)
         self.rules = rules
         self.world = World(
-            scenario, rules, self.num_envs, write_maps=not lazy, auto_reset=True, threads=threads
-        )
+            scenario, rules, self.num_envs, write_maps=not (lazy or of_belief), auto_reset=True,
+            threads=threads,
+        )  # fmt: skip
         self.scenario = self.world.scenario
+        self._beliefs = WorldBeliefs(self.world) if of_belief else None
+        g = self.world.grid_size
+        self.lazy = lazy
         self._lazy = LazyMaps(self.world) if lazy else None
         self._shape = shape = (self.num_envs, self.world.num_drones)
         self._maps, *self._report = (
             Recycler(made, dtype, overwrite=not copy)
             for made, dtype in (
-                (self.world.maps.shape, np.float32),
+                ((self.num_envs, g, g) if of_belief else self.world.maps.shape, np.float32),
                 ((*shape, 2), np.int64),
                 (shape, np.float64),
                 (shape, np.bool_),
@@ -160,10 +175,16 @@ class VectorEnv:
         if seed is not None:
             self.world.seed(_check_seeds(seed, self.num_envs))
         self.world.place(**start)
-        self.world.reset(maps=self._maps.take())
+        maps = self._maps.take()
+        if self._beliefs is None:
+            self.world.reset(maps=maps)
+        else:
+            self._beliefs.reset()
+            self.world.reset()
+            self._beliefs.write(maps)
         positions, *_, masks = outputs = [recycler.take() for recycler in self._report]
         self._write(outputs, 0, self.num_envs)
-        return self._observations(positions), self._infos(masks)
+        return self._observations(positions, maps), self._infos(masks)
 
     def step(
         self, actions: NDArray[np.int8]
@@ -194,10 +215,16 @@ class VectorEnv:
         actions = np.require(actions, requirements=["C", "W"])
         outputs = [recycler.take() for recycler in self._report]
         positions, rewards, terminated, truncated, masks = outputs
-        self.world.step(actions, self._maps.take(), partial(self._write, outputs))
-        return (
-            self._observations(positions), rewards, terminated, truncated, self._infos(masks)
-        )  # fmt: skip
+        maps = self._maps.take()
+        if self._beliefs is None:
+            self.world.step(actions, maps, partial(self._write, outputs))
+        else:
+            self._beliefs.before_step(actions)
+            self.world.step(
+                actions, report=partial(self._write_with_beliefs, self._beliefs, outputs, maps)
+            )
+        observations = self._observations(positions, maps)
+        return observations, rewards, terminated, truncated, self._infos(masks)
 
     def close(self) -> None:
         """End the threads; a later step starts them again."""
@@ -208,8 +235,23 @@ class VectorEnv:
         world = self.world
         kernels.report_worlds(world.constants, world.area, world.drones, *outputs, first, last)
 
-    def _observations(self, positions: NDArray[np.int64]) -> Observations:
-        return {"positions": positions, "probability": self._lazy or self.world.maps}
+    def _write_with_beliefs(
+        self,
+        beliefs: WorldBeliefs,
+        outputs: list[NDArray[Any]],
+        maps: NDArray[np.float32],
+        first: int,
+        last: int,
+    ) -> None:
+        """Have the beliefs of some worlds follow their step, and write them and the report."""
+        beliefs.after_step(first, last)
+        beliefs.write(maps, first, last)
+        self._write(outputs, first, last)
+
+    def _observations(
+        self, positions: NDArray[np.int64], maps: NDArray[np.float32]
+    ) -> Observations:
+        return {"positions": positions, "probability": self._lazy or maps}
 
     def _infos(self, masks: NDArray[np.int8]) -> dict[str, NDArray[Any]]:
         worlds = self.world.worlds
@@ -219,6 +261,8 @@ class VectorEnv:
             "over": worlds["done"].copy(),
             "action_mask": masks,
         }
+        if self._beliefs is not None:
+            infos["pos"] = self._beliefs.pos.copy()
         return infos | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in infos}
 
 
@@ -264,6 +308,7 @@ def vector_env(
     lazy: bool = False,
     copy: bool = True,
     threads: int = 1,
+    observe: str = "map",
     **fields: Any,
 ) -> VectorEnv:
     """Return many searches at once; scenario, rules and fields as in `parallel_env`.
@@ -272,7 +317,7 @@ def vector_env(
         FieldError: If a field is unknown or a value is not allowed.
     """
     chosen = scenario_and_rules(scenario, rules, **fields)
-    return VectorEnv(num_envs, *chosen, lazy=lazy, copy=copy, threads=threads)
+    return VectorEnv(num_envs, *chosen, lazy=lazy, copy=copy, threads=threads, observe=observe)
 
 
 class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
@@ -293,7 +338,7 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def __init__(self, env: VectorEnv) -> None:
         # Before anything is refused: Gymnasium closes what could not be made, too.
         self.env = env
-        if env.world.maps.shape[1] == 0:
+        if env.lazy:
             raise FieldError("lazy: true is not allowed here; observations must be arrays")
         self.num_envs = env.num_envs
         g, n = env.world.grid_size, env.world.num_drones

@@ -105,8 +105,8 @@ def test_the_summary_says_what_the_csv_says(flown: list[Path]) -> None:
         each = ", ".join(f"{metres:.0f}" for metres in flown_m.values())
         assert shown["flown"] == f"{sum(flown_m.values()):.0f} m ({each})"
         assert shown["reward"].startswith(f"{sum(float(row['reward']) for row in drones):.1f} (")
-        effort = float(drones[-1]["search_effort"])
-        assert shown["search effort"] == f"{effort:.1%}"
+        pos = float(drones[-1]["pos"])
+        assert shown["POS"] == f"{pos:.1%}" and 0.0 < pos < 1.0
         assert shown["picture"] == str(out / "mission.png")
         assert console.count("Traceback") == 0
 
@@ -114,8 +114,9 @@ def test_the_summary_says_what_the_csv_says(flown: list[Path]) -> None:
 def test_the_progress_line_ends_where_the_mission_does(flown: list[Path]) -> None:
     for out in flown:
         lines = (out / "console.log").read_text().replace("\r", "\n")
-        progress = re.findall(r"step (\d+)/180 .* (\d+ drones|over), search effort [\d.]+%", lines)
-        assert progress[-1] == (rows(out)[-1]["step"], "over")
+        progress = re.findall(r"step (\d+)/180 .* (\d+ drones|over), POS ([\d.]+%)", lines)
+        last = [row for row in rows(out) if row["agent"] == "drone0"][-1]
+        assert progress[-1] == (last["step"], "over", f"{float(last['pos']):.1%}")
 
 
 def test_the_picture_is_one(flown: list[Path]) -> None:

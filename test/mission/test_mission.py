@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.mission.mission import END_NS, Mission, StepResult
-from dsse_ros.search import HOLD, parallel_env
+from dsse_ros.search import HOLD, Snapshot, SnapshotError, parallel_env
+from dsse_ros.search.belief import Belief, Forecast
 from msg_adapters.stamps import to_stamp
 
 SEARCH = 4
@@ -46,7 +47,7 @@ def test_the_same_seed_and_commands_give_the_same_mission(
         if first.done:
             break
         assert same(fly(first, joint), fly(second, joint))
-        assert first.unsearched == second.unsearched
+        assert first.pos == second.pos
 
 
 def test_goals_that_no_moves_in_the_area_lead_to_are_refused() -> None:
@@ -116,34 +117,70 @@ def test_the_steps_of_a_mission_out_of_time_are_its_limit(rules: str) -> None:
     assert flown.history.shape == (flown.result.step + 1, 1)
 
 
-@given(joints)
-def test_the_search_effort_is_that_of_the_cells_searched(
-    actions: list[list[int]],
-) -> None:
-    flown = mission(1, person_initial_position=(6, 6))
-    missed = 1.0
+@given(seeds, joints)
+def test_the_pos_is_that_of_the_cells_searched(seed: int, actions: list[list[int]]) -> None:
+    flown = mission(seed, person_initial_position=(6, 6), probability_of_detection=0.7)
+    belief = Belief(Forecast(flown.env.scenario, flown.env.rules))
     for joint in actions:
         if flown.done:
             break
-        before, live, cells = flown.env.probability.copy(), flown.live, flown.result.cells
-        fly(flown, joint)
-        searched = {tuple(cells[i].tolist()) for i in live if joint[i] == SEARCH}
-        missed *= 1.0 - sum(float(before[row, col]) for col, row in searched)
-        assert flown.search_effort == pytest.approx(1.0 - missed, abs=1e-6)
-        assert 0.0 <= flown.search_effort <= 1.0
+        live, cells = flown.live, [tuple(cell) for cell in flown.result.cells.tolist()]
+        found = fly(flown, joint).found
+        searchers = [i for i in live if joint[i] == SEARCH]
+        belief.observe_failed_searches([cells[i] for i in searchers if not found[i]])
+        for i in searchers:
+            if found[i]:
+                belief.observe_find(cells[i])
+        belief.advance()
+        assert flown.pos == pytest.approx(belief.pos)
+        assert flown.belief() == pytest.approx(belief.cells(), abs=1e-6)
 
 
-def test_a_cell_that_two_drones_search_counts_once() -> None:
+def test_drones_that_search_one_cell_look_into_it_one_by_one() -> None:
     flown = mission(
         drones_positions=((3, 3), (2, 3)), num_drones=2, collisions=False,
-        person_initial_position=(3, 3), probability_of_detection=0.5, nobody_is_found=True,
+        person_initial_position=(3, 3), probability_of_detection=0.5,
     )  # fmt: skip
-    fly(flown, [SEARCH, 1])
-    alone = flown.search_effort
-    assert alone == 0.5
-    p = float(flown.env.probability[3, 3])
-    fly(flown, [SEARCH, SEARCH])
-    assert flown.search_effort == pytest.approx(1 - (1 - alone) * (1 - 0.5 * p))
+    for seed in range(20):
+        flown.reset(seed)
+        assert flown.pos == 0.0
+        alone = float(flown.belief()[3, 3])
+        assert fly(flown, [SEARCH, 1]).step == 1
+        assert flown.pos == pytest.approx(0.5 * alone)
+        if not flown.done:
+            together, before = float(flown.belief()[3, 3]), flown.pos
+            fly(flown, [SEARCH, SEARCH])
+            assert flown.pos == pytest.approx(before + (1 - before) * 0.75 * together)
+            return
+    raise AssertionError("every search has found the person")
+
+
+@given(seeds, joints, joints)
+def test_a_resumed_mission_goes_on_with_its_belief(
+    seed: int, before: list[list[int]], after: list[list[int]]
+) -> None:
+    flown, resumed = (mission(seed, probability_of_detection=0.7) for _ in range(2))
+    for joint in before:
+        if not flown.done:
+            fly(flown, joint)
+    resumed.restore(Snapshot.from_bytes(flown.snapshot().to_bytes()))
+    for joint in after:
+        assert resumed.pos == flown.pos
+        assert np.array_equal(resumed.belief(), flown.belief())
+        if flown.done:
+            break
+        assert same(fly(flown, joint), fly(resumed, joint))
+
+
+def test_a_mission_needs_no_belief_and_says_so_where_a_snapshot_has_none() -> None:
+    env = parallel_env(grid_size=7, num_drones=3)
+    plain = Mission(env, 0, belief=False)
+    fly(plain, [SEARCH] * 3)
+    assert plain.pos is None
+    with pytest.raises(ValueError, match="no belief"):
+        plain.belief()
+    with pytest.raises(SnapshotError, match="without a belief"):
+        Mission(parallel_env(grid_size=7, num_drones=3), 0).restore(plain.snapshot())
 
 
 def test_the_track_has_each_cell_once_per_visit() -> None:

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.mission_log import COLUMNS, MissionLog, read_log
+from dsse_ros.mission.mission_log import COLUMNS, MissionLog, last_pos, read_log
 from dsse_ros.search import FieldError, parallel_env
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import geodetic_to_map
@@ -60,7 +60,7 @@ def test_what_is_read_is_what_was_flown(
     assert record.persons.tolist() == np.stack([persons["x"], persons["y"]], axis=1).tolist()
     assert np.array_equal(record.person_found, persons["found"])
     assert record.times_s.tolist() == [13.0 * k for k in range(len(results))]
-    assert record.search_effort == mission.search_effort
+    assert record.pos == last_pos(path) == mission.pos
 
 
 def test_every_place_is_given_as_cell_metres_and_degrees(tmp_path: Path) -> None:
@@ -173,8 +173,19 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
         MissionLog(tmp_path, FRAME)
 
 
+def test_a_mission_without_a_belief_has_no_pos(tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    assert last_pos(path) is None
+    mission = Mission(parallel_env(**SCENARIO), 3, belief=False)
+    log = MissionLog(path, FRAME)
+    log.write(mission, mission.result)
+    log.close()
+    assert read_log(path).pos is None and last_pos(path) is None
+
+
 def test_a_log_without_steps_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "mission.csv"
     MissionLog(path, FRAME).close()
+    assert last_pos(path) is None
     with pytest.raises(ValueError, match="no step of a mission"):
         read_log(path)

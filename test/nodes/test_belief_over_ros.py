@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from rig import Rig, Sim
 
@@ -25,8 +26,25 @@ SCENARIO: dict[str, Any] = {
 }
 
 
+def directly(planner: str) -> tuple[list[list[int]], list[list[list[int]]]]:
+    """Return the actions of each step of the direct mission, and the cells after it."""
+    env = parallel_env(**SCENARIO)
+    policy = planner_for(env, planner, seed=4)
+    observations, infos = env.reset(seed=7)
+    actions, cells = [], []
+    while env.agents:
+        chosen = policy(observations, infos)
+        observations, _, _, _, infos = env.step(chosen)
+        observations = {agent: observations[agent] for agent in env.agents}
+        actions.append(list(chosen.values()))
+        cells.append(env.positions.tolist())
+    return actions, cells
+
+
 @pytest.mark.parametrize("planner", BELIEF_PLANNERS)
 def test_a_mission_over_ros_is_step_by_step_the_direct_one(rig: Rig, planner: str) -> None:
+    # First, so that the nodes find compiled what they need.
+    actions, cells = directly(planner)
     process = rig.start(
         "sim_node",
         {
@@ -41,15 +59,5 @@ def test_a_mission_over_ros_is_step_by_step_the_direct_one(rig: Rig, planner: st
     rig.start("planner_node", {"planner": planner, "seed": 4}, "-r", f"__ns:=/{planner}")
     rig.until(lambda: not sim.flying, "the end")
     reports = [step_report_from_message(message) for message in sim.reports]
-
-    env = parallel_env(**SCENARIO)
-    direct = planner_for(env, planner, seed=4)
-    observations, infos = env.reset(seed=7)
-    for report in reports[1:]:
-        actions = direct(observations, infos)
-        assert report["action"].tolist() == list(actions.values())
-        observations, _, _, _, infos = env.step(actions)
-        cells = [list(cell) for cell in zip(report["col"], report["row"], strict=True)]
-        assert cells == env.positions.tolist()
-        observations = {agent: observations[agent] for agent in env.agents}
-    assert not env.agents
+    assert [report["action"].tolist() for report in reports[1:]] == actions
+    assert [np.stack([r["col"], r["row"]], axis=1).tolist() for r in reports[1:]] == cells

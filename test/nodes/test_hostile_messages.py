@@ -145,7 +145,7 @@ def test_a_thousand_hostile_messages_change_nothing_and_each_is_counted(
     for reason in ("is not allowed", "drone2 is terminated"):
         assert reason in sim.process.output
 
-    for name in ("step", "mission", "missing_drones", "drones_in_flight", "search_effort"):
+    for name in ("step", "mission", "missing_drones", "drones_in_flight", "pos"):
         assert health[name] == before[name]
     assert len(sim.reports) == seen
     assert content(sim.reports.last) == report

@@ -58,7 +58,7 @@ def test_the_same_seed_and_commands_give_the_same_reports(rig: Rig) -> None:
     assert images[0] == images[1]
 
 
-@pytest.mark.parametrize("planner", ["greedy", "random", "belief"])
+@pytest.mark.parametrize("planner", ["greedy", "random"])
 def test_the_same_seed_and_planner_give_the_same_reports(rig: Rig, planner: str) -> None:
     names = [f"{planner}1", f"{planner}2"]
     flown = sims(rig, **dict.fromkeys(names, 7))

@@ -46,7 +46,7 @@ def test_a_restored_mission_has_the_same_steps_times_goals_and_tracks(
     while not mission.done:
         assert twin.missing == mission.missing
         assert results_equal(twin.advance("repeat"), mission.advance("repeat"))
-        assert twin.tracks == mission.tracks and twin.unsearched == mission.unsearched
+        assert twin.tracks == mission.tracks and twin.pos == mission.pos
     assert np.array_equal(twin.history, mission.history)
     assert twin.done and (twin.seed, twin.number) == (4, 2)
     assert results_equal(twin.reset(5), mission.reset(5))

@@ -92,7 +92,7 @@ def test_the_launch_files_start_only_executables_that_exist() -> None:
 
 def test_rviz_asks_for_what_the_simulation_latches() -> None:
     shown = yaml.safe_load((ROOT / "rviz" / "mission.rviz").read_text())["Visualization Manager"]
-    topics = {display["Topic"]["Value"]: display["Topic"] for display in shown["Displays"][:3]}
-    assert set(topics) == {"probability_grid", "markers", "drones"}
+    topics = {display["Topic"]["Value"]: display["Topic"] for display in shown["Displays"][:4]}
+    assert set(topics) == {"probability_grid", "belief_grid", "markers", "drones"}
     assert {topic["Durability Policy"] for topic in topics.values()} == {"Transient Local"}
     assert shown["Global Options"]["Fixed Frame"] == "map"

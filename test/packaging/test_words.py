@@ -22,7 +22,7 @@ WORDS = {
     "conventional": "FlattenedObservationWrapper",
     "manners?": "behaviour, options",
     "of sea, persons and planner": "of the map, the persons and the planner",
-    "probability covered|searched [0-9.]+ ?%|pos_cumulative": "search effort",
+    "probability covered|searched [0-9.]+ ?%|pos_cumulative|search_effort": "POS",
     "rooms": "packages",
     # nodes
     "crowds?": "publisher counts",
