@@ -143,7 +143,7 @@ def test_a_vehicle_that_is_closed_in_flight_is_found_at_rest(
             until(lambda: found.state.has_position and found.state.mode)
             assert found.state.mode == ("HOLD" if autopilot == "px4" else "GUIDED")
             until(lambda: found.state.speed_mps < 0.5)
-            # Where it was told to hold, and its way to a stop.
+            # Where it began to hold, and its way to a stop.
             south, north = sorted((before.lat_deg, after.lat_deg))
             margin = 80.0 / 111_195
             assert south - margin < found.state.lat_deg < north + margin
@@ -167,7 +167,7 @@ def test_twenty_vehicles_that_do_not_end_are_closed_in_the_time_of_one() -> None
 
 
 def test_vehicles_out_of_reach_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Whoever is waited for has not ended when closing gives up.
+    # One that is waited for has not ended when closing gives up.
     monkeypatch.setattr(vehicle_module, "CLOSE_S", 120.0)
     monkeypatch.setattr(vehicle_module, "_HAND_OVER_S", 600.0)
     fleet = Fleet([VehicleSettings(connection=f"udpin:127.0.0.1:{5 + k}") for k in range(20)])
