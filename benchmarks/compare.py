@@ -111,7 +111,7 @@ class Disturbance:
 
     Attributes:
         title: For people.
-        speed: Factor on the drift that planners assume.
+        speed: Factor on the drift per step that planners assume.
         turn_deg: What that drift is turned by.
         pod: Probability of detection of the world, None for the scenario's.
         known: Whether the planners know it.
@@ -129,7 +129,9 @@ class Disturbance:
         """Return the scenario of the world, and the one that planners assume."""
         world = scenario.override(probability_of_detection=self.pod)
         x, y = scenario.resolve(rules).vector
-        c, s = self.speed * cos(radians(self.turn_deg)), self.speed * sin(radians(self.turn_deg))
+        # Where the drift per step is v times its norm, it grows with the square of v.
+        factor = self.speed**0.5 if rules.drift_by_speed else self.speed
+        c, s = factor * cos(radians(self.turn_deg)), factor * sin(radians(self.turn_deg))
         misled = self.speed != 1.0 or self.turn_deg != 0.0
         assumed = world if self.known else scenario
         return world, assumed.override(vector=(c * x - s * y, s * x + c * y)) if misled else assumed

@@ -83,6 +83,10 @@ def test_a_disturbance_misleads_the_planner_and_leaves_the_world_as_it_is() -> N
         assert np.linalg.norm(wrong) == pytest.approx(length * np.linalg.norm(vector))
         cosine = wrong @ vector / np.linalg.norm(wrong) / np.linalg.norm(vector)
         assert np.degrees(np.arccos(min(1.0, cosine))) == pytest.approx(turn, abs=1e-5)
+    fast = CASES["v2"]
+    _, assumed = DISTURBANCES["speed"].apply(fast.scenario, fast.rules)
+    drifts = [np.linalg.norm(x.resolve(fast.rules).vector) ** 2 for x in (assumed, fast.scenario)]
+    assert drifts[0] == pytest.approx(1.3 * drifts[1])
     for key, known in (("pod", 1.0), ("pod_known", 0.8)):
         world, assumed = DISTURBANCES[key].apply(case.scenario, case.rules)
         assert world.probability_of_detection == 0.8

@@ -135,12 +135,10 @@ def test_tcp_connects_and_raises_when_the_peer_closes() -> None:
 
 def test_tcp_without_a_server_fails_without_blocking() -> None:
     link = parse_connection(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
-    start = time.monotonic()
     with pytest.raises(OSError):
         link.open()
-        select.select([link], [], [], TIMEOUT_S)
+        assert select.select([link], [], [], TIMEOUT_S)[0]
         link.receive(0.0)
-    assert time.monotonic() - start < TIMEOUT_S / 2
     link.close()
 
 

@@ -46,7 +46,7 @@ def test_what_is_not_allowed_ends_it_with_one_line_and_code_2(
 ) -> None:
     done = subprocess.run(
         [sys.executable, str(DEMO), "--out", str(tmp_path), f"--{option}", value],
-        capture_output=True, text=True, timeout=100,
+        capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("sitl_demo: ") and done.stderr.count("\n") == 1

@@ -22,7 +22,7 @@ from typing import Any, Literal
 from .settings import AutopilotName
 
 FOLDER = Path(__file__).resolve().parent
-TIMEOUT_S = 60.0
+TIMEOUT_S = 120.0
 """Wall time within which a process starts or ends."""
 
 Link = Literal["udpin", "udp", "tcp"]
