@@ -183,6 +183,11 @@ class Mission:
         """
         return None if self._beliefs is None else float(self._beliefs.pos[0])
 
+    def prepare_belief(self) -> None:
+        """Have the steps of the first mission cost no more than those of later ones."""
+        if self._beliefs is not None:
+            self._beliefs.prepare()
+
     def belief(self) -> NDArray[np.float32]:
         """Return the probability of where the persons are who were not found, (G, G) as [y, x].
 

@@ -12,7 +12,7 @@ from dsse_ros.search.fields import FieldError, check_all, field
 from dsse_ros.search.rules import PROFILES
 from msg_adapters.agents import MAX_ID
 
-LARGEST_AUTO_GRID = 100
+LARGEST_AUTO_GRID = 50
 """Cells a side of the largest grid whose missions have a belief without being asked for one."""
 
 

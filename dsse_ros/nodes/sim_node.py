@@ -73,6 +73,7 @@ class SimNode(AlarmNode):
         self.frame = grid_frame(env.scenario, settings)
         has_belief = settings.has_belief(env.world.grid_size)
         self.mission = Mission(env, draw_seed(self.settings), belief=has_belief)
+        self.mission.prepare_belief()
         self.files = MissionFiles(
             self.mission,
             record_file=settings.record_file,

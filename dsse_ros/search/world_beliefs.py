@@ -62,6 +62,18 @@ class WorldBeliefs:
             )
         return forecast
 
+    def prepare(self) -> None:
+        """Compute how persons move in a whole mission, once, instead of in the first one.
+
+        It does nothing where that is too large to be kept.
+        """
+        forecast = self._forecasts[0]
+        steps = forecast.scenario.timestep_limit + self._world.rules.time_out_grace
+        if len(forecast.directions) > forecast.first_step + steps:
+            belief = Belief(forecast)
+            for _ in range(steps):
+                belief.advance()
+
     def reset(self) -> None:
         """Start anew in every world, with what it was last placed by.
 

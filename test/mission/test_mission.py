@@ -172,6 +172,16 @@ def test_a_resumed_mission_goes_on_with_its_belief(
         assert same(fly(flown, joint), fly(resumed, joint))
 
 
+def test_a_belief_that_was_prepared_is_the_same() -> None:
+    plain, prepared = (mission(5, probability_of_detection=0.4) for _ in range(2))
+    prepared.prepare_belief()
+    for joint in ([SEARCH] * 3, [1, 1, 1], [SEARCH, SEARCH, 3], [3, SEARCH, SEARCH]):
+        if not plain.done:
+            assert same(fly(plain, joint), fly(prepared, joint))
+        assert plain.pos == prepared.pos
+        assert np.array_equal(plain.belief(), prepared.belief())
+
+
 def test_a_mission_needs_no_belief_and_says_so_where_a_snapshot_has_none() -> None:
     env = parallel_env(grid_size=7, num_drones=3)
     plain = Mission(env, 0, belief=False)

@@ -79,9 +79,9 @@ def test_no_belief_is_computed_where_none_is_wanted(rig: Rig, tmp_path: Path) ->
         assert {row["pos"] for row in csv.DictReader(file)} == {""}
 
 
-@pytest.mark.parametrize("grid_size", [100, 101])
+@pytest.mark.parametrize("grid_size", [50, 51])
 def test_large_grids_have_a_belief_where_it_is_asked_for(grid_size: int) -> None:
-    assert SimSettings().has_belief(grid_size) == (grid_size == 100)
+    assert SimSettings().has_belief(grid_size) == (grid_size == 50)
     assert SimSettings(publish_belief=True).has_belief(grid_size)
     assert SimSettings(compute_pos="always").has_belief(grid_size)
     assert not SimSettings(compute_pos="never").has_belief(grid_size)

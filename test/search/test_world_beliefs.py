@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -27,6 +28,7 @@ from dsse_ros.search import (
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 
+CONFIG = Path(__file__).resolve().parents[2] / "config"
 CASES: dict[str, dict[str, Any]] = {
     "paper": {
         "grid_size": 10, "num_drones": 3, "vector": (0.2, 0.1), "probability_of_detection": 0.6,
@@ -193,3 +195,14 @@ def test_what_cannot_be_observed_is_named() -> None:
         vector_env(2, observe="belief", lazy=True)
     with pytest.raises(FieldError, match="grid_size: 900 is not allowed with beliefs"):
         vector_env(2, grid_size=900, observe="belief")
+
+
+def test_nothing_outside_an_area_is_probable() -> None:
+    env = parallel_env(CONFIG / "santos_shore.yaml", observe="belief")
+    env.reset(seed=1)
+    assert env.scenario.area_mask is not None
+    for joint in joints(env, 2, (15, env.world.num_drones)):
+        if env.agents:
+            seen, _ = observed(env, joint)
+            assert not seen[~env.scenario.area_mask].any()
+            assert seen.sum() == pytest.approx(1, abs=1e-5)
