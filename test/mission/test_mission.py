@@ -119,7 +119,10 @@ def test_the_steps_of_a_mission_out_of_time_are_its_limit(rules: str) -> None:
 
 @given(seeds, joints)
 def test_the_pos_is_that_of_the_cells_searched(seed: int, actions: list[list[int]]) -> None:
-    flown = mission(seed, person_initial_position=(6, 6), probability_of_detection=0.7)
+    # Nothing is searched any more when the time is out.
+    flown = mission(
+        seed, person_initial_position=(6, 6), probability_of_detection=0.7, timestep_limit=16
+    )
     belief = Belief(Forecast(flown.env.scenario, flown.env.rules))
     for joint in actions:
         if flown.done:
