@@ -15,7 +15,8 @@ import pytest
 from rig import ENVIRONMENT, free_domain
 
 from dsse_ros.nodes import planner_node, sim_node
-from dsse_ros.search.compiler import prepare
+from dsse_ros.search import Scenario, profile
+from dsse_ros.search.compiler import prepared_env
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ def signal_handlers() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def compiled() -> None:
     """Have the search compiled, which a node would say."""
-    prepare(lambda _: None)
+    prepared_env(Scenario(), profile("paper"), lambda _: None, has_belief=lambda grid_size: True)
 
 
 @pytest.mark.usefixtures("compiled", "signal_handlers")
