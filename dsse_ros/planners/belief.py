@@ -310,9 +310,7 @@ def make_belief(
     return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
 
 
-def make_belief_greedy(
-    search: Search, *, seed: int = 0, learn_drift: bool = True
-) -> BeliefPlanner:
+def make_belief_greedy(search: Search, *, seed: int = 0, learn_drift: bool = True) -> BeliefPlanner:
     """Return the planner `belief_greedy`: each drone goes to a likely cell near it.
 
     Args:
