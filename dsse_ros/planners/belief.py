@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
 from dsse_ros.search.belief import Belief, Forecast, likeliest_cell
-from dsse_ros.search.drift import FIRST_SEEN, DriftEstimate
+from dsse_ros.search.drift import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
 
@@ -171,7 +171,7 @@ class BeliefPlanner:
         while step is not None and self.belief.step < step:
             # Nothing is known of what was done in a step that was not observed.
             self._follow([])
-        self._look_at(probability_of(observations))
+        self._observe_map(probability_of(observations))
         assert self._tactic is not None
         ends = self._tactic(self.belief, agents, present)
         self._commanded = dict(zip(agents, zip(present, ends, strict=True), strict=True))
@@ -210,14 +210,14 @@ class BeliefPlanner:
         self.belief.observe_failed_searches(searched)
         self.belief.advance()
 
-    def _look_at(self, probability: NDArray[np.float32]) -> None:
-        """Note where the datum is; where it is not where it should be, learn the drift."""
+    def _observe_map(self, probability: NDArray[np.float32]) -> None:
+        """Note where the datum is; learn the drift if it is not where it was expected."""
         assert self.belief is not None and self._forecast is not None
         steps = self._forecast.first_step + self.belief.step
-        if self._drift is None or steps < FIRST_SEEN:
+        if self._drift is None or steps < FIRST_OBSERVED:
             return
         datum = likeliest_cell(probability)
-        self._drift.see(steps, datum)
+        self._drift.observe(steps, datum)
         if datum == self._forecast.likeliest(steps):
             return
         vector = self._drift.vector()

@@ -116,7 +116,7 @@ class Forecast:
         """Return the likeliest cell of the map that is observed after these steps of the sea.
 
         Args:
-            steps: At least 1, and no more than one fewer than those that were last asked for.
+            steps: At least 1.
         """
         # Persons look at the map of the step before where they step first.
         drawn = steps if self.rules.person_first else steps - 1

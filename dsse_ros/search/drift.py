@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""Which drift explains where the datum was seen.
+"""Which drift explains where the datum was observed.
 
-The datum moves by whole cells, so that each sight of it leaves a range of drifts that would have
-put it there: two of them for each axis, narrower the longer it was seen.
+The datum moves by whole cells, so that its cells so far leave a range of drifts along each axis
+that would have put it there; the range narrows with time.
 """
 
 from __future__ import annotations
@@ -23,23 +23,25 @@ from dsse_ros.search.world import area_of, constants_of
 POINTS = 33
 """Drifts along each axis that are compared at a time."""
 ROUNDS = 6
-"""How often the range is narrowed; each time to a sixteenth or more, while it can be."""
-FIRST_SEEN = 4
+"""How often the range that is compared is narrowed about the best."""
+FIRST_OBSERVED = 4
 """Steps of the sea from which the likeliest cell is the datum; before, a circle about the datum of
 the step before (`circle_on_previous_datum`) may be too small to contain it."""
-ERROR = 0.5
-"""How wrong an assumed drift may be, as a standard deviation and a share of it."""
+RELATIVE_ERROR = 0.5
+"""Standard deviation of what a drift is assumed to be, as a share of it."""
+LEAST_DRIFT = 1e-3
+"""Cells per step: a slower drift that is assumed counts as this one for its error."""
 
 
 @kernel
 def misfits(constants, worlds, area, seen, drifts, out):
-    """Count by how many cells drifts miss where the datum was seen.
+    """Count by how many cells drifts miss where the datum was observed.
 
     Args:
         constants: (1,) of `kernels.CONSTANTS`.
         worlds: (1,) of `kernels.WORLDS`, start set; the rest is scratch.
         area: Of `kernels.step_worlds`.
-        seen: (T, 2) int64, the datum (x, y) after step 1, 2, ... of the sea, -1 where not seen.
+        seen: (T, 2) int64, the datum (x, y) after step 1, 2, ... of the sea, -1 where not observed.
         drifts: (M, 2) float64, cells per step.
         out: (M,) int64 out.
     """
@@ -62,7 +64,7 @@ def per_step(constants, x, y):
 
 
 class DriftEstimate:
-    """Estimates a mission's drift from sights of the datum.
+    """Estimates a mission's drift from the observed cells of the datum.
 
     Args:
         scenario: Its `vector` is what is assumed.
@@ -76,27 +78,27 @@ class DriftEstimate:
         self._world = np.zeros(1, kernels.WORLDS)
         self._world["start_x"], self._world["start_y"] = scenario.person_initial_position
         self._assumed = np.array(per_step(self._constants, *scenario.vector))
-        self._seen: dict[int, Cell] = {}
+        self._observed: dict[int, Cell] = {}
 
-    def see(self, step: int, datum: Cell) -> None:
-        """Note where the datum is after this many steps of the sea."""
-        self._seen[step] = datum
+    def observe(self, step: int, datum: Cell) -> None:
+        """Note where the datum is after this many steps of the sea, at least `FIRST_OBSERVED`."""
+        self._observed[step] = datum
 
     def vector(self) -> tuple[float, float] | None:
-        """Return the scenario's vector that is expected now, None if no drift explains the datum.
+        """Return the vector of a scenario with the estimated drift, None if no drift is possible.
 
-        It is the mean of what is assumed (a normal distribution about the assumed drift) over the
-        drifts that explain every sight.
+        The estimate is the posterior mean: that of a normal distribution about the assumed drift,
+        over the drifts that explain all observed cells.
         """
-        steps = max(self._seen, default=0)
+        steps = max(self._observed, default=0)
         seen = np.full((steps, 2), -1, np.int64)
-        for step, datum in self._seen.items():
+        for step, datum in self._observed.items():
             seen[step - 1] = datum
         start = np.array([self._world["start_x"][0], self._world["start_y"][0]])
-        cells = [start, *(seen[step - 1] for step in sorted(self._seen))]
+        cells = [start, *(seen[step - 1] for step in sorted(self._observed))]
         reach = 1.0 + np.abs(np.diff(cells, axis=0)).max(initial=0)
         middle, half = np.zeros(2), np.full(2, reach)
-        explaining = np.zeros((0, 2))
+        possible = np.zeros((0, 2))
         for _ in range(ROUNDS):
             line = np.linspace(-1.0, 1.0, POINTS)
             x, y = np.meshgrid(middle[0] + half[0] * line, middle[1] + half[1] * line)
@@ -105,17 +107,17 @@ class DriftEstimate:
             misfits(self._constants, self._world, self._area, seen, drifts, missed)
             best = drifts[missed == missed.min()]
             if missed.min() == 0:
-                explaining = best
+                possible = best
             low, high = best.min(axis=0), best.max(axis=0)
-            # How far the datum gets grows with the drift: the best lie between their neighbours.
+            # The datum gets further with more drift: others as good are within a point of these.
             spacing = 2.0 * half / (POINTS - 1)
             middle, half = (low + high) / 2, (high - low) / 2 + spacing
-        if not len(explaining):
+        if not len(possible):
             return None
-        spread = ERROR * max(float(np.hypot(*self._assumed)), 1e-3)
-        error = ((explaining - self._assumed) ** 2).sum(axis=1) / (2 * spread**2)
+        spread = RELATIVE_ERROR * max(float(np.hypot(*self._assumed)), LEAST_DRIFT)
+        error = ((possible - self._assumed) ** 2).sum(axis=1) / (2 * spread**2)
         weights = np.exp(error.min() - error)
-        return self._vector_of(weights @ explaining / weights.sum())
+        return self._vector_of(weights @ possible / weights.sum())
 
     def _vector_of(self, drifted: NDArray[np.float64]) -> tuple[float, float]:
         """Return the vector whose drift per step this is, see `kernels.drift_per_step`."""

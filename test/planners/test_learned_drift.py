@@ -13,7 +13,7 @@ import pytest
 from dsse_ros.planners import BELIEF_PLANNERS, planner_for
 from dsse_ros.search import SearchEnv, parallel_env
 from dsse_ros.search.belief import likeliest_cell
-from dsse_ros.search.drift import FIRST_SEEN
+from dsse_ros.search.drift import FIRST_OBSERVED
 
 V2: dict[str, Any] = {
     "rules": "v2", "grid_size": 30, "dispersion_inc": 0.05, "vector": (1.1, 1.0),
@@ -57,7 +57,7 @@ def foresees(planner: Any, probability: Any) -> bool:
     """Return whether the map is the one that the planner expects at its step."""
     forecast = planner.belief.forecast
     done = forecast.first_step + planner.belief.step
-    return done < FIRST_SEEN or forecast.likeliest(done) == likeliest_cell(probability)
+    return done < FIRST_OBSERVED or forecast.likeliest(done) == likeliest_cell(probability)
 
 
 @pytest.mark.parametrize("wrong", WRONG)
