@@ -3,7 +3,8 @@
 
 The drones observe a map that the rules alone draw. These planners know the rules and the scenario,
 so that they know the map in advance; of an observation they use the drones' cells, and from their
-own commands they know what was searched in vain.
+own commands they know what was searched in vain. Where the observed map is another one than they
+expect, they learn the drift from it.
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
-from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.search.belief import Belief, Forecast, likeliest_cell
+from dsse_ros.search.drift import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import ResolvedScenario
 
 
 class Tactic(Protocol):
@@ -122,19 +125,28 @@ class BeliefPlanner:
         search: What it may know: rules and scenario.
         tactic: Chooses.
         seed: Of what the tactic draws.
+        learn_drift: Whether it learns the drift when the observed map is not the expected one. It
+            does not where the belief is observed instead of the map (`Search.observed`), nor once
+            no drift explains the maps.
 
     Attributes:
-        belief: The belief at the last observation, None before the first.
+        belief: The belief at the last observation, None before the first; the drift it is made with
+            is `belief.forecast.scenario.vector`.
 
     Raises:
         ValueError: If search or a straight move is missing in the rules.
     """
 
-    def __init__(self, search: Search, tactic: TacticFactory, *, seed: int = 0) -> None:
+    def __init__(
+        self, search: Search, tactic: TacticFactory, *, seed: int = 0, learn_drift: bool = True
+    ) -> None:
         self._search = search
         self._factory = tactic
         self._seed = seed
         self._actions = search.rules.action_set.with_moves()
+        self._learn_drift = learn_drift and getattr(search, "observed", "map") == "map"
+        self._drift: DriftEstimate | None = None
+        self._searches: list[list[Cell]] = []
         self._forecast: Forecast | None = None
         self._tactic: Tactic | None = None
         self._commanded: dict[str, tuple[Cell, Cell]] = {}
@@ -154,15 +166,13 @@ class BeliefPlanner:
         if self._is_new_mission(agents, present, probability_of(observations), step):
             self._start(present, probability_of(observations))
         else:
-            assert self.belief is not None
-            self.belief.observe_failed_searches(
-                self._searched(dict(zip(agents, present, strict=True)), infos)
-            )
-            self.belief.advance()
-        assert self.belief is not None and self._tactic is not None
+            self._follow(self._searched(dict(zip(agents, present, strict=True)), infos))
+        assert self.belief is not None
         while step is not None and self.belief.step < step:
             # Nothing is known of what was done in a step that was not observed.
-            self.belief.advance()
+            self._follow([])
+        self._observe_map(probability_of(observations))
+        assert self._tactic is not None
         ends = self._tactic(self.belief, agents, present)
         self._commanded = dict(zip(agents, zip(present, ends, strict=True), strict=True))
         return {
@@ -193,9 +203,44 @@ class BeliefPlanner:
         cells, first_map = self._first
         return self.belief.step > 0 and present == cells and np.array_equal(probability, first_map)
 
+    def _follow(self, searched: list[Cell]) -> None:
+        """Let the belief do one step in which these cells were searched in vain."""
+        assert self.belief is not None
+        self._searches.append(searched)
+        self.belief.observe_failed_searches(searched)
+        self.belief.advance()
+
+    def _observe_map(self, probability: NDArray[np.float32]) -> None:
+        """Note where the datum is; learn the drift if it is not where it was expected."""
+        assert self.belief is not None and self._forecast is not None
+        steps = self._forecast.first_step + self.belief.step
+        if self._drift is None or steps < FIRST_OBSERVED:
+            return
+        datum = likeliest_cell(probability)
+        self._drift.observe(steps, datum)
+        if datum == self._forecast.likeliest(steps):
+            return
+        vector = self._drift.vector()
+        if vector is None:
+            self._drift = None
+            return
+        searches, self._searches = self._searches, []
+        self._forecast_for(self._scenario.override(vector=vector).resolve(self._search.rules))
+        for searched in searches:
+            self._follow(searched)
+
     def _start(self, present: list[Cell], probability: NDArray[np.float32]) -> None:
         scenario = getattr(self._search, "mission_scenario", self._search.scenario)
-        scenario = scenario.resolve(self._search.rules)
+        self._scenario = scenario.resolve(self._search.rules)
+        self._searches = []
+        self._drift = None
+        if self._learn_drift:
+            self._drift = DriftEstimate(self._scenario, self._search.rules)
+        self._forecast_for(self._scenario)
+        self._first = present, probability.copy()
+
+    def _forecast_for(self, scenario: ResolvedScenario) -> None:
+        """Start belief and tactic anew for a scenario."""
         if self._forecast is None or self._forecast.scenario != scenario:
             self._forecast = Forecast(
                 scenario,
@@ -208,7 +253,6 @@ class BeliefPlanner:
             assert self.belief is not None
             self.belief.reset()
         self._tactic = self._factory.start(self._forecast, self._seed)
-        self._first = present, probability.copy()
 
     def _searched(
         self, present: Mapping[str, Cell], infos: Mapping[str, Mapping[str, Any]]
@@ -251,22 +295,27 @@ class BeamOnBelief:
         return BeamSearch(forecast, self._options, seed=seed)
 
 
-def make_belief(search: Search, *, seed: int = 0, **options: Any) -> BeliefPlanner:
+def make_belief(
+    search: Search, *, seed: int = 0, learn_drift: bool = True, **options: Any
+) -> BeliefPlanner:
     """Return the planner `belief`: beam search on the belief.
 
     Args:
         search: What it may know: rules and scenario.
         seed: Of the scenarios it draws.
+        learn_drift: See `BeliefPlanner`.
         options: Fields of `BeamOptions`.
     """
-    return BeliefPlanner(search, BeamOnBelief(BeamOptions(**options)), seed=seed)
+    tactic = BeamOnBelief(BeamOptions(**options))
+    return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
 
 
-def make_belief_greedy(search: Search, *, seed: int = 0) -> BeliefPlanner:
+def make_belief_greedy(search: Search, *, seed: int = 0, learn_drift: bool = True) -> BeliefPlanner:
     """Return the planner `belief_greedy`: each drone goes to a likely cell near it.
 
     Args:
         search: What it may know: rules and scenario.
         seed: Not used, it draws nothing.
+        learn_drift: See `BeliefPlanner`.
     """
-    return BeliefPlanner(search, GreedyOnBelief(), seed=seed)
+    return BeliefPlanner(search, GreedyOnBelief(), seed=seed, learn_drift=learn_drift)

@@ -25,7 +25,9 @@ from dsse_ros.search.actions import ActionSet
 from dsse_ros.search.belief import Belief, Forecast
 
 
-def make_optimal_effort(search: Search, *, seed: int = 0, period: int = 4) -> BeliefPlanner:
+def make_optimal_effort(
+    search: Search, *, seed: int = 0, learn_drift: bool = True, period: int = 4
+) -> BeliefPlanner:
     """Return a planner that allocates the effort of the next steps and routes it.
 
     The effort is what the drones could search if they did not have to move.
@@ -33,6 +35,7 @@ def make_optimal_effort(search: Search, *, seed: int = 0, period: int = 4) -> Be
     Args:
         search: What it may know: rules and scenario.
         seed: For the choice of the cell to step aside to when a way is blocked.
+        learn_drift: See `BeliefPlanner`.
         period: Steps between two plans.
     """
 
@@ -47,7 +50,8 @@ def make_optimal_effort(search: Search, *, seed: int = 0, period: int = 4) -> Be
 
         return plan
 
-    return BeliefPlanner(search, RoutePlanning(plan_for, period), seed=seed)
+    tactic = RoutePlanning(plan_for, period)
+    return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
 
 
 def allocate(likely: NDArray[np.float64], pod: float, searches: int) -> dict[Cell, int]:

@@ -38,7 +38,8 @@ class Search(Protocol):
     """What a planner may know of a search besides the observations.
 
     An environment is one. It may have `mission_scenario`, the scenario with the options of the
-    mission under way, and `steps_done`.
+    mission under way, `steps_done`, and `observed`: `map`, or `belief` where what drones observe is
+    not the map of the rules.
     """
 
     @property

@@ -33,6 +33,7 @@ def make_route(
     search: Search,
     *,
     seed: int = 0,
+    learn_drift: bool = True,
     period: int = 3,
     reach: int = 15,
     cells_per_drone: int = 12,
@@ -42,6 +43,7 @@ def make_route(
     Args:
         search: What it may know: rules and scenario.
         seed: For the choice of the cell to step aside to when a way is blocked.
+        learn_drift: See `BeliefPlanner`.
         period: Steps between two plans.
         reach: Steps that a route may take once the drones are there; the mission's end comes first.
         cells_per_drone: How many of the most likely cells the routes are chosen from.
@@ -68,7 +70,8 @@ def make_route(
 
         return plan
 
-    return BeliefPlanner(search, RoutePlanning(plan_for, period), seed=seed)
+    tactic = RoutePlanning(plan_for, period)
+    return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
 
 
 def _steps(distance: int) -> int:

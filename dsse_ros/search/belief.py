@@ -29,6 +29,12 @@ KEPT_BYTES = 1 << 28
 """Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
 
 
+def likeliest_cell(probability: NDArray[np.float32]) -> Cell:
+    """Return the cell (col, row) of a map [row, col] that has the greatest probability."""
+    row, col = divmod(int(probability.argmax()), probability.shape[1])
+    return col, row
+
+
 class Forecast:
     """How map and persons will move: known in advance, the same for every mission of a scenario.
 
@@ -105,6 +111,19 @@ class Forecast:
             self.tables[slot] = self.tables[before] if stays else -1.0
             self._ready += 1
         return step % slots
+
+    def likeliest(self, steps: int) -> Cell:
+        """Return the likeliest cell of the map that is observed after these steps of the sea.
+
+        Args:
+            steps: At least 1.
+        """
+        # Persons look at the map of the step before where they step first.
+        drawn = steps if self.rules.person_first else steps - 1
+        side = self.scenario.grid_size + 2 * belief_kernels.MARGIN
+        chances = self.chances[self.look(drawn)].reshape(side, side)
+        inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
+        return likeliest_cell(chances[inner, inner].astype(np.float32))
 
 
 class Belief:

@@ -41,6 +41,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         world: The arrays behind this environment, a batch of one.
         scenario: The resolved scenario.
         rules: The rules in force.
+        observed: What agents observe, `map` or `belief`.
 
     Raises:
         FieldError: If the scenario does not fit the rules, or an argument is unknown.
@@ -66,9 +67,9 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             raise FieldError(f"render_mode: {shown(render_mode)} is not allowed; one of {modes}")
         self.render_mode = render_mode
         self.rules = rules
-        of_belief = OBSERVED.check("observe", observe) == "belief"
-        self.world = World(scenario, rules, write_maps=not of_belief)
-        self._beliefs = WorldBeliefs(self.world) if of_belief else None
+        self.observed = OBSERVED.check("observe", observe)
+        self.world = World(scenario, rules, write_maps=self.observed == "map")
+        self._beliefs = WorldBeliefs(self.world) if self.observed == "belief" else None
         self._belief_map: NDArray[np.float32] | None = None
         self._note_belief()
         self.scenario = self.world.scenario

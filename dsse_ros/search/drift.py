@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""Which drift explains where the datum was observed.
+
+The datum moves by whole cells, so that its cells so far leave a range of drifts along each axis
+that would have put it there; the range narrows with time.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.search import kernels
+from dsse_ros.search.actions import Cell
+from dsse_ros.search.kernels import drift, drift_per_step, kernel
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.search.world import area_of, constants_of
+
+POINTS = 33
+"""Drifts along each axis that are compared at a time."""
+ROUNDS = 6
+"""How often the range that is compared is narrowed about the best."""
+FIRST_OBSERVED = 4
+"""Steps of the sea from which the likeliest cell is the datum; before, a circle about the datum of
+the step before (`circle_on_previous_datum`) may be too small to contain it."""
+RELATIVE_ERROR = 0.5
+"""Standard deviation of what a drift is assumed to be, as a share of it."""
+LEAST_DRIFT = 1e-3
+"""Cells per step: a slower drift that is assumed counts as this one for its error."""
+
+
+@kernel
+def misfits(constants, worlds, area, seen, drifts, out):
+    """Count by how many cells drifts miss where the datum was observed.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        worlds: (1,) of `kernels.WORLDS`, start set; the rest is scratch.
+        area: Of `kernels.step_worlds`.
+        seen: (T, 2) int64, the datum (x, y) after step 1, 2, ... of the sea, -1 where not observed.
+        drifts: (M, 2) float64, cells per step.
+        out: (M,) int64 out.
+    """
+    c, w = constants[0], worlds[0]
+    for m in range(len(drifts)):
+        w.datum_x, w.datum_y = w.start_x, w.start_y
+        w.remainder_x = w.remainder_y = 0.0
+        w.drift_x, w.drift_y = drifts[m, 0], drifts[m, 1]
+        out[m] = 0
+        for t in range(len(seen)):
+            drift(c, w, area)
+            if seen[t, 0] >= 0:
+                out[m] += abs(seen[t, 0] - w.datum_x) + abs(seen[t, 1] - w.datum_y)
+
+
+@kernel
+def per_step(constants, x, y):
+    """Return the drift (x, y) in cells per step of a scenario's vector."""
+    return drift_per_step(constants[0], x, y)
+
+
+class DriftEstimate:
+    """Estimates a mission's drift from the observed cells of the datum.
+
+    Args:
+        scenario: Its `vector` is what is assumed.
+        rules: The rules of the search.
+    """
+
+    def __init__(self, scenario: ResolvedScenario, rules: Rules) -> None:
+        self._rules = rules
+        self._constants = constants_of(scenario, rules)
+        self._area, _ = area_of(scenario)
+        self._world = np.zeros(1, kernels.WORLDS)
+        self._world["start_x"], self._world["start_y"] = scenario.person_initial_position
+        self._assumed = np.array(per_step(self._constants, *scenario.vector))
+        self._observed: dict[int, Cell] = {}
+
+    def observe(self, step: int, datum: Cell) -> None:
+        """Note where the datum is after this many steps of the sea, at least `FIRST_OBSERVED`."""
+        self._observed[step] = datum
+
+    def vector(self) -> tuple[float, float] | None:
+        """Return the vector of a scenario with the estimated drift, None if no drift is possible.
+
+        The estimate is the posterior mean: that of a normal distribution about the assumed drift,
+        over the drifts that explain all observed cells.
+        """
+        steps = max(self._observed, default=0)
+        seen = np.full((steps, 2), -1, np.int64)
+        for step, datum in self._observed.items():
+            seen[step - 1] = datum
+        start = np.array([self._world["start_x"][0], self._world["start_y"][0]])
+        cells = [start, *(seen[step - 1] for step in sorted(self._observed))]
+        reach = 1.0 + np.abs(np.diff(cells, axis=0)).max(initial=0)
+        middle, half = np.zeros(2), np.full(2, reach)
+        possible = np.zeros((0, 2))
+        for _ in range(ROUNDS):
+            line = np.linspace(-1.0, 1.0, POINTS)
+            x, y = np.meshgrid(middle[0] + half[0] * line, middle[1] + half[1] * line)
+            drifts = np.stack([x.ravel(), y.ravel()], axis=1)
+            missed = np.empty(len(drifts), np.int64)
+            misfits(self._constants, self._world, self._area, seen, drifts, missed)
+            best = drifts[missed == missed.min()]
+            if missed.min() == 0:
+                possible = best
+            low, high = best.min(axis=0), best.max(axis=0)
+            # The datum gets further with more drift: others as good are within a point of these.
+            spacing = 2.0 * half / (POINTS - 1)
+            middle, half = (low + high) / 2, (high - low) / 2 + spacing
+        if not len(possible):
+            return None
+        spread = RELATIVE_ERROR * max(float(np.hypot(*self._assumed)), LEAST_DRIFT)
+        error = ((possible - self._assumed) ** 2).sum(axis=1) / (2 * spread**2)
+        weights = np.exp(error.min() - error)
+        return self._vector_of(weights @ possible / weights.sum())
+
+    def _vector_of(self, drifted: NDArray[np.float64]) -> tuple[float, float]:
+        """Return the vector whose drift per step this is, see `kernels.drift_per_step`."""
+        scale, norm = 1.0, float(np.hypot(*drifted))
+        if self._rules.drift_by_speed and norm > 0.0:
+            speed = float(self._constants["cell_size"][0] / self._constants["step_duration_s"][0])
+            scale = math.sqrt(speed / norm)
+        return float(scale * drifted[0]), float(scale * drifted[1])
