@@ -69,7 +69,9 @@ def publications(node: Node, of: str) -> dict[str, tuple[str, str, str]]:
         now = []
         if of in node.get_node_names():
             now = sorted(node.get_publisher_names_and_types_by_node(of, "/"))
-        if now != seen or not now:
+        # A node that still compiles has none of them yet.
+        complete = REPORT in [topic for topic, _ in now]
+        if now != seen or not complete:
             seen, quiet_since = now, time.monotonic()
         elif time.monotonic() - quiet_since > QUIET_S:
             return {
