@@ -101,21 +101,21 @@ class BeamSearch:
         if options.finalists is None:
             self._finalists = min(full.finalists, max(FINALISTS // forecast.scenario.num_drones, 1))
         self._rng = np.random.default_rng(seed)
-        self._side = forecast.scenario.grid_size + 2 * MARGIN
+        side = forecast.side
         actions = forecast.rules.action_set.with_moves()
         self._measure = actions.distance
         names = (*STRAIGHT, *(DIAGONAL if actions.diagonal else ()))
         steps = [(0, 0), *(ACTION_VECTORS[name] for name in names)]
-        self._moves = np.array([dy * self._side + dx for dx, dy in steps])
-        self._masked = np.zeros(self._side**2, np.bool_)
+        self._moves = np.array([dy * side + dx for dx, dy in steps])
+        self._masked = np.zeros(side**2, np.bool_)
         if forecast.area is not None:
             self._masked = ~np.pad(forecast.area, MARGIN).ravel()
-        away = np.arange(self._side)
+        away = np.arange(side)
         across, down = np.meshgrid(away, away)
         moves = np.maximum(across, down) if actions.diagonal else across + down
         self._nearness: NDArray[np.float64] = options.closeness ** moves.astype(np.float64)
         self._density = np.empty((0, 0))
-        self._scratch = np.empty(self._side**2 + ROW)
+        self._scratch = np.empty(side**2 + ROW)
         self._plans: dict[Hashable, _Plan] = {}
 
     def copy(self) -> BeamSearch:
@@ -157,7 +157,7 @@ class BeamSearch:
             spent_ms = 1000 * (time.perf_counter() - began)
             if options.budget_ms is not None and spent_ms > options.budget_ms and planned:
                 break
-            paths = np.full((self._finalists, horizon + 1), self._column(present[n]))
+            paths = np.full((self._finalists, horizon + 1), self._forecast.column(present[n]))
             blocked = self._blocked(n, plans, planned, horizon)
             found, length = beam.plan_drone(
                 self._moves, options.width, options.cap, options.gamma, options.kappa,
@@ -222,7 +222,7 @@ class BeamSearch:
         if belief.pods.min() < 1.0:
             pods = belief.pods[rows // forecast.directions.shape[1]]
             detected = self._rng.random((horizon, count)) < pods
-        starts = np.empty((horizon, self._side**2 + 1), np.int64)
+        starts = np.empty((horizon, self._forecast.side**2 + 1), np.int64)
         members = np.empty((horizon, count), np.int64)
         beam.index(cells, detected, starts, members)
         return cells, starts, members
@@ -233,7 +233,7 @@ class BeamSearch:
         """Return each drone's last plan less the step that was done, empty where it has none."""
         plans = []
         for agent, cell in zip(agents, present, strict=True):
-            path = np.full(horizon + 1, self._column(cell))
+            path = np.full(horizon + 1, self._forecast.column(cell))
             last, length = self._plans.get(agent), 0
             if last is not None and last.length > 1 and last.path[1] == path[0]:
                 length = min(last.length - 1, horizon)
@@ -284,11 +284,4 @@ class BeamSearch:
             if self._forecast.rules.collisions and int(plan.path[1]) in taken | waiting:
                 plans[n] = plan = _Plan(np.full_like(plan.path, plan.path[0]), 0)
             taken.add(int(plan.path[1]))
-        return [self._cell(int(plan.path[1])) for plan in plans]
-
-    def _column(self, cell: Cell) -> int:
-        return (cell[1] + MARGIN) * self._side + cell[0] + MARGIN
-
-    def _cell(self, column: int) -> Cell:
-        row, col = divmod(column, self._side)
-        return col - MARGIN, row - MARGIN
+        return [self._forecast.cell(int(plan.path[1])) for plan in plans]

@@ -52,6 +52,7 @@ class Forecast:
         constants: (1,) of `kernels.CONSTANTS`.
         area: Which cells are searched, see `kernels`.
         first_step: Steps of the sea before a mission's first observation.
+        side: S, columns and rows of the grid with its margins.
         chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
         tables: (R, S S, 9) float64, see `belief_kernels.look_up`.
         directions: (R, K) int64, see `belief_kernels.forecast_step`.
@@ -68,7 +69,8 @@ class Forecast:
         self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
         drifts = drift_samples if rules.person_motion == "drift" else 1
         g = resolved.grid_size
-        cells = (g + 2 * belief_kernels.MARGIN) ** 2
+        self.side = g + 2 * belief_kernels.MARGIN
+        cells = self.side**2
         # Only the window's probabilities take longer than to look them up.
         rows = cells if rules.person_motion == "window" else 0
         steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
@@ -112,6 +114,15 @@ class Forecast:
             self._ready += 1
         return step % slots
 
+    def column(self, cell: Cell) -> int:
+        """Return the column of a belief that stands for a cell (col, row)."""
+        return (cell[1] + belief_kernels.MARGIN) * self.side + cell[0] + belief_kernels.MARGIN
+
+    def cell(self, column: int) -> Cell:
+        """Return the cell (col, row) that a column of a belief stands for."""
+        row, col = divmod(column, self.side)
+        return col - belief_kernels.MARGIN, row - belief_kernels.MARGIN
+
     def likeliest(self, steps: int) -> Cell:
         """Return the likeliest cell of the map that is observed after these steps of the sea.
 
@@ -120,8 +131,7 @@ class Forecast:
         """
         # Persons look at the map of the step before where they step first.
         drawn = steps if self.rules.person_first else steps - 1
-        side = self.scenario.grid_size + 2 * belief_kernels.MARGIN
-        chances = self.chances[self.look(drawn)].reshape(side, side)
+        chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
         return likeliest_cell(chances[inner, inner].astype(np.float32))
 
@@ -182,11 +192,8 @@ class Belief:
             rows = slice(of_class * self._drifts, (of_class + 1) * self._drifts)
             cells = around if person else [(x0, y0)]
             for cell in cells:
-                self.density[rows, self._index(cell)] += 1.0 / (persons * self._drifts * len(cells))
-
-    def _index(self, cell: Cell) -> int:
-        side = self.forecast.scenario.grid_size + 2 * belief_kernels.MARGIN
-        return (cell[1] + belief_kernels.MARGIN) * side + cell[0] + belief_kernels.MARGIN
+                column = self.forecast.column(cell)
+                self.density[rows, column] += 1.0 / (persons * self._drifts * len(cells))
 
     def copy(self) -> Belief:
         """Return a belief of its own with the same content; the forecast is shared."""

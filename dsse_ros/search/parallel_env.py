@@ -99,7 +99,6 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         self._no_flags: dict[str, bool] = {}
         self._known_actions = bytes(range(len(rules.actions)))
         self._track: list[NDArray[np.int64]] = []
-        self._start_options: dict[str, Any] = {}
         self._bind()
 
     def _bind(self) -> None:
@@ -159,7 +158,6 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         if self._beliefs is not None:
             self._beliefs.reset()
         self.world.reset()
-        self._start_options = start
         self._note_belief()
         self._note_live()
         self._start_track()
@@ -265,10 +263,9 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
 
     @property
     def mission_scenario(self) -> ResolvedScenario:
-        """The scenario with what `options` of the last reset replaced in it."""
-        if not self._start_options:
-            return self.scenario
-        return self.scenario.override(**self._start_options).resolve(self.rules)
+        """The scenario with what `options` of the mission's reset replaced in it."""
+        replaced = self.world.placed()
+        return self.scenario.override(**replaced).resolve(self.rules) if replaced else self.scenario
 
     @property
     def steps_done(self) -> int:

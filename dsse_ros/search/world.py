@@ -227,6 +227,17 @@ class World:
             s.person_pod_multipliers if person_pod_multipliers is None else person_pod_multipliers
         )
 
+    def placed(self) -> dict[str, Any]:
+        """Return the fields of the scenario in whose place `place` has put others, with those."""
+        world, scenario = self.worlds[0], self.scenario
+        values: dict[str, Any] = {
+            "drones_positions": tuple((x, y) for x, y in self.starts[0].tolist()),
+            "vector": (float(world["vector_x"]), float(world["vector_y"])),
+            "person_initial_position": (int(world["start_x"]), int(world["start_y"])),
+            "person_pod_multipliers": tuple(self.persons["pod_multiplier"][0].tolist()),
+        }
+        return {name: value for name, value in values.items() if value != getattr(scenario, name)}
+
     def reset(
         self,
         which: NDArray[np.bool_] | None = None,

@@ -90,18 +90,12 @@ class WorldBeliefs:
         self.pos[:] = 0.0
 
     def _placed(self) -> ResolvedScenario:
-        """Return the scenario with what the options of a reset have replaced in it."""
-        scenario, world = self._world.scenario, self._world.worlds[0]
-        multipliers = self._world.persons["pod_multiplier"][0]
-        values = {
-            "vector": (float(world["vector_x"]), float(world["vector_y"])),
-            "person_initial_position": (int(world["start_x"]), int(world["start_y"])),
-            "person_pod_multipliers": tuple(multipliers.tolist()),
-        }
-        replaced = {name: v for name, v in values.items() if v != getattr(scenario, name)}
-        if not replaced:
-            return scenario
-        return scenario.override(**replaced).resolve(self._world.rules)
+        """Return the scenario with what the options of a reset have replaced for the persons."""
+        replaced = self._world.placed()
+        # A forecast knows no drones, and takes long to make.
+        replaced.pop("drones_positions", None)
+        scenario = self._world.scenario
+        return scenario.override(**replaced).resolve(self._world.rules) if replaced else scenario
 
     def step(self, actions: NDArray[np.int8]) -> None:
         """Advance every world by one step, see `World.step`, and follow it."""

@@ -51,6 +51,19 @@ def test_a_restored_mission_goes_on_bit_for_bit(rules: str, tmp_path: Path) -> N
             twin.reset()
 
 
+def test_the_scenario_of_a_mission_is_restored_with_it() -> None:
+    options: dict[str, Any] = {"vector": (0.1, 0.2), "drones_positions": [(0, 0), (3, 1), (2, 2)]}
+    env = parallel_env(**MISSION)
+    env.reset(seed=1, options=options)
+    assert env.mission_scenario.vector == options["vector"]
+    assert list(env.mission_scenario.drones_positions) == options["drones_positions"]
+    twin = parallel_env(**MISSION)
+    twin.reset(seed=2)
+    assert twin.mission_scenario == twin.scenario
+    twin.restore(env.snapshot())
+    assert twin.mission_scenario == env.mission_scenario
+
+
 def test_a_batch_goes_on_too_and_through_its_automatic_resets() -> None:
     batch = vector_env(4, **MISSION)
     batch.reset(seed=0)
