@@ -15,6 +15,7 @@ from typing import Any
 
 from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, ActionSet
 from dsse_ros.search.fields import FieldError, check_all, check_known, field, shown, specs
+from dsse_ros.search.person_motion import MOTIONS
 
 _PLUS = (*STRAIGHT, "search")
 _STAR = (*STRAIGHT, *DIAGONAL, "search")
@@ -115,7 +116,7 @@ class Rules:
         "A person goes to the best cell of the window, weighted at random, or is drawn towards "
         "its own drift.",
         "window",
-        choices=("window", "drift"),
+        choices=tuple(MOTIONS),
     )
     person_first: bool = field("bool", "Whether persons step before the map does.", False)
     person_walks_blind: bool = field(
