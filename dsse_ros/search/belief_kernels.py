@@ -67,8 +67,8 @@ def start_sea(constants, worlds, drifts):
     Args:
         constants: (1,) of `kernels.CONSTANTS`.
         worlds: (1,) of `kernels.WORLDS`, start and vector set; no draw is made from it.
-        drifts: (K,) of `person_motion.PERSONS` out. Where persons have a drift of their own it is the
-            middle of K equally probable parts of its angles.
+        drifts: (K,) of `person_motion.PERSONS` out. Where persons have a drift of their own it is
+            the middle of K equally probable parts of its angles.
     """
     c, w, count = constants[0], worlds[0], len(drifts)
     w.t = w.map_steps = 0

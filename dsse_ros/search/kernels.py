@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
 """The compiled step of B worlds at once: drones, map, persons and rewards.
 
 The state of the worlds is in three structured arrays, `worlds` (B,), `drones` (B, N) and `persons`

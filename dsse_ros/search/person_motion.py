@@ -144,9 +144,9 @@ DRIFT_WEIGHT = 0.05
 def move_with_drift(c, w, gauss, area, person, direction):
     """Draw a person's step from the 3 x 3 window, more likely the one that it drifts."""
     total = DRIFT_WEIGHT
-    for step in range(STEPS):
-        dx, dy = step % 3 - 1, step // 3 - 1
-        total += cell_probability(c, w, gauss, area, person.x + dx, person.y + dy)
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            total += cell_probability(c, w, gauss, area, person.x + dx, person.y + dy)
     left = draw_unit(w) * total
     drawn = direction
     for step in range(STEPS):
@@ -213,7 +213,7 @@ def persons_step(c, w, gauss, area, persons):
             move_person(c, w, gauss, area, person, direction)
 
 
-@part
+@inlined
 def gathered_step(person):
     """Let a person's own drift go on for a step; returns what it had gathered to do before.
 
