@@ -51,20 +51,25 @@ SCRATCH = 100
 class PersonMotion(NamedTuple):
     """How a person moves: two compiled functions that know the same law.
 
-    `direction` is the step that the person's own drift has gathered, `NO_STEP` without one. Where
-    the drift has not gathered any, neither is called.
+    `direction` is the step that the person's own drift has gathered, `NO_STEP` without one. As long
+    as the drift has not gathered any, neither is called.
+
+    Attributes:
+        doc: What a person does, without a subject.
+        move: move(c, w, gauss, area, person, direction) draws a step and does it. Every random draw
+            is one of `draws`.
+        chances: chances(c, area, x, y, direction, window, out, scratch) writes the probability of
+            each step of a person in the cell (x, y) to out (9,). `window` (9,) has the
+            probabilities of the cells that the steps lead to; `scratch` (`SCRATCH`,) is free to
+            use.
+        own_drift: Whether each person has a drift of its own, drawn at reset, and steps only when
+            it has gathered a cell.
     """
 
+    doc: str
     move: Any
-    """move(c, w, gauss, area, person, direction) draws a step and does it. Every random draw is
-    one of `draws`."""
     chances: Any
-    """chances(c, area, x, y, direction, window, out, scratch) writes the probability of each step
-    of a person in the cell (x, y) to out (9,). `window` (9,) has the probabilities of the cells
-    that the steps lead to; `scratch` (`SCRATCH`,) is free to use."""
     own_drift: bool = False
-    """Whether each person has a drift of its own, drawn at reset, and steps only when it has
-    gathered a cell."""
 
 
 FACTORS = 100
@@ -174,8 +179,14 @@ def drift_chances(c, area, x, y, direction, window, out, _scratch):
 
 
 MOTIONS: dict[str, PersonMotion] = {
-    "window": PersonMotion(move_to_best_cell, best_cell_chances),
-    "drift": PersonMotion(move_with_drift, drift_chances, own_drift=True),
+    "window": PersonMotion(
+        "goes to the best cell of the window, weighted at random",
+        move_to_best_cell,
+        best_cell_chances,
+    ),
+    "drift": PersonMotion(
+        "is drawn towards its own drift", move_with_drift, drift_chances, own_drift=True
+    ),
 }
 """The motions by name; `c.motion` is the number of the one in use."""
 
