@@ -96,7 +96,7 @@ def test_the_predicted_share_of_finds_is_what_happens_at_every_step(case: str) -
         # The normal interval, and where hardly any are or are not found what Poisson's has.
         reach = Z * deviation / np.sqrt(MISSIONS) + Z**2 / MISSIONS
         assert abs(found.mean() - belief.pos) < reach, belief.step
-    assert belief.pos > 0.2
+    assert belief.pos > 0.1
 
 
 @pytest.mark.parametrize("case", CASES)
