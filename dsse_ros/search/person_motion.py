@@ -224,7 +224,7 @@ def persons_step(c, w, gauss, area, persons):
             move_person(c, w, gauss, area, person, direction)
 
 
-@inlined
+@part
 def gathered_step(person):
     """Let a person's own drift go on for a step; returns what it had gathered to do before.
 
