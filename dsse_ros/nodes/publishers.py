@@ -21,7 +21,7 @@ from visualization_msgs.msg import MarkerArray
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.status import Health, Level
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
-from dsse_ros.search import kernels
+from dsse_ros.search import sea_map
 from msg_adapters.agents import (
     AgentsInfo,
     Origin,
@@ -287,7 +287,7 @@ class MissionPublishers:
             tracks=self._mission.tracks,
             live=(~(result.terminated | result.truncated)).tolist(),
             datum=(int(world["datum_x"]), int(world["datum_y"])),
-            radius_cells=kernels.radius(world) if env.rules.circle else None,
+            radius_cells=sea_map.radius(world) if env.rules.circle else None,
             person_cells=(
                 np.stack([persons["x"], persons["y"]], axis=1) if reveal_person else None
             ),

@@ -20,6 +20,7 @@ from dsse_ros.planners import beam
 from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.belief_kernels import MARGIN, ROW
+from dsse_ros.search.person_motion import MOTIONS
 from dsse_ros.search.rules import Rules
 
 
@@ -29,7 +30,7 @@ class BeamOptions:
 
     Attributes:
         samples: M, scenarios drawn from the belief.
-        horizon: H, steps planned; None: see `BY_MOTION`.
+        horizon: H, steps planned; None: see `BY_DRIFT`.
         width: W, nodes kept at each step.
         cap: Nodes kept at each step in one cell.
         gamma: Discount of a find per step.
@@ -38,7 +39,7 @@ class BeamOptions:
         drift_samples: K, angles of the persons' own drift, see `Forecast`.
         finalists: Plans of a beam, the last one besides, of which the exact filter takes the best:
             samples flatter a plan that was searched on them. 1: the samples decide. None: see
-            `BY_MOTION`; of many drones fewer, `FINALISTS` in all.
+            `BY_DRIFT`; of many drones fewer, `FINALISTS` in all.
         warm_start: Whether a drone allows for the last plans of those that plan after it; None:
             with up to 4 drones.
         passes: How often each drone plans in a step.
@@ -62,16 +63,17 @@ class BeamOptions:
     def completed(self, rules: Rules) -> BeamOptions:
         """Return the options with what depends on the rules filled in."""
         given = {name: value for name, value in vars(self).items() if value is not None}
-        return replace(self, **{**BY_MOTION[rules.person_motion], **given})
+        own_drift = MOTIONS[rules.person_motion].own_drift
+        return replace(self, **{**BY_DRIFT[own_drift], **given})
 
 
-BY_MOTION: Mapping[str, Mapping[str, Any]] = {
+BY_DRIFT: Mapping[bool, Mapping[str, Any]] = {
     # Persons stay about the datum: one looks further, and small differences count.
-    "window": {"horizon": 15, "finalists": 8},
-    # With a drift of their own the exact filter has K times as much to do, for no gain.
-    "drift": {"horizon": 10, "finalists": 1},
+    False: {"horizon": 15, "finalists": 8},
+    # With drifts of their own the exact filter has K times as much to do, for no gain.
+    True: {"horizon": 10, "finalists": 1},
 }
-"""Options that depend on how persons move."""
+"""Options that depend on whether each person has a drift of its own."""
 
 FINALISTS = 32
 """Plans of all drones together that the exact filter compares in a step."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import belief_kernels, kernels
 from dsse_ros.search.actions import Cell
+from dsse_ros.search.person_motion import MOTIONS, PERSONS, STEPS
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import area_of, constants_of
@@ -46,7 +47,7 @@ class Forecast:
         rules: The rules of the search.
         horizon: How many steps after the present one can be looked at.
         drift_samples: K, how many angles stand for those of a person's own drift; where persons
-            have none (`person_motion: window`), K is 1.
+            have none, K is 1.
 
     Attributes:
         constants: (1,) of `kernels.CONSTANTS`.
@@ -67,25 +68,26 @@ class Forecast:
         self.constants = constants_of(resolved, rules)
         self.area, self._runs = area_of(resolved)
         self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
-        drifts = drift_samples if rules.person_motion == "drift" else 1
+        has_own_drift = MOTIONS[rules.person_motion].own_drift
+        drifts = drift_samples if has_own_drift else 1
         g = resolved.grid_size
         self.side = g + 2 * belief_kernels.MARGIN
         cells = self.side**2
-        # Only the window's probabilities take longer than to look them up.
-        rows = cells if rules.person_motion == "window" else 0
+        # In one cell, persons with drifts of their own step by different probabilities.
+        rows = 0 if has_own_drift else cells
         steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
-        if 8 * steps * (cells + belief_kernels.STEPS * rows) > KEPT_BYTES:
+        if 8 * steps * (cells + STEPS * rows) > KEPT_BYTES:
             # Beliefs that share it may be a step apart.
             steps = horizon + 2
         self._world = np.zeros(1, kernels.WORLDS)
         self._world["vector_x"], self._world["vector_y"] = resolved.vector
         self._world["start_x"], self._world["start_y"] = resolved.person_initial_position
-        self._drifts = np.zeros(drifts, kernels.PERSONS)
+        self._drifts = np.zeros(drifts, PERSONS)
         self._gauss = np.zeros((1, 2, 2 * g + 1))
         self._tails = np.zeros((1, 2, g + 2))
         self._circle = np.zeros(g + 1, np.int64)
         self.chances = np.zeros((steps, cells))
-        self.tables = np.zeros((steps, rows, belief_kernels.STEPS))
+        self.tables = np.zeros((steps, rows, STEPS))
         self.directions = np.zeros((steps, drifts), np.int64)
         self._start()
 

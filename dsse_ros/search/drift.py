@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.actions import Cell
-from dsse_ros.search.kernels import drift, drift_per_step, kernel
+from dsse_ros.search.jit import kernel
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.search.sea_map import drift, drift_per_step
 from dsse_ros.search.world import area_of, constants_of
 
 POINTS = 33
@@ -120,7 +121,7 @@ class DriftEstimate:
         return self._vector_of(weights @ possible / weights.sum())
 
     def _vector_of(self, drifted: NDArray[np.float64]) -> tuple[float, float]:
-        """Return the vector whose drift per step this is, see `kernels.drift_per_step`."""
+        """Return the vector whose drift per step this is, see `sea_map.drift_per_step`."""
         scale, norm = 1.0, float(np.hypot(*drifted))
         if self._rules.drift_by_speed and norm > 0.0:
             speed = float(self._constants["cell_size"][0] / self._constants["step_duration_s"][0])
