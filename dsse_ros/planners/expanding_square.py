@@ -17,29 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.search.actions import ActionSet
 
 _STARBOARD_TURNS = ((0, -1), (1, 0), (0, 1), (-1, 0))
-
-
-def make_expanding_square(
-    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
-) -> RouteFollower:
-    """Return a planner that searches outwards from the most probable cell.
-
-    One drone flies the square spiral. Several share it: each ring around the datum is cut into
-    contiguous arcs, one per drone, on about the same side of the datum from ring to ring.
-
-    Args:
-        actions: Names of the actions by number.
-        seed: For the choice of the cell to step aside to when a way is blocked.
-        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
-
-    Raises:
-        ValueError: If search or a straight move is missing.
-    """
-    return RouteFollower(square_routes, actions, seed=seed, area=area)
 
 
 def square_routes(
@@ -47,7 +27,9 @@ def square_routes(
 ) -> list[list[Cell]]:
     """Return the route of each drone; together they have every cell they can get to once.
 
-    The arcs go to the drones clockwise as they are seen from the datum.
+    One drone flies the square spiral. Several share it: each ring around the datum is cut into
+    contiguous arcs, one per drone, on about the same side of the datum from ring to ring. The arcs
+    go to the drones clockwise as they are seen from the datum.
 
     Args:
         cells: Present cell of each drone.
