@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from dsse_ros.search.rules import Rules, profile
-from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
+from dsse_ros.search.definition import SearchDefinition
+from dsse_ros.search.rules import profile
+from dsse_ros.search.scenario import SPECS, Scenario
 from msg_adapters.frames import GridFrame
 from msg_adapters.json_keys import Keys, parse_json
 
@@ -26,14 +27,6 @@ class Origin:
     lat_deg: float
     lon_deg: float
     alt_m: float
-
-
-@dataclass(frozen=True)
-class SearchDefinition:
-    """What is searched and by which rules: all that is public of it, values overridden included."""
-
-    rules: Rules
-    scenario: ResolvedScenario
 
 
 @dataclass(frozen=True)

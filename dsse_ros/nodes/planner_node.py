@@ -242,6 +242,7 @@ def _ask(
         {
             name: {
                 "Found": False,
+                "found_person": bool(report["found"][i]),
                 "action_mask": masks[i],
                 "step": int(report["step"][i]),
                 "action": int(report["action"][i]),

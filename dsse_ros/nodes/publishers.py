@@ -21,14 +21,8 @@ from visualization_msgs.msg import MarkerArray
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.status import Health, Level
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
-from dsse_ros.search import kernels
-from msg_adapters.agents import (
-    AgentsInfo,
-    Origin,
-    SearchDefinition,
-    agents_message,
-    area_rows,
-)
+from dsse_ros.search import SearchDefinition, kernels
+from msg_adapters.agents import AgentsInfo, Origin, agents_message, area_rows
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix

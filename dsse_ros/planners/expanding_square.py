@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
 from dsse_ros.search.actions import ActionSet
+from dsse_ros.search.observation import most_probable
 
 _STARBOARD_TURNS = ((0, -1), (1, 0), (0, 1), (-1, 0))
 
@@ -33,12 +34,11 @@ def square_routes(
 
     Args:
         cells: Present cell of each drone.
-        probability: Map (G, G); the first of its greatest values is the datum, NaN is none.
+        probability: Map (G, G); the most probable cell is the datum.
         actions: Measure the way to the ends of an arc.
     """
     size = len(probability)
-    row, col = divmod(int(np.argmax(np.nan_to_num(probability, nan=-np.inf))), size)
-    datum = (col, row)
+    datum = most_probable(probability, 1)[0]
     routes = [[cell] for cell in cells]
     for members, water in actions.by_water(cells):
         drones = sorted(members, key=lambda drone: _clockwise(datum, cells[drone]))

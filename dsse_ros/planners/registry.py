@@ -114,8 +114,7 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
     """Return a planner for missions of an environment, or of any search.
 
     Args:
-        search: An environment, or whatever has its `rules` and its `scenario`. Nothing hidden is
-            read from it.
+        search: An environment, or a `SearchDefinition`. Nothing hidden is read from it.
         name: One of `PLANNER_NAMES`.
         seed: Of all that the planner draws.
         options: Of the planner, such as the fields of `BeamOptions` for `belief`.

@@ -16,9 +16,9 @@ from math import cos, hypot, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.greedy import most_probable
 from dsse_ros.planners.planner import Cell
 from dsse_ros.search.actions import ActionSet
+from dsse_ros.search.observation import most_probable
 
 TURN_DEG = 120
 HEADINGS_DEG = (0, 240, 120)

@@ -14,9 +14,9 @@ from math import atan2, hypot, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.greedy import most_probable
 from dsse_ros.planners.planner import Cell
 from dsse_ros.search.actions import ActionSet
+from dsse_ros.search.observation import most_probable
 
 
 def spiral_routes(

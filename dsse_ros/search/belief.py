@@ -21,18 +21,13 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import belief_kernels, kernels
 from dsse_ros.search.actions import Cell
+from dsse_ros.search.observation import most_probable
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import area_of, constants_of
 
 KEPT_BYTES = 1 << 28
 """Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
-
-
-def likeliest_cell(probability: NDArray[np.float32]) -> Cell:
-    """Return the cell (col, row) of a map [row, col] that has the greatest probability."""
-    row, col = divmod(int(probability.argmax()), probability.shape[1])
-    return col, row
 
 
 class Forecast:
@@ -123,8 +118,8 @@ class Forecast:
         row, col = divmod(column, self.side)
         return col - belief_kernels.MARGIN, row - belief_kernels.MARGIN
 
-    def likeliest(self, steps: int) -> Cell:
-        """Return the likeliest cell of the map that is observed after these steps of the sea.
+    def most_probable(self, steps: int) -> Cell:
+        """Return the most probable cell of the map that is observed after these steps of the sea.
 
         Args:
             steps: At least 1.
@@ -133,7 +128,7 @@ class Forecast:
         drawn = steps if self.rules.person_first else steps - 1
         chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
-        return likeliest_cell(chances[inner, inner].astype(np.float32))
+        return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
 
 
 class Belief:

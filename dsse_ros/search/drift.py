@@ -25,8 +25,8 @@ POINTS = 33
 ROUNDS = 6
 """How often the range that is compared is narrowed about the best."""
 FIRST_OBSERVED = 4
-"""Steps of the sea from which the likeliest cell is the datum; before, a circle about the datum of
-the step before (`circle_on_previous_datum`) may be too small to contain it."""
+"""Steps of the sea from which the most probable cell is the datum; before, a circle about the datum
+of the step before (`circle_on_previous_datum`) may be too small to contain it."""
 RELATIVE_ERROR = 0.5
 """Standard deviation of what a drift is assumed to be, as a share of it."""
 LEAST_DRIFT = 1e-3

@@ -11,11 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from std_msgs.msg import String
 
-from dsse_ros.search import Scenario, profile
+from dsse_ros.search import Scenario, SearchDefinition, profile
 from msg_adapters.agents import (
     AgentsInfo,
     Origin,
-    SearchDefinition,
     agents_from_message,
     agents_message,
     area_rows,

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,7 @@ import pytest
 
 from dsse_ros.planners import BELIEF_PLANNERS, PLANNER_NAMES, make_planner, planner_for
 from dsse_ros.planners.batch import play_missions
-from dsse_ros.planners.beam_search import BeamOptions
-from dsse_ros.planners.belief import BeamOnBelief
-from dsse_ros.search import SearchEnv, parallel_env
+from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
 
 FAST: dict[str, Any] = {"samples": 512, "width": 8, "horizon": 6}
 """Options of `belief` that take a tenth of the time."""
@@ -71,7 +68,7 @@ def test_a_planner_that_needs_the_search_is_not_made_of_actions_alone(name: str)
 @pytest.mark.parametrize("name", BELIEF_PLANNERS)
 def test_rules_scenario_and_observations_are_all_that_a_planner_needs(name: str, case: str) -> None:
     env = parallel_env(**CASES[case], probability_of_detection=0.0)
-    public = SimpleNamespace(rules=env.rules, scenario=env.scenario)
+    public = SearchDefinition(env.rules, env.scenario)
     planners = [planner_for(search, name, seed=2, **options_of(name)) for search in (env, public)]
     for seed in (5, 6):
         assert play(env, planners[0], seed) == play(env, planners[1], seed)
@@ -146,23 +143,6 @@ def test_a_budget_that_is_used_up_leaves_moves_that_do_not_collide() -> None:
     env = parallel_env(**{**PAPER, "num_drones": 9}, probability_of_detection=0.0)
     chosen, _ = play(env, planner_for(env, "belief", **FAST, budget_ms=0.0), 1)
     assert all(len(actions) == 9 for actions in chosen)
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_a_batch_is_what_single_missions_are(case: str) -> None:
-    count, seeds = 12, (4, 5)
-    env = parallel_env(**CASES[case])
-    missions = play_missions(
-        count, BeamOnBelief(BeamOptions(**FAST)), seed=30, planner_seeds=seeds, threads=2,
-        **CASES[case],
-    )  # fmt: skip
-    limit = env.scenario.timestep_limit
-    for m in range(count):
-        planner = planner_for(env, "belief", seed=seeds[m % 2], **FAST)
-        chosen, found = play(env, planner, 30 + m)
-        assert found == missions.found[m]
-        assert missions.steps[m] == (len(chosen) if found else limit)
-    assert not missions.lost.any()
 
 
 @pytest.mark.parametrize("planner", ["belief", "belief_greedy"])
