@@ -52,6 +52,7 @@ class AgentsInfo:
             identifies a search.
         area: Which cells are searched: a text for each row, from the north, with a 1 for each of
             them and a 0 for each other one, from the west; None for the whole grid.
+        decision_time_s: Wall time that a step waits for commands; None where it waits for ever.
     """
 
     agents: tuple[str, ...]
@@ -70,6 +71,7 @@ class AgentsInfo:
     run_id: int
     definition: SearchDefinition | None = None
     area: tuple[str, ...] | None = None
+    decision_time_s: float | None = None
 
     @property
     def area_mask(self) -> NDArray[np.bool_] | None:
@@ -166,12 +168,27 @@ def agents_from_message(message: String) -> AgentsInfo:
             None if keys.value("definition") is None else _definition(keys.inner("definition"))
         ),
         area=_area_of(keys),
+        decision_time_s=_decision_time_s(keys),
     )
     try:
         _ = info.frame
     except ValueError as error:
         raise ValueError(f"agents: {error}") from None
     return info
+
+
+def _decision_time_s(keys: Keys) -> float | None:
+    """Return how long a step waits, None for ever.
+
+    Raises:
+        ValueError: If it is no such time.
+    """
+    if keys.value("decision_time_s") is None:
+        return None
+    time_s = keys.number("decision_time_s")
+    if time_s <= 0:
+        keys.refuse("decision_time_s", "above 0")
+    return time_s
 
 
 def _area_of(keys: Keys) -> tuple[str, ...] | None:

@@ -123,8 +123,8 @@ class MissionPublishers:
     def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
         return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
 
-    def publish_agents(self) -> None:
-        """Publish who searches, by which rules and where."""
+    def publish_agents(self, decision_time_s: float | None) -> None:
+        """Publish who searches, by which rules and where, and how long a step waits for them."""
         env, frame = self._mission.env, self._frame
         info = AgentsInfo(
             agents=tuple(self._names),
@@ -143,6 +143,7 @@ class MissionPublishers:
             run_id=self.run_id,
             definition=SearchDefinition(env.rules, env.mission_scenario),
             area=area_rows(env.scenario.area_mask),
+            decision_time_s=decision_time_s,
         )
         self._agents.publish(agents_message(info))
 

@@ -128,9 +128,12 @@ class SimNode(AlarmNode):
         was_moving = self._scheduler.moving
         self.settings = dataclasses.replace(self.settings, **changes)
         if changes.keys() & OF_TIMING:
+            before = self._scheduler.timing.decision_time_s
             step_duration_s = self.mission.env.scenario.step_duration_s
             self._scheduler.set_timing(timing(self.settings, step_duration_s), time.monotonic())
             self._arm()
+            if self._scheduler.timing.decision_time_s != before:
+                self._publish_agents()
         if was_moving and not self._scheduler.moving:
             self._publish_odometry()
         if "grid_scaling" in changes:
@@ -197,8 +200,11 @@ class SimNode(AlarmNode):
         self.get_logger().info(status.begun(self.mission, self.frame.grid_size))
         self._vehicles.begin()
         self._exit_alarm.cancel()
-        self.publishers_.publish_agents()
+        self._publish_agents()
         self._publish(first=True)
+
+    def _publish_agents(self) -> None:
+        self.publishers_.publish_agents(self._scheduler.timing.decision_time_s)
 
     def step(self) -> None:
         """Do one step now; drones without a command follow `missing_action`."""

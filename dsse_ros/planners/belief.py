@@ -10,6 +10,8 @@ expect, they learn the drift from it.
 from __future__ import annotations
 
 import copy
+import math
+import time
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, Protocol
 
@@ -29,9 +31,20 @@ class Tactic(Protocol):
     """Chooses on a belief where the drones of one mission go."""
 
     def __call__(
-        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+        self,
+        belief: Belief,
+        agents: Sequence[Hashable],
+        present: Sequence[Cell],
+        deadline_s: float = math.inf,
     ) -> list[Cell]:
-        """Return the cell that each drone goes to; its own one means that it searches it."""
+        """Return the cell that each drone goes to; its own one means that it searches it.
+
+        Args:
+            belief: What it chooses on.
+            agents: The live drones.
+            present: Their cells.
+            deadline_s: When to answer with the best so far, on the clock of `time.monotonic`.
+        """
         ...
 
     def copy(self) -> Tactic:
@@ -84,7 +97,11 @@ class GreedyOnBelief:
         return self
 
     def __call__(
-        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+        self,
+        belief: Belief,
+        agents: Sequence[Hashable],
+        present: Sequence[Cell],
+        deadline_s: float = math.inf,
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         taken = set(present)
@@ -195,6 +212,7 @@ class BeliefPlanner:
         """Return an action number for every observed drone; see `Planner`."""
         if not observations:
             return {}
+        began_s = time.monotonic()
         agents, present = list(observations), cells_of(observations)
         step = self._step(infos[agents[0]])
         if self._is_new_mission(agents, present, probability_of(observations), step):
@@ -207,7 +225,8 @@ class BeliefPlanner:
             self._follow([])
         self._observe_map(probability_of(observations))
         assert self._tactic is not None
-        ends = self._tactic(self.belief, agents, present)
+        limit_s = infos[agents[0]].get("decision_time_s", math.inf)
+        ends = self._tactic(self.belief, agents, present, began_s + limit_s)
         self._commanded = dict(zip(agents, zip(present, ends, strict=True), strict=True))
         return {
             agent: self._actions.action(cell, end) for agent, (cell, end) in self._commanded.items()

@@ -29,8 +29,9 @@ class Planner(Protocol):
             observations: By live agent, in the fixed order of the agents.
             infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid or the
                 area that is searched. Where there are several persons, `found_person`, whether the
-                drone has found one in the last step. Over ROS also `step`, the steps done, and
-                `action`, what the drone has done last.
+                drone has found one in the last step. Over ROS also `step`, the steps done,
+                `action`, what the drone has done last, and where the step does not wait for ever,
+                `decision_time_s`, the wall time that there is for the answer.
         """
         ...
 

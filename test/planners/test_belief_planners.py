@@ -145,6 +145,40 @@ def test_a_budget_that_is_used_up_leaves_moves_that_do_not_collide() -> None:
     assert all(len(actions) == 9 for actions in chosen)
 
 
+def test_the_time_that_infos_give_a_decision_is_a_budget_too() -> None:
+    env = parallel_env(**{**PAPER, "num_drones": 9}, probability_of_detection=0.0)
+    limited = planner_for(env, "belief", **FAST)
+
+    def planner(observations: Any, infos: Any) -> dict[str, int]:
+        told = {agent: {**info, "decision_time_s": 0.0} for agent, info in infos.items()}
+        return limited(observations, told)
+
+    without = planner_for(env, "belief", **FAST, budget_ms=0.0)
+    assert play(env, planner, 1) == play(env, without, 1)
+    assert play(env, planner, 1) != play(env, planner_for(env, "belief", **FAST), 1)
+
+
+@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+def test_a_find_is_no_failed_search_while_others_are_missing(name: str) -> None:
+    env = parallel_env(**V2, person_amount=3)
+    planner: Any = planner_for(env, name, **options_of(name))
+    informed: Any = planner_for(env, name, **options_of(name))
+    observations, infos = env.reset(seed=3)
+    finds = 0
+    while not finds:
+        actions = planner(observations, infos)
+        informed(observations, infos)
+        observations, _, _, _, infos = env.step(actions)
+        finds = sum(info["found_person"] for info in infos.values())
+    assert not any(info["Found"] for info in infos.values())
+    planner(observations, infos)
+    informed(observations, {a: {**info, "found_person": False} for a, info in infos.items()})
+    found = [env.world.drones["x"][0], env.world.drones["y"][0]]
+    cells = [(x, y) for x, y, f in zip(*found, env.world.found[0], strict=True) if f]
+    for x, y in cells:
+        assert planner.belief.cells()[y, x] > informed.belief.cells()[y, x]
+
+
 @pytest.mark.parametrize("planner", ["belief", "belief_greedy"])
 def test_a_belief_finds_sooner_than_the_map_alone(planner: str) -> None:
     # 2 000 missions each: the intervals of the means are a step wide, the means are far apart.
