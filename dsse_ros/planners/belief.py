@@ -160,6 +160,9 @@ class Forecasts:
             horizon=self._tactic.horizon(self._rules),
             drift_samples=self._tactic.drift_samples,
         )
+        if self._kept:
+            # With a learned drift the map was what is now expected, until the last step.
+            made.take_over(self._kept[-1])
         self._kept = [*self._kept[:1], made]
         return made
 

@@ -109,6 +109,19 @@ class Forecast:
             self._ready += 1
         return step % slots
 
+    def take_over(self, other: Forecast) -> None:
+        """Have ready what another forecast has, with its tables where the map is the same.
+
+        Args:
+            other: Of the same rules, grid, area and number of steps.
+        """
+        steps = other._ready
+        if steps > len(self.directions):
+            return
+        self.look(steps - 1 - self.horizon)
+        same = (self.chances[:steps] == other.chances[:steps]).all(axis=1)
+        self.tables[:steps][same] = other.tables[:steps][same]
+
     def column(self, cell: Cell) -> int:
         """Return the column of a belief that stands for a cell (col, row)."""
         return (cell[1] + belief_kernels.MARGIN) * self.side + cell[0] + belief_kernels.MARGIN

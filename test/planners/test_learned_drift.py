@@ -94,8 +94,9 @@ def test_the_right_drift_changes_no_decision(name: str, case: str) -> None:
     assert played[0] == played[1]
 
 
-def test_the_searches_so_far_are_kept_when_the_drift_is_learned() -> None:
-    env = sea("v2", timestep_limit=40)
+@pytest.mark.parametrize("case", CASES)
+def test_the_searches_so_far_are_kept_when_the_drift_is_learned(case: str) -> None:
+    env = sea(case, timestep_limit=40)
     planner: Any = planner_for(misled(env, (0.6, 0.6)), "belief_greedy")
     for _ in steps(env, planner):
         pass
