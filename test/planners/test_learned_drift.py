@@ -70,6 +70,20 @@ def test_the_expected_map_is_the_observed_one_whatever_drift_was_assumed(
     assert all(foresees(planner, probability) for _, probability in steps(env, planner))
 
 
+@pytest.mark.parametrize("start", [(9, 8), (1, 9), (2, 10)])
+@pytest.mark.parametrize("case", CASES)
+def test_so_it_is_when_the_datum_has_come_to_the_grids_edge(
+    case: str, start: tuple[int, int]
+) -> None:
+    # Where a step would lead out the datum stays, so that drifts of no one range explain its cells.
+    env = sea(case, grid_size=12, person_initial_position=start)
+    for wrong in ("faster", "slower", "both"):
+        planner = planner_for(misled(env, WRONG[wrong]), "belief_greedy")
+        assert all(foresees(planner, probability) for _, probability in steps(env, planner)), wrong
+        datum = env.world.worlds[["datum_x", "datum_y"]][0].tolist()
+        assert {0, 11} & set(datum)
+
+
 @pytest.mark.parametrize("wrong", WRONG)
 def test_the_learned_drift_is_the_true_one(wrong: str) -> None:
     # The datum's last cell leaves one cell in 60 steps open; v1 loses what it does not move by.
