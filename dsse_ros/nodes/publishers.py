@@ -20,6 +20,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.status import Health, Level
+from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
 from dsse_ros.search import SearchDefinition, kernels
 from msg_adapters.agents import AgentsInfo, Origin, agents_message, area_rows
@@ -123,7 +124,7 @@ class MissionPublishers:
     def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
         return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
 
-    def publish_agents(self, decision_time_s: float | None) -> None:
+    def publish_agents(self, timing: Timing) -> None:
         """Publish who searches, by which rules and where, and how long a step waits for them."""
         env, frame = self._mission.env, self._frame
         info = AgentsInfo(
@@ -143,7 +144,7 @@ class MissionPublishers:
             run_id=self.run_id,
             definition=SearchDefinition(env.rules, env.mission_scenario),
             area=area_rows(env.scenario.area_mask),
-            decision_time_s=decision_time_s,
+            decision_time_s=timing.decision_time_s,
         )
         self._agents.publish(agents_message(info))
 

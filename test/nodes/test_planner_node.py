@@ -407,10 +407,10 @@ def test_a_planner_slower_than_the_step_is_reported_and_its_decisions_are_done_l
     process = rig.start("planner_node", {"planner": "slow"}, "-r", "__ns:=/slow")
     # From one move to the next there are several steps, in which the drones search.
     rig.until(lambda: min(sim.cells)[0] >= 2, "the drones have moved")
-    said = r"planner slow is too slow: (.*) s for step \d+ of mission 1, which waited 0\.25 s\n"
-    took_s = [float(number) for number in re.findall(said, process.output)]
+    line = r"planner slow is too slow: (.*) s for step \d+ of mission 1, which waited 0\.25 s\n"
+    took_s = [float(number) for number in re.findall(line, process.output)]
     assert took_s and min(took_s) >= 0.6, process.output
-    # It is told when the time that there is changes.
+    # The time that there is goes out again when it changes.
     assert json.loads(agents.last.data)["decision_time_s"] == 0.25
     sim.set(step_mode="manual")
     rig.until(lambda: json.loads(agents.last.data)["decision_time_s"] is None, "that it may wait")

@@ -65,7 +65,7 @@ def test_every_planner_plays_missions(name: str) -> None:
     assert not missions.lost.any()
 
 
-def test_planners_may_be_told_another_scenario_than_the_one_that_is_played() -> None:
+def test_planners_may_be_given_another_scenario_than_the_one_that_is_played() -> None:
     env = parallel_env(**V2, vector=(0.8, 0.6))
     assumed = env.scenario.override(vector=(-0.5, 0.9))
     missions = play_missions(

@@ -150,8 +150,8 @@ def test_the_time_that_infos_give_a_decision_is_a_budget_too() -> None:
     limited = planner_for(env, "belief", **FAST)
 
     def planner(observations: Any, infos: Any) -> dict[str, int]:
-        told = {agent: {**info, "decision_time_s": 0.0} for agent, info in infos.items()}
-        return limited(observations, told)
+        limited_infos = {agent: {**info, "decision_time_s": 0.0} for agent, info in infos.items()}
+        return limited(observations, limited_infos)
 
     without = planner_for(env, "belief", **FAST, budget_ms=0.0)
     assert play(env, planner, 1) == play(env, without, 1)
