@@ -8,6 +8,7 @@ The drones plan one after the other, each for the scenarios that the plans of th
 from __future__ import annotations
 
 import copy
+import math
 import time
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -129,7 +130,11 @@ class BeamSearch:
         return twin
 
     def __call__(
-        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+        self,
+        belief: Belief,
+        agents: Sequence[Hashable],
+        present: Sequence[Cell],
+        deadline_s: float = math.inf,
     ) -> list[Cell]:
         """Return the cell that each drone goes to; its own one means that it searches it.
 
@@ -137,11 +142,13 @@ class BeamSearch:
             belief: Before the step's searches.
             agents: The live drones; their last plans are known by them.
             present: Their cells.
+            deadline_s: When no more plans are searched, as after `BeamOptions.budget_ms`.
         """
-        began = time.perf_counter()
         if self._density.shape != belief.density.shape:
             self._density = np.empty_like(belief.density)
         options, forecast = self._options, self._forecast
+        if options.budget_ms is not None:
+            deadline_s = min(deadline_s, time.monotonic() + options.budget_ms / 1000)
         left = forecast.scenario.timestep_limit - belief.step
         horizon = max(1, min(forecast.horizon, left))
         first = belief.step + forecast.first_step
@@ -156,8 +163,7 @@ class BeamSearch:
                 beam.credit_plan(plan.path, plan.length, options.gamma, starts, members, credits[n])
         planned: set[int] = set()
         for n in self._order(belief, present) * options.passes:
-            spent_ms = 1000 * (time.perf_counter() - began)
-            if options.budget_ms is not None and spent_ms > options.budget_ms and planned:
+            if planned and time.monotonic() > deadline_s:
                 break
             paths = np.full((self._finalists, horizon + 1), self._forecast.column(present[n]))
             blocked = self._blocked(n, plans, planned, horizon)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import belief_kernels, kernels
 from dsse_ros.search.actions import Cell
+from dsse_ros.search.observation import most_probable
 from dsse_ros.search.person_motion import MOTIONS, PERSONS, STEPS
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
@@ -28,12 +29,6 @@ from dsse_ros.search.world import area_of, constants_of
 
 KEPT_BYTES = 1 << 28
 """Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
-
-
-def likeliest_cell(probability: NDArray[np.float32]) -> Cell:
-    """Return the cell (col, row) of a map [row, col] that has the greatest probability."""
-    row, col = divmod(int(probability.argmax()), probability.shape[1])
-    return col, row
 
 
 class Forecast:
@@ -116,6 +111,19 @@ class Forecast:
             self._ready += 1
         return step % slots
 
+    def take_over(self, other: Forecast) -> None:
+        """Have ready what another forecast has, with its tables where the map is the same.
+
+        Args:
+            other: Of the same rules, grid, area and number of steps.
+        """
+        steps = other._ready
+        if steps > len(self.directions):
+            return
+        self.look(steps - 1 - self.horizon)
+        same = (self.chances[:steps] == other.chances[:steps]).all(axis=1)
+        self.tables[:steps][same] = other.tables[:steps][same]
+
     def column(self, cell: Cell) -> int:
         """Return the column of a belief that stands for a cell (col, row)."""
         return (cell[1] + belief_kernels.MARGIN) * self.side + cell[0] + belief_kernels.MARGIN
@@ -125,8 +133,8 @@ class Forecast:
         row, col = divmod(column, self.side)
         return col - belief_kernels.MARGIN, row - belief_kernels.MARGIN
 
-    def likeliest(self, steps: int) -> Cell:
-        """Return the likeliest cell of the map that is observed after these steps of the sea.
+    def most_probable(self, steps: int) -> Cell:
+        """Return the most probable cell of the map that is observed after these steps of the sea.
 
         Args:
             steps: At least 1.
@@ -135,7 +143,7 @@ class Forecast:
         drawn = steps if self.rules.person_first else steps - 1
         chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
-        return likeliest_cell(chances[inner, inner].astype(np.float32))
+        return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
 
 
 class Belief:

@@ -357,6 +357,16 @@ class World:
         sea_map.read_cells(self.constants, self.worlds, self.gauss, self.area, x, y, out)
         return out
 
+    def map_of(self, world: int) -> NDArray[np.float32]:
+        """Return the map (G, G) of one world, whether `maps` is written or not."""
+        gauss, tails = np.empty((1, *self.gauss.shape[1:])), np.empty((1, *self.tails.shape[1:]))
+        _, circle, _, span = self._make_scratch()
+        maps = np.empty((1, self.grid_size, self.grid_size), np.float32)
+        kernels.refresh_worlds(
+            self.constants, self.worlds[[world]], gauss, tails, self.area, circle, span, maps
+        )
+        return maps[0]
+
     def snapshot(self) -> Snapshot:
         """Return the whole state, random state included."""
         arrays = {name: array.copy() for name, array in self._state().items()}
