@@ -22,7 +22,8 @@ PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no
 
 # Most tests with nodes wait for one another's processes, so that four at once keep two cores busy.
 # The tests of a file share their nodes; the files come in the order of test/conftest.py.
-PYTEST := ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest --numprocesses=4 --dist=loadfile --no-loadscope-reorder
+WITH_NODES := --numprocesses=4 --dist=loadfile --no-loadscope-reorder
+WITHOUT_NODES := --numprocesses=2 --dist=worksteal
 
 # What calls the libraries that have lower bounds.
 TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracles.py rendering.py \
@@ -59,17 +60,17 @@ sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
 
 check: lint $(VENV)/.compiled ## Lint, check the types and run the tests that need no DDS
-	@$(BIN)/pytest --numprocesses=2 --dist=worksteal -m 'not slow' $(TESTS_OF_CHECK)
+	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_CHECK)
 
 test: lint $(VENV)/.compiled ## Lint, check the types and run all tests; lists the slowest
-	@$(PYTEST) --durations=15
+	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest $(WITH_NODES) --durations=15
 
 test-oldest: ## Run a part of the tests with the oldest versions that setup.py admits
 	@$(MAKE) --no-print-directory VENV=$(VENV)-oldest .test-oldest
 
 .PHONY: .test-oldest
 .test-oldest: $(VENV)/.compiled-oldest
-	@$(PYTEST) $(TESTS_OF_OLDEST)
+	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest $(WITHOUT_NODES) $(TESTS_OF_OLDEST)
 
 lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff check

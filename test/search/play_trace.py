@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prints digests of all that happens in long play, one per seed: `play_trace.py RULES,... SEED...`."""
+"""Prints digests of all that happens in long play: `play_trace.py RULES,... SEED...`."""
 
 from __future__ import annotations
 

@@ -47,8 +47,8 @@ def test_hidden_states_agree_over_a_thousand_steps_in_two_processes() -> None:
     ]
     first, second = (process.communicate(timeout=120)[0].splitlines() for process in processes)
     assert [process.returncode for process in processes] == [0, 0]
-    assert first == second
-    assert first == [f"{rules} {seed} {digest(rules, seed)}" for rules in PROFILES for seed in SEEDS]
+    here = [f"{rules} {seed} {digest(rules, seed)}" for rules in PROFILES for seed in SEEDS]
+    assert first == second == here
     assert len({line.split()[2] for line in first}) == len(PROFILES) * len(SEEDS)
 
 
