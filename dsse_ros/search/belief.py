@@ -54,7 +54,7 @@ class Forecast:
         first_step: Steps of the sea before a mission's first observation.
         side: S, columns and rows of the grid with its margins.
         chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
-        tables: (R, S S, 9) float64, see `belief_kernels.look_up`.
+        tables: (R, 10, S S) float64, see `belief_kernels.complete`.
         directions: (R, K) int64, see `belief_kernels.forecast_step`.
     """
 
@@ -71,10 +71,8 @@ class Forecast:
         g = resolved.grid_size
         self.side = g + 2 * belief_kernels.MARGIN
         cells = self.side**2
-        # Only the window's probabilities take longer than to look them up.
-        rows = cells if rules.person_motion == "window" else 0
         steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
-        if 8 * steps * (cells + belief_kernels.STEPS * rows) > KEPT_BYTES:
+        if 8 * steps * cells * (1 + belief_kernels.CHANCES) > KEPT_BYTES:
             # Beliefs that share it may be a step apart.
             steps = horizon + 2
         self._world = np.zeros(1, kernels.WORLDS)
@@ -85,7 +83,7 @@ class Forecast:
         self._tails = np.zeros((1, 2, g + 2))
         self._circle = np.zeros(g + 1, np.int64)
         self.chances = np.zeros((steps, cells))
-        self.tables = np.zeros((steps, rows, belief_kernels.STEPS))
+        self.tables = np.zeros((steps, belief_kernels.CHANCES, cells))
         self.directions = np.zeros((steps, drifts), np.int64)
         self._start()
 
@@ -110,7 +108,10 @@ class Forecast:
             )  # fmt: skip
             # Where the map stays as it was, what was computed for the step before holds again.
             stays = self._ready > 0 and np.array_equal(self.chances[slot], self.chances[before])
-            self.tables[slot] = self.tables[before] if stays else -1.0
+            if stays:
+                self.tables[slot] = self.tables[before]
+            else:
+                self.tables[slot, 0] = -1.0
             self._ready += 1
         return step % slots
 
@@ -209,7 +210,6 @@ class Belief:
             forecast.constants, forecast.area, self.density, forecast.chances[slot],
             forecast.tables[slot], forecast.directions[slot], self._scratch,
         )  # fmt: skip
-        belief_kernels.normalise(self.density)
         self.step += 1
 
     def observe_failed_searches(self, cells: Sequence[Cell]) -> None:
