@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
 
 RULES = ("paper", "v2")
+WAYS = ("one_core", "two_cores", "numpy")
 GRID_SIZE, NUM_DRONES, BATCH, LIMIT = 40, 5, 1024, 100
 WALKS = 64
 POD = 0.8
@@ -34,25 +35,32 @@ TOLERANCE = 1e-12
 Tables = Sequence[NDArray[np.float64] | None]
 
 
-def measure(*, rounds: int, log: Callable[[str], None]) -> dict[str, dict[str, list[float]]]:
+def measure(
+    *, rounds: int, log: Callable[[str], None], batch: int = BATCH
+) -> dict[str, dict[str, list[float]]]:
     """Return beliefs per second by rules, of a step with its failed searches, round by round.
 
     A round is a mission, of which some steps are measured: by one thread, by two and by NumPy, all
     from the same beliefs.
+
+    Args:
+        rounds: How many.
+        log: Gets a line for each of the rules.
+        batch: B, how many beliefs step at once.
 
     Raises:
         BenchmarkError: If NumPy's beliefs are others.
     """
     found = {}
     for rules in RULES:
-        search = _Search(rules)
-        rates: dict[str, list[float]] = {name: [] for name in ("one_core", "two_cores", "numpy")}
+        search = _Search(rules, batch)
+        rates: dict[str, list[float]] = {name: [] for name in WAYS}
         # In the first round what all share is compiled and computed.
         for turn in range(rounds + 1):
             seconds = search.mission(reverse=turn % 2 == 1)
             for name, taken in seconds.items():
                 if turn:
-                    rates[name].append(BATCH * len(MEASURED) / taken)
+                    rates[name].append(batch * len(MEASURED) / taken)
         best = {name: max(measured) for name, measured in rates.items()}
         log(
             f"{rules:8}{best['one_core']:12.0f} one core{best['two_cores']:12.0f} two cores"
@@ -94,55 +102,56 @@ def numpy_step(
         belief[:, k] = after
 
 
+def _seconds(do: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    do()
+    return time.perf_counter() - start
+
+
 class _Search:
     """A batch of beliefs whose drones walk at random and search, and never find anybody.
 
     The world does no step: it has what a belief reads of it, where the drones are.
     """
 
-    def __init__(self, rules: str) -> None:
+    def __init__(self, rules: str, batch: int) -> None:
         chosen, self.rules = scenario_and_rules(rules=rules)
         names = self.rules.actions
         starts, walks = random_walks(GRID_SIZE, NUM_DRONES, names, LIMIT, WALKS, seed=1)
-        self.actions = np.tile(walks, (1, BATCH // WALKS, 1))
+        self.actions = np.tile(walks, (1, -(-batch // WALKS), 1))[:, :batch]
         vectors = np.array([ACTION_VECTORS[name] for name in names])
         self.cells = starts + np.cumsum(vectors[self.actions], axis=0)
         scenario = chosen.override(
             grid_size=GRID_SIZE, drones_positions=starts.tolist(), timestep_limit=LIMIT,
             person_initial_position=(GRID_SIZE // 2, GRID_SIZE // 2), probability_of_detection=POD,
         )  # fmt: skip
-        self.world = World(scenario, self.rules, BATCH, write_maps=False)
+        self.batch = batch
+        self.world = World(scenario, self.rules, batch, write_maps=False)
         self.world.reset()
         self.beliefs = WorldBeliefs(self.world)
         self.forecast = Forecast(scenario, self.rules, drift_samples=DRIFT_SAMPLES)
         self.table = cache(self._table)
 
     def mission(self, *, reverse: bool) -> dict[str, float]:
-        """Return the seconds that each took for the measured steps of a mission."""
-        taken = dict.fromkeys(("one_core", "two_cores", "numpy"), 0.0)
+        """Return the seconds that each way took for the measured steps of a mission."""
+        taken = dict.fromkeys(WAYS, 0.0)
         self.beliefs.reset()
         with ThreadPoolExecutor(2) as pool:
-            follow = {"one_core": self.beliefs.after_step, "two_cores": lambda: self._shared(pool)}
+            ways = {"one_core": self.beliefs.after_step, "two_cores": partial(self._shared, pool)}
             for step in range(LIMIT):
                 self._place(step)
                 if step not in MEASURED:
                     self._shared(pool)
                     continue
                 before = self.beliefs.density.copy()
-                for name in list(follow)[:: -1 if reverse else 1]:
+                for name in list(ways)[:: -1 if reverse else 1]:
                     self.beliefs.density[:] = before
-                    start = time.perf_counter()
-                    follow[name]()
-                    taken[name] += time.perf_counter() - start
-                searched = np.nonzero(self.actions[step] == self.world.constants[0]["search_action"])
-                columns = self._columns(self.cells[step][searched])
-                tables = self._tables(step)
+                    taken[name] += _seconds(ways[name])
                 side = self.forecast.side
-                before = before.reshape(BATCH, -1, side, side)
-                start = time.perf_counter()
-                numpy_step(before, (searched[0], columns), POD, tables)
-                taken["numpy"] += time.perf_counter() - start
-                self._compare(before)
+                mine = before.reshape(self.batch, -1, side, side)
+                searched, tables = self._searched(step), self._tables(step)
+                taken["numpy"] += _seconds(partial(numpy_step, mine, searched, POD, tables))
+                self._compare(mine)
         return taken
 
     def _place(self, step: int) -> None:
@@ -153,12 +162,15 @@ class _Search:
         world.worlds["t"] = step + 1
 
     def _shared(self, pool: ThreadPoolExecutor) -> None:
-        size = BATCH // SHARES
-        list(pool.map(lambda b: self.beliefs.after_step(b, b + size), range(0, BATCH, size)))
+        """Have two threads do what `WorldBeliefs.after_step` does."""
+        size = self.batch // SHARES
+        list(pool.map(lambda b: self.beliefs.after_step(b, b + size), range(0, self.batch, size)))
 
-    def _columns(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
-        col, row = (cells + belief_kernels.MARGIN).T
-        return row * self.forecast.side + col
+    def _searched(self, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return `searched` of `numpy_step`."""
+        worlds, drones = np.nonzero(self.actions[step] == self.rules.action_set.search)
+        col, row = (self.cells[step, worlds, drones] + belief_kernels.MARGIN).T
+        return worlds, row * self.forecast.side + col
 
     def _tables(self, step: int) -> list[NDArray[np.float64] | None]:
         """Return `tables` of `numpy_step`."""
@@ -174,9 +186,10 @@ class _Search:
         forecast, side = self.forecast, self.forecast.side
         # Each row is a person in one cell, and where it is after the step.
         after = np.eye(side * side)
+        scratch = np.empty(side * side + belief_kernels.ROW)
         belief_kernels.predict(
             forecast.constants, forecast.area, after, forecast.chances[slot],
-            forecast.tables[slot], np.array([direction]), np.empty(side * side + belief_kernels.ROW),
+            forecast.tables[slot], np.array([direction]), scratch,
         )  # fmt: skip
         table = np.zeros((belief_kernels.STEPS, side * side))
         for step in range(belief_kernels.STEPS):

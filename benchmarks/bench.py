@@ -13,13 +13,32 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import belief_step, conversion, goals, lockstep, memory, plot, seeding, speed, start_up
+from benchmarks import (
+    belief_step,
+    conversion,
+    goals,
+    lockstep,
+    memory,
+    plot,
+    seeding,
+    speed,
+    start_up,
+)
 from benchmarks.processes import ROOT, BenchmarkError
 from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5
-SECTIONS = ("speed", "seeding", "start_up", "memory", "conversion", "lockstep", "belief_over_ros", "belief_step")
+SECTIONS = (
+    "speed",
+    "seeding",
+    "start_up",
+    "memory",
+    "conversion",
+    "lockstep",
+    "belief_over_ros",
+    "belief_step",
+)
 
 
 def main(arguments: list[str] | None = None) -> int:
