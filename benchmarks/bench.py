@@ -13,13 +13,32 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import conversion, goals, lockstep, memory, plot, seeding, speed, start_up
+from benchmarks import (
+    belief_step,
+    conversion,
+    goals,
+    lockstep,
+    memory,
+    plot,
+    seeding,
+    speed,
+    start_up,
+)
 from benchmarks.processes import ROOT, BenchmarkError
 from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5
-SECTIONS = ("speed", "seeding", "start_up", "memory", "conversion", "lockstep")
+SECTIONS = (
+    "speed",
+    "seeding",
+    "start_up",
+    "memory",
+    "conversion",
+    "lockstep",
+    "belief_over_ros",
+    "belief_step",
+)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -52,6 +71,10 @@ def main(arguments: list[str] | None = None) -> int:
         "lockstep": lambda: lockstep.measure(
             rounds=2 if quick else 5, seconds=1.0 if quick else 2.5, log=_print
         ),
+        "belief_over_ros": lambda: lockstep.measure_belief(
+            rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
+        ),
+        "belief_step": lambda: belief_step.measure(rounds=1 if quick else 3, log=_print),
     }
     for name in given.only or SECTIONS:
         _print(f"\n{name.replace('_', '-')}")
