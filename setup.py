@@ -33,6 +33,7 @@ setup(
     license=manifest.findtext("license"),
     python_requires=">=3.10",
     packages=find_packages(include=["dsse_ros", "dsse_ros.*", "msg_adapters", "msg_adapters.*"]),
+    package_data={"dsse_ros.report": ["page.html"]},
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
     install_requires=[
         "gymnasium>=1.1",
@@ -52,7 +53,7 @@ setup(
         # What a scenario's fields of the same names need.
         "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
-        "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
+        "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],
         "test": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",

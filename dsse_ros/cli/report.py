@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`report`: a recorded mission as one HTML page, with its figures and numbers as files."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from tqdm import tqdm
+
+from dsse_ros.cli.command_line import Parser, make_folder, search_of
+from dsse_ros.nodes.exit_codes import fail
+from dsse_ros.nodes.settings import SimSettings
+from dsse_ros.report.record import RecordedMission, read_csv
+from dsse_ros.report.replay import (
+    LARGEST_BELIEF_GRID,
+    follow_belief,
+    forecast_for,
+    views,
+    with_search,
+)
+from dsse_ros.report.report import Report, chosen_steps
+from dsse_ros.search import FieldError
+from dsse_ros.search.belief import Forecast
+from dsse_ros.search.compiler import announced
+from dsse_ros.search.fields import specs
+from dsse_ros.search.rendering import MissionView
+
+
+def parse(argv: list[str] | None) -> argparse.Namespace:
+    """Return the command line's arguments."""
+    parser = Parser(
+        prog="report",
+        description="Make a page, figures and tables of a recorded mission.",
+    )
+    parser.add("file", type=Path, help="CSV of record_file")
+    parser.add_search("")
+    parser.add("--out", type=Path, default=Path("report"), help="folder of the files")
+    parser.add("--mission", type=int, help="its number, by default the last complete one")
+    parser.add("--steps", type=int, nargs="+", default=[], metavar="STEP",
+               help="steps that maps are drawn of, by default six from start to end")  # fmt: skip
+    return parser.parse_with_ros(argv, {}, specs(SimSettings))
+
+
+def choose(missions: Sequence[RecordedMission], number: int | None) -> RecordedMission:
+    """Return the mission of this number, or the last complete one; else the last one.
+
+    Raises:
+        FieldError: If there is none of this number.
+    """
+    if number is None:
+        return next((one for one in reversed(missions) if one.complete), missions[-1])
+    of_number = [one for one in missions if one.number == number]
+    if not of_number:
+        numbers = sorted({one.number for one in missions})
+        shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
+        raise FieldError(f"mission: {number} is not allowed; of the file: {shown}")
+    return of_number[-1]
+
+
+def searches(
+    missions: Sequence[RecordedMission], arguments: argparse.Namespace
+) -> list[RecordedMission]:
+    """Return the missions with what was searched, if the command line names the scenario.
+
+    Raises:
+        FieldError: If it is not that of the missions.
+    """
+    if not arguments.scenario:
+        return list(missions)
+    found = []
+    for one in missions:
+        arguments.drones = len(one.agents)
+        _, scenario, rules = search_of(arguments)
+        found.append(with_search(one, rules, scenario))
+    return found
+
+
+def notices(record: RecordedMission) -> Iterator[str]:
+    """Yield what the reader must know of what is missing."""
+    if not record.complete:
+        left = int((~(record.terminated | record.truncated)[-1]).sum())
+        yield (
+            f"The mission was cut off: the record ends after step {record.steps[-1]} with {left} "
+            f"drone{'s' if left != 1 else ''} in flight."
+        )
+    if record.missing_steps:
+        yield (
+            f"{record.missing_steps} of {record.steps[-1] + 1} steps are missing in the file: "
+            "what happened in them is not counted, and tracks are straight there."
+        )
+    if record.scenario is None:
+        yield (
+            "The file does not say what was searched, so there are no maps: "
+            "name the scenario with --scenario."
+        )
+    elif record.grid_size > LARGEST_BELIEF_GRID:
+        yield (
+            f"On grids of more than {LARGEST_BELIEF_GRID} cells a side the maps are those that "
+            "drones observed, not a belief."
+        )
+    if record.pos is None:
+        yield "The probability of success (POS) was not recorded."
+
+
+def pictures(
+    record: RecordedMission, wanted: Sequence[int], forecast: Forecast | None
+) -> dict[int, MissionView]:
+    """Return the maps of recorded steps: the belief, or what the drones observed.
+
+    Raises:
+        FieldError: If the record is of another search.
+    """
+    if record.scenario is None:
+        return {}
+    shown = views(record, wanted)
+    if forecast is not None:
+        _, beliefs = follow_belief(record, forecast, wanted)
+        shown = {k: replace(view, probability=beliefs[k], belief=True) for k, view in shown.items()}
+    return shown
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write the report; returns the exit code, 2 for bad input."""
+    arguments = parse(argv)
+    try:
+        missions = searches(read_csv(arguments.file), arguments)
+        chosen = choose(missions, arguments.mission)
+        try:
+            wanted = chosen_steps(chosen, arguments.steps)
+        except ValueError as error:
+            raise FieldError(f"steps: {error}") from None
+        with announced(lambda line: print(line, file=sys.stderr, flush=True)):
+            forecast: Forecast | None = None
+            for i, one in enumerate(missions):
+                if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
+                    missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
+                if one is chosen:
+                    record = missions[i]
+            shown = pictures(record, wanted, forecast_for(record, forecast))
+        make_folder("out", arguments.out)
+    except FieldError as error:
+        return fail("report", error)
+    report = Report(record, shown, missions, arguments.file.name, tuple(notices(record)))
+    try:
+        with tqdm(total=report.num_figures, unit="figure", disable=None) as bar:
+            path = report.write(arguments.out, bar.update)
+    except OSError as error:
+        name = error.filename or str(arguments.out)
+        return fail("report", f"out: {name!r}: {error.strerror}")
+    print(path)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
