@@ -89,3 +89,13 @@ def mavlink_bridge() -> int:
 def export_mission() -> int:
     """`ros2 run dsse_ros export_mission`."""
     return start("cli.export_mission")
+
+
+def recorder() -> int:
+    """`ros2 run dsse_ros recorder`."""
+    return start("nodes.recorder")
+
+
+def replay() -> int:
+    """`ros2 run dsse_ros replay`."""
+    return start("cli.replay")
