@@ -104,7 +104,7 @@ $(BASE):
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz,area
-$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes
+$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt

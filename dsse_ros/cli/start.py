@@ -94,3 +94,13 @@ def export_mission() -> int:
 def report() -> int:
     """`ros2 run dsse_ros report`."""
     return start("cli.report")
+
+
+def recorder() -> int:
+    """`ros2 run dsse_ros recorder`."""
+    return start("nodes.recorder")
+
+
+def replay() -> int:
+    """`ros2 run dsse_ros replay`."""
+    return start("cli.replay")

@@ -119,8 +119,7 @@ class RecordedMission:
 
     @property
     def _off_grid(self) -> NDArray[np.bool_]:
-        off: NDArray[np.bool_] = ((self.cells < 0) | (self.cells >= self.grid_size)).any(axis=2)
-        return off
+        return np.asarray(((self.cells < 0) | (self.cells >= self.grid_size)).any(axis=2))
 
     @cached_property
     def searched(self) -> NDArray[np.bool_]:
