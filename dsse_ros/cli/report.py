@@ -5,28 +5,28 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
 from dsse_ros.nodes.exit_codes import fail
-from dsse_ros.nodes.settings import SimSettings
-from dsse_ros.report.record import RecordedMission, read_csv
+from dsse_ros.report.record import RecordedMission, is_bag, read_csv
 from dsse_ros.report.replay import (
     LARGEST_BELIEF_GRID,
     follow_belief,
     forecast_for,
     views,
+    views_of,
     with_search,
 )
 from dsse_ros.report.report import Report, chosen_steps
 from dsse_ros.search import FieldError
 from dsse_ros.search.belief import Forecast
 from dsse_ros.search.compiler import announced
-from dsse_ros.search.fields import specs
 from dsse_ros.search.rendering import MissionView
 
 
@@ -36,13 +36,14 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         prog="report",
         description="Make a page, figures and tables of a recorded mission.",
     )
-    parser.add("file", type=Path, help="CSV of record_file")
+    parser.add("file", type=Path, help="CSV of record_file, or bag of the recorder")
     parser.add_search("")
     parser.add("--out", type=Path, default=Path("report"), help="folder of the files")
+    parser.add("--namespace", help="of the simulation, if a bag has several")
     parser.add("--mission", type=int, help="its number, by default the last complete one")
     parser.add("--steps", type=int, nargs="+", default=[], metavar="STEP",
                help="steps that maps are drawn of, by default six from start to end")  # fmt: skip
-    return parser.parse_with_ros(argv, {}, specs(SimSettings))
+    return parser.parse_with_ros(argv, {})
 
 
 def choose(missions: Sequence[RecordedMission], number: int | None) -> RecordedMission:
@@ -79,7 +80,7 @@ def searches(
     return found
 
 
-def notices(record: RecordedMission) -> Iterator[str]:
+def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterator[str]:
     """Yield what the reader must know of what is missing."""
     if not record.complete:
         left = int((~(record.terminated | record.truncated)[-1]).sum())
@@ -94,43 +95,67 @@ def notices(record: RecordedMission) -> Iterator[str]:
         )
     if record.scenario is None:
         yield (
-            "The file does not say what was searched, so there are no maps: "
-            "name the scenario with --scenario."
+            "The file does not say what was searched; the option --scenario does. "
+            f"{'The maps are those that drones observed.' if shown else 'So there are no maps.'}"
         )
-    elif record.grid_size > LARGEST_BELIEF_GRID:
-        yield (
-            f"On grids of more than {LARGEST_BELIEF_GRID} cells a side the maps are those that "
-            "drones observed, not a belief."
-        )
+    elif not all(view.belief for view in shown.values()):
+        yield "The maps are those that drones observed; a belief was not recorded."
     if record.pos is None:
-        yield "The probability of success (POS) was not recorded."
+        large = record.grid_size > LARGEST_BELIEF_GRID
+        why = f"; it is not computed on grids of more than {LARGEST_BELIEF_GRID} cells a side"
+        yield f"The probability of success (POS) was not recorded{why if large else ''}."
 
 
 def pictures(
-    record: RecordedMission, wanted: Sequence[int], forecast: Forecast | None
+    record: RecordedMission, wanted: Sequence[int], forecast: Forecast | None, bag: Any
 ) -> dict[int, MissionView]:
     """Return the maps of recorded steps: the belief, or what the drones observed.
+
+    Args:
+        record: The mission.
+        wanted: Numbers of recorded steps.
+        forecast: For its belief, None if that is not to be computed.
+        bag: Its `MissionBag`, None if it is of a CSV.
 
     Raises:
         FieldError: If the record is of another search.
     """
     if record.scenario is None:
-        return {}
-    shown = views(record, wanted)
+        return {} if bag is None else views_of(record, bag.maps(record, wanted, "probability"))
     if forecast is not None:
         _, beliefs = follow_belief(record, forecast, wanted)
-        shown = {k: replace(view, probability=beliefs[k], belief=True) for k, view in shown.items()}
-    return shown
+    else:
+        beliefs = {} if bag is None else bag.maps(record, wanted, "belief")
+    return {
+        k: replace(view, probability=beliefs[k], belief=True) if k in beliefs else view
+        for k, view in views(record, wanted).items()
+    }
+
+
+def read(path: Path, namespace: str | None) -> tuple[list[RecordedMission], Any]:
+    """Return the missions of a file, and the `MissionBag` if it is one.
+
+    Raises:
+        FieldError: If it is neither a log nor a bag.
+    """
+    if not is_bag(path):
+        return read_csv(path), None
+    # A log is read without ROS.
+    from dsse_ros.report.bags import MissionBag
+
+    bag = MissionBag(path, namespace)
+    return bag.missions, bag
 
 
 def main(argv: list[str] | None = None) -> int:
     """Write the report; returns the exit code, 2 for bad input."""
     arguments = parse(argv)
     try:
-        missions = searches(read_csv(arguments.file), arguments)
-        chosen = choose(missions, arguments.mission)
+        found, bag = read(arguments.file, arguments.namespace)
+        missions = searches(found, arguments)
+        at = missions.index(choose(missions, arguments.mission))
         try:
-            wanted = chosen_steps(chosen, arguments.steps)
+            wanted = chosen_steps(missions[at], arguments.steps)
         except ValueError as error:
             raise FieldError(f"steps: {error}") from None
         with announced(lambda line: print(line, file=sys.stderr, flush=True)):
@@ -138,13 +163,13 @@ def main(argv: list[str] | None = None) -> int:
             for i, one in enumerate(missions):
                 if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
                     missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
-                if one is chosen:
-                    record = missions[i]
-            shown = pictures(record, wanted, forecast_for(record, forecast))
+            record = missions[at]
+            shown = pictures(record, wanted, forecast_for(record, forecast), bag)
         make_folder("out", arguments.out)
     except FieldError as error:
         return fail("report", error)
-    report = Report(record, shown, missions, arguments.file.name, tuple(notices(record)))
+    source = arguments.file.resolve().name
+    report = Report(record, shown, missions, source, tuple(notices(record, shown)))
     try:
         with tqdm(total=report.num_figures, unit="figure", disable=None) as bar:
             path = report.write(arguments.out, bar.update)

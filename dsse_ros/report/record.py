@@ -20,12 +20,14 @@ from dsse_ros.search.scenario import ResolvedScenario
 
 SEARCH = "search"
 """Name of the action that searches."""
+_MCAP = b"\x89MCAP0\r\n"
+"""How MCAP files begin."""
 _ROUNDING_M = 6e-4
 """A log has metres with three decimals."""
 _MAX_DECIMALS = 9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RecordedMission:
     """K recorded steps of N drones, and of P persons where these are known.
 
@@ -52,7 +54,6 @@ class RecordedMission:
         scenario: What was searched; None if not known.
         seed: Of the mission; None if not known.
         run_id: Of the simulation; None if not known.
-        stamps_ns: (K,) int64 stamp of each step's messages; None if not recorded.
         area: (G, G) bool [row, col], the cells that are searched; None for all, or if not known.
     """
 
@@ -76,7 +77,6 @@ class RecordedMission:
     scenario: ResolvedScenario | None = None
     seed: int | None = None
     run_id: int | None = None
-    stamps_ns: NDArray[np.int64] | None = None
     area: NDArray[np.bool_] | None = None
 
     @property
@@ -138,6 +138,17 @@ class RecordedMission:
         return lost
 
 
+def is_bag(path: str | os.PathLike[str]) -> bool:
+    """Return whether a path is that of a bag: an MCAP file, or a folder as rosbag2 makes them."""
+    if Path(path).is_dir():
+        return True
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(len(_MCAP)) == _MCAP
+    except OSError:
+        return False
+
+
 def read_csv(path: str | os.PathLike[str]) -> list[RecordedMission]:
     """Return the missions of a log; a step that is there in part, at its end, is left out.
 
@@ -153,7 +164,7 @@ def read_csv(path: str | os.PathLike[str]) -> list[RecordedMission]:
     except OSError as error:
         raise FieldError(f"{name}: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error):
-        raise FieldError(f"{name} is no record of a mission") from None
+        raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)") from None
     if missions:
         # The last step may be in part: the mission was cut off.
         steps = next(reversed(missions.values()))
@@ -173,7 +184,7 @@ def read_csv(path: str | os.PathLike[str]) -> list[RecordedMission]:
 def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[list[str]]]]:
     """Yield the rows of each step with the number of its mission, whole rows only."""
     if tuple(next(reader, ())) != COLUMNS:
-        raise FieldError(f"{name} is no record of a mission")
+        raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)")
     key: tuple[str, str] | None = None
     rows: list[list[str]] = []
     for row in reader:

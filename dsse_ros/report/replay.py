@@ -74,6 +74,22 @@ def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, Mission
     return shown
 
 
+def views_of(record: RecordedMission, maps: Maps) -> dict[int, MissionView]:
+    """Return what a picture shows of a mission whose scenario is not known.
+
+    Args:
+        record: The record.
+        maps: By the number of a recorded step, what drones observed.
+    """
+    nobody, nothing = np.zeros((0, 2), np.int64), np.zeros(0, bool)
+    bare = MissionView(
+        probability=np.zeros((1, 1), np.float32), tracks=nobody[np.newaxis], alive=nothing,
+        persons=nobody, found=nothing, datum=None, step=0, timestep_limit=int(record.steps[-1]),
+        cell_size_m=record.cell_size_m, area=record.area,
+    )  # fmt: skip
+    return {k: _view(record, k, replace(bare, probability=maps[k])) for k in sorted(maps)}
+
+
 def _check(record: RecordedMission, k: int, probability: NDArray[np.float32]) -> None:
     if record.probabilities is None:
         return
@@ -89,13 +105,13 @@ def _check(record: RecordedMission, k: int, probability: NDArray[np.float32]) ->
 
 def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
     """Return the view of a map with what was recorded up to the k-th recorded step."""
-    nobody = np.zeros((0, 2), np.int64)
+    nobody, nothing = np.zeros((0, 2), np.int64), np.zeros(0, bool)
     return replace(
         of_map,
         tracks=record.cells[: k + 1].swapaxes(0, 1),
         alive=~record.lost[k],
         persons=nobody if record.persons is None else record.persons[k],
-        found=nobody[:, 0] > 0 if record.person_found is None else record.person_found[k],
+        found=nothing if record.person_found is None else record.person_found[k],
         step=int(record.steps[k]),
         pos=None if record.pos is None else float(record.pos[k]),
     )
