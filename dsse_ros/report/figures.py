@@ -14,6 +14,7 @@ import matplotlib
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
@@ -23,6 +24,13 @@ from dsse_ros.search.rendering import MissionView, Picture, new_figure
 
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
 PNG_DPI = 160
+OKABE_ITO = (BLUE, ORANGE, GREEN, "#CC79A7", "#D55E00", "#56B4E9", "#999999")
+_BESIDE = 0.7
+"""Part of a cell over which the tracks of the drones are spread."""
+_MARGIN = 3
+"""Cells about the tracks."""
+_MOST = 0.6
+"""Part of the grid from which on all of it is shown."""
 MAX_BARS = 40
 """Drones that have a bar of their own; of more, the bars are those of groups."""
 _SALT = "dsse_ros"
@@ -38,16 +46,18 @@ class Theme:
         ink: Text and axes.
         faint: Grid lines.
         accent: The main line.
+        shades: Of cividis, for the least and the most.
     """
 
     paper: str
     ink: str
     faint: str
     accent: str
+    shades: tuple[float, float]
 
 
-LIGHT = Theme(paper="#ffffff", ink="#1b1f24", faint="#d8dde3", accent=BLUE)
-DARK = Theme(paper="#171b21", ink="#e6e9ed", faint="#3a424d", accent="#56B4E9")
+LIGHT = Theme(paper="#ffffff", ink="#1b1f24", faint="#d8dde3", accent=BLUE, shades=(0.85, 0.0))
+DARK = Theme(paper="#171b21", ink="#e6e9ed", faint="#3a424d", accent="#56B4E9", shades=(0.3, 1.0))
 
 
 def png(figure: Figure, dpi: int = PNG_DPI) -> bytes:
@@ -129,36 +139,73 @@ def progress_figure(of: Curves, cells: int, theme: Theme) -> Figure:
 
 
 def effort_figure(record: RecordedMission, theme: Theme) -> Figure:
-    """Return how often each cell was searched, as a map in km, east to the right and north up."""
+    """Return how often each cell was searched and the tracks, east to the right and north up.
+
+    Shown is the part of the grid in which the drones were; tracks lie beside each other.
+    """
     figure, axes = _chart(theme, 6.0, 5.0)
-    side = record.grid_size * record.cell_size_m / 1000.0
+    cell_km = record.cell_size_m / 1000.0
+    side = record.grid_size * cell_km
     count = effort(record)
-    outside = np.zeros(count.shape, bool) if record.area is None else ~record.area
-    shades = colormaps["cividis_r"].copy()
+    most = max(int(count.max()), 2)
+    shades = ListedColormap(colormaps["cividis"](np.linspace(*theme.shades, 256)))
     shades.set_bad(theme.paper)
-    most = max(int(count.max()), 1)
     image = axes.imshow(
-        np.ma.masked_where(count == 0, count), cmap=shades, vmin=1, vmax=max(most, 2),
+        np.ma.masked_where(count == 0, count), cmap=shades, vmin=1, vmax=most,
         extent=(0, side, 0, side), interpolation="nearest",
     )  # fmt: skip
-    if outside.any():
-        axes.contourf(
-            outside[::-1].astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"],
-            extent=(0, side, 0, side),
+    if record.area is not None:
+        outside = np.ma.masked_where(record.area, np.ones(record.area.shape))
+        axes.imshow(
+            outside, cmap=ListedColormap([theme.faint]), extent=(0, side, 0, side),
+            interpolation="nearest",
+        )  # fmt: skip
+    count_of_drones = len(record.agents)
+    for i, cells in enumerate(record.cells.swapaxes(0, 1)):
+        beside = _BESIDE * ((i + 1) / (count_of_drones + 1) - 0.5)
+        x = (cells[:, 0] + 0.5 + beside) * cell_km
+        y = (record.grid_size - 0.5 - cells[:, 1] + beside) * cell_km
+        colour = OKABE_ITO[i % len(OKABE_ITO)]
+        style = ("-", "--", ":", "-.")[i // len(OKABE_ITO) % 4]
+        axes.plot(x, y, style, color=colour, linewidth=1.3)
+        axes.plot(x[:1], y[:1], "o", color=colour, markersize=3.5)
+        axes.plot(
+            x[-1:], y[-1:], "X" if record.lost[-1, i] else "^", color=colour, markersize=7,
+            markeredgecolor=theme.ink, markeredgewidth=0.7,
         )  # fmt: skip
     bar = figure.colorbar(image, ax=axes, label="searches of the cell", shrink=0.85, pad=0.02)
     bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     bar.ax.tick_params(colors=theme.ink)
     bar.ax.yaxis.label.set_color(theme.ink)
-    bar.outline.set_edgecolor(theme.ink)
-    if record.grid_size <= 50:
-        lines = np.arange(1, record.grid_size) * side / record.grid_size
-        axes.hlines(lines, 0, side, color=theme.faint, linewidth=0.4)
-        axes.vlines(lines, 0, side, color=theme.faint, linewidth=0.4)
+    bar.outline.set_edgecolor(theme.ink)  # type: ignore[operator]
     for spine in axes.spines.values():
         spine.set_color(theme.ink)
-    axes.set(xlabel="east (km)", ylabel="north (km)", xlim=(0, side), ylim=(0, side))
+    west, south, shown = _part(record)
+    if shown <= 50:
+        lines = np.arange(record.grid_size + 1) * cell_km
+        axes.hlines(lines, 0, side, color=theme.faint, linewidth=0.4, zorder=0.5)
+        axes.vlines(lines, 0, side, color=theme.faint, linewidth=0.4, zorder=0.5)
+    axes.set(
+        xlabel="east (km)", ylabel="north (km)",
+        xlim=(west * cell_km, (west + shown) * cell_km),
+        ylim=(south * cell_km, (south + shown) * cell_km),
+    )  # fmt: skip
     return figure
+
+
+def _part(record: RecordedMission) -> tuple[int, int, int]:
+    """Return the square that holds all tracks: its corner and side in cells, from the south-west.
+
+    It is the whole grid if it is most of it.
+    """
+    size = record.grid_size
+    low, high = record.cells.min(axis=(0, 1)), record.cells.max(axis=(0, 1))
+    side = min(int((high - low).max()) + 1 + 2 * _MARGIN, size)
+    if side > _MOST * size:
+        return 0, 0, size
+    middle = np.array([low[0] + high[0] + 1, 2 * size - low[1] - high[1] - 1]) // 2
+    west, south = np.clip(middle - side // 2, 0, size - side).tolist()
+    return west, south, side
 
 
 def work_figure(record: RecordedMission, of: Work, theme: Theme) -> Figure:

@@ -115,9 +115,9 @@ class Report:
             ),
             (
                 "effort",
-                "Effort per cell: how often each was searched.",
-                f"Map of the search effort: {int(of.cells_searched[-1])} of {area} cells were "
-                f"searched, none more than {most} times.",
+                "Tracks from o to the triangle, and effort per cell: how often each was searched.",
+                f"Map of the tracks and the search effort: {int(of.cells_searched[-1])} of {area} "
+                f"cells were searched, none more than {most} times.",
                 lambda theme: figures.effort_figure(record, theme),
             ),
             (
