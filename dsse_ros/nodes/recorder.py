@@ -52,10 +52,15 @@ class RecorderNode(AlarmNode):
         self._channels: dict[str, int] = {}
         self.messages = 0
         self.get_logger().info(f"recording {self.get_namespace()} to {self.path}")
-        self.alarms.make(self._topics.discover).repeat(DISCOVERY_PERIOD_S)
+        self.alarms.make(self._discover).repeat(DISCOVERY_PERIOD_S)
         self.alarms.make(self._take).repeat(TAKE_PERIOD_S)
         self.alarms.make(self._flush).repeat(FLUSH_PERIOD_S)
-        self._topics.discover()
+        self._discover()
+
+    def _discover(self) -> None:
+        if self._topics is not None:
+            for topic in self._topics.discover():
+                self.debug(lambda topic=topic: f"recording {topic}")  # type: ignore[misc]
 
     def _take(self) -> None:
         """Write what has come since."""

@@ -222,6 +222,6 @@ def _records(path: Path) -> Iterator[McapRecord]:
                     return
                 if record is None or isinstance(record, DataEnd):
                     return
-                yield from parts
+                yield from (part for part in parts if part is not None)
     except OSError as error:
         raise FieldError(f"bag: {str(path)!r}: {error.strerror}") from None
