@@ -264,15 +264,17 @@ def grid_of(
     Raises:
         ValueError: If no grid has these cells there.
     """
-    col, row = cells.T
-    easternmost = int(np.argmax(col))
-    if col[easternmost] < 0:
-        raise ValueError("no cell on the grid")
-    rough = float(east_m[easternmost] / (col[easternmost] + 0.5))
-    for decimals in range(_MAX_DECIMALS + 1):
-        cell_m = round(rough, decimals)
-        if cell_m > 0 and (np.abs((col + 0.5) * cell_m - east_m) < _ROUNDING_M).all():
-            size = round(float(north_m[0] / cell_m + row[0] + 0.5))
-            if (np.abs((size - 0.5 - row) * cell_m - north_m) < _ROUNDING_M).all() and size > 0:
+    from_west = cells[:, 0] + 0.5
+    far = int(np.argmax(from_west))
+    if from_west[far] > 0 and east_m[far] > 0:
+        rough_m = float(east_m[far] / from_west[far])
+        size = round(float(north_m[0]) / rough_m + int(cells[0, 1]) + 0.5)
+        # The farther from an edge, the less does rounding count.
+        cells_off = np.concatenate([from_west, size - 0.5 - cells[:, 1]])
+        metres = np.concatenate([east_m, north_m])
+        far = int(np.argmax(cells_off))
+        for decimals in range(_MAX_DECIMALS + 1):
+            cell_m = round(float(metres[far] / cells_off[far]), decimals)
+            if (np.abs(cells_off * cell_m - metres) < _ROUNDING_M).all() and size > 0 < cell_m:
                 return size, cell_m
     raise ValueError("its cells and metres do not belong together")
