@@ -149,7 +149,6 @@ def effort_figure(record: RecordedMission, theme: Theme) -> Figure:
     count = effort(record)
     most = max(int(count.max()), 2)
     shades = ListedColormap(colormaps["cividis"](np.linspace(*theme.shades, 256)))
-    shades.set_bad(theme.paper)
     image = axes.imshow(
         np.ma.masked_where(count == 0, count), cmap=shades, vmin=1, vmax=most,
         extent=(0, side, 0, side), interpolation="nearest",

@@ -16,8 +16,8 @@ from msg_adapters.frames import scenario_frame
 
 SCENARIO = {
     "name": "A test & its <name>", "grid_size": 9, "num_drones": 3, "cell_size": 130.0,
-    "sigma": 2.0, "timestep_limit": 14, "person_initial_position": (4, 4), "probability_of_detection": 0.7,
-    "drones_positions": [(3, 4), (4, 3), (5, 5)],
+    "sigma": 2.0, "timestep_limit": 14, "person_initial_position": (4, 4),
+    "probability_of_detection": 0.7, "drones_positions": [(3, 4), (4, 3), (5, 5)],
 }  # fmt: skip
 
 

@@ -53,9 +53,7 @@ def expected(steps: Rows, cells_of_area: int, last_step: int) -> dict[str, Any]:
             if row["found"] == "1" and first_find is None:
                 first_find = float(row["time_s"])
         for i, j in combinations(flying, 2):
-            away = math.dist(
-                *((float(rows[n]["east_m"]), float(rows[n]["north_m"])) for n in (i, j))
-            )
+            away = math.dist(places[i], places[j])
             nearest = min(nearest, away)
             collisions += away == 0 and k > 0
         for i, row in enumerate(rows):
