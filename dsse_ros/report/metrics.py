@@ -176,7 +176,7 @@ METRICS = (
         "The sum of 1 - POS over the mission, times the duration of a step: the mean time until "
         "the first detection by searches like these, where one that has not found counts as its "
         "whole duration.",
-        "Bourgault, Furukawa and Durrant-Whyte 2003; Lanillos and others 2012",
+        "Bourgault, Furukawa and Durrant-Whyte 2003; Lanillos and others 2014",
         _expected_time,
     ),
     Metric(
