@@ -13,7 +13,8 @@ from typing import Any
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
-from dsse_ros.nodes.exit_codes import fail
+from dsse_ros.cli.start import missing
+from dsse_ros.nodes.exit_codes import MISSING, fail
 from dsse_ros.report.record import RecordedMission, is_bag, read_csv
 from dsse_ros.report.replay import (
     LARGEST_BELIEF_GRID,
@@ -137,10 +138,11 @@ def read(path: Path, namespace: str | None) -> tuple[list[RecordedMission], Any]
 
     Raises:
         FieldError: If it is neither a log nor a bag.
+        ImportError: If it is a bag, and ROS or what reads bags is not installed.
     """
     if not is_bag(path):
         return read_csv(path), None
-    # A log is read without ROS.
+    # A log is read without them.
     from dsse_ros.report.bags import MissionBag
 
     bag = MissionBag(path, namespace)
@@ -168,6 +170,12 @@ def main(argv: list[str] | None = None) -> int:
         make_folder("out", arguments.out)
     except FieldError as error:
         return fail("report", error)
+    except ImportError as error:
+        text = missing(error)
+        if text is None:
+            raise
+        fail("report", text)
+        return MISSING
     source = arguments.file.resolve().name
     report = Report(record, shown, missions, source, tuple(notices(record, shown)))
     try:

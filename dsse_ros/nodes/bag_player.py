@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import HistoryPolicy, QoSProfile
 
@@ -23,8 +24,8 @@ _DEPTH = 100
 """Messages that a publisher keeps where the bag does not say it, as with Fast DDS."""
 _BATCH_S = 0.02
 """Wall time after which other work gets its turn when the bag is behind."""
-_LINGER_S = 1.0
-"""Wall time from the last message to the end, for listeners that have not got it yet."""
+_ACKNOWLEDGED_S = 5.0
+"""Wall time that listeners have to acknowledge what they were sent."""
 
 
 class BagPlayer(AlarmNode):
@@ -47,7 +48,6 @@ class BagPlayer(AlarmNode):
         self.failure: FieldError | None = None
         self.published = 0
         self._alarm = self.alarms.make(self._publish_due)
-        self._end_alarm = self.alarms.make(self._end)
         self._advance()
         self._begun_s = time.monotonic()
         self._begun_ns = self._next.log_time_ns if self._next else 0
@@ -71,7 +71,7 @@ class BagPlayer(AlarmNode):
                 self._advance()
         except FieldError as error:
             self.failure = error
-        self._end_alarm.set(_LINGER_S)
+        self._end()
 
     def _due_s(self, message: Recorded) -> float:
         return self._begun_s + (message.log_time_ns - self._begun_ns) / 1e9 / self._rate
@@ -94,6 +94,10 @@ class BagPlayer(AlarmNode):
         return self.create_publisher(kind, message.topic, _profile(message.offered_qos))
 
     def _end(self) -> None:
+        deadline_s = time.monotonic() + _ACKNOWLEDGED_S
+        for publisher in filter(None, self._publishers_of.values()):
+            left_s = max(deadline_s - time.monotonic(), 0.0)
+            publisher.wait_for_all_acked(Duration(seconds=left_s))
         if self.failure is None:
             self.get_logger().info(f"{self.published} messages published")
         self.finished = True

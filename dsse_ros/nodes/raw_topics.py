@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 from rclpy.node import Node
@@ -49,12 +50,15 @@ class RawTopics:
     Args:
         node: Whose namespace it is, and who logs; in the root namespace all topics count.
         warn: Logs a line of a kind.
+        exclude: Patterns of topics that are left out.
 
     Attributes:
         types: Names of the types of the topics subscribed so far, by topic.
     """
 
-    def __init__(self, node: Node, warn: Callable[[str, str], None]) -> None:
+    def __init__(
+        self, node: Node, warn: Callable[[str, str], None], exclude: Sequence[str] = ()
+    ) -> None:
         self._node = Node(
             f"_{node.get_name()}_topics",
             namespace=node.get_namespace(),
@@ -66,6 +70,7 @@ class RawTopics:
         )
         self._prefix = node.get_namespace().rstrip("/") + "/"
         self._warn = warn
+        self._exclude = exclude
         self.types: dict[str, str] = {}
         self._subscriptions: dict[str, Subscription] = {}
         # Subscribed with the QoS of other listeners, as nobody had published yet.
@@ -108,6 +113,8 @@ class RawTopics:
 
     def _is_wanted(self, topic: str) -> bool:
         if topic in NOT_OF_A_MISSION or topic in self._refused or "/_" in topic:
+            return False
+        if any(fnmatchcase(topic, pattern) for pattern in self._exclude):
             return False
         return topic.startswith(self._prefix) or topic in OF_ALL
 

@@ -48,7 +48,7 @@ class RecorderNode(AlarmNode):
         name = self.settings.bag or time.strftime("mission_%Y_%m_%d-%H_%M_%S.mcap")
         self.path = os.path.abspath(name)
         self._bag = BagWriter(self.path)
-        self._topics = RawTopics(self, self.warn)
+        self._topics = RawTopics(self, self.warn, self.settings.exclude)
         self._channels: dict[str, int] = {}
         self.messages = 0
         self.get_logger().info(f"recording {self.get_namespace()} to {self.path}")

@@ -205,6 +205,9 @@ class RecorderSettings:
         "str", "MCAP file that the topics are written to, a new one; by default mission_ with date "
         "and time in the name, in the working directory.", "",
     )  # fmt: skip
+    exclude: tuple[str, ...] = field(
+        "names", "Patterns of topics that are left out, such as */odom.", ()
+    )
 
     def __post_init__(self) -> None:
         check_all(self)
