@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The figures of a report, for light and dark pages, as bytes that are the same for the same input.
 
-Made for any colour vision: the colours of lines and bars are those of Okabe and Ito (2008), cells are
-shaded by cividis (Nunez, Anderton and Renslow 2018).
+Made for any colour vision: the colours of lines and bars are those of Okabe and Ito (2008), cells
+are shaded by cividis (Nunez, Anderton and Renslow 2018).
 """
 
 from __future__ import annotations
