@@ -25,7 +25,7 @@ from dsse_ros.report.replay import (
     with_search,
 )
 from dsse_ros.report.report import Report, chosen_steps
-from dsse_ros.search import FieldError
+from dsse_ros.search import PROFILES, FieldError
 from dsse_ros.search.belief import Forecast
 from dsse_ros.search.compiler import announced
 from dsse_ros.search.rendering import MissionView
@@ -38,12 +38,15 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         description="Make a page, figures and tables of a recorded mission.",
     )
     parser.add("file", type=Path, help="CSV of record_file, or bag of the recorder")
-    parser.add_search("")
+    parser.add("--scenario", help="what was searched, for a CSV: YAML file or name")
+    parser.add("--rules", default="paper", choices=tuple(PROFILES), help="profile, with --scenario")
     parser.add("--out", type=Path, default=Path("report"), help="folder of the files")
-    parser.add("--namespace", help="of the simulation, if a bag has several")
     parser.add("--mission", type=int, help="its number, by default the last complete one")
-    parser.add("--steps", type=int, nargs="+", default=[], metavar="STEP",
+    parser.add("--steps", type=int, nargs="+", metavar="STEP",
                help="steps that maps are drawn of, by default six from start to end")  # fmt: skip
+    parser.add("--namespace", help="of the simulation, if a bag has several")
+    # Of the scenario, whose drones are those of the record.
+    parser.set_defaults(seed=0, fields={})
     return parser.parse_with_ros(argv, {})
 
 
@@ -157,12 +160,13 @@ def main(argv: list[str] | None = None) -> int:
         missions = searches(found, arguments)
         at = missions.index(choose(missions, arguments.mission))
         try:
-            wanted = chosen_steps(missions[at], arguments.steps)
+            wanted = chosen_steps(missions[at], arguments.steps or ())
         except ValueError as error:
             raise FieldError(f"steps: {error}") from None
         with announced(lambda line: print(line, file=sys.stderr, flush=True)):
             forecast: Forecast | None = None
-            for i, one in enumerate(missions):
+            bar = tqdm(missions, "POS", unit="mission", disable=None, leave=False)
+            for i, one in enumerate(bar):
                 if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
                     missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
             record = missions[at]
@@ -179,8 +183,8 @@ def main(argv: list[str] | None = None) -> int:
     source = arguments.file.resolve().name
     report = Report(record, shown, missions, source, tuple(notices(record, shown)))
     try:
-        with tqdm(total=report.num_figures, unit="figure", disable=None) as bar:
-            path = report.write(arguments.out, bar.update)
+        with tqdm(total=report.num_figures, unit="figure", disable=None) as drawn:
+            path = report.write(arguments.out, drawn.update)
     except OSError as error:
         name = error.filename or str(arguments.out)
         return fail("report", f"out: {name!r}: {error.strerror}")

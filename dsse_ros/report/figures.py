@@ -27,6 +27,9 @@ PNG_DPI = 160
 OKABE_ITO = (BLUE, ORANGE, GREEN, "#CC79A7", "#D55E00", "#56B4E9", "#999999")
 _BESIDE = 0.7
 """Part of a cell over which the tracks of the drones are spread."""
+_STYLES = ("-", "--", ":", "-.")
+MAX_NAMED = 8
+"""Drones that a legend names."""
 _MARGIN = 3
 """Cells about the tracks."""
 _MOST = 0.6
@@ -139,57 +142,75 @@ def progress_figure(of: Curves, cells: int, theme: Theme) -> Figure:
 
 
 def effort_figure(record: RecordedMission, theme: Theme) -> Figure:
-    """Return how often each cell was searched and the tracks, east to the right and north up.
-
-    Shown is the part of the grid in which the drones were; tracks lie beside each other.
-    """
-    figure, axes = _chart(theme, 6.0, 5.0)
-    cell_km = record.cell_size_m / 1000.0
-    side = record.grid_size * cell_km
+    """Return how often each cell was searched, as a map."""
+    figure, axes = _map_chart(record, theme)
     count = effort(record)
-    most = max(int(count.max()), 2)
-    shades = ListedColormap(colormaps["cividis"](np.linspace(*theme.shades, 256)))
+    side = _side_km(record)
     image = axes.imshow(
-        np.ma.masked_where(count == 0, count), cmap=shades, vmin=1, vmax=most,
+        np.ma.masked_where(count == 0, count), vmin=1, vmax=max(int(count.max()), 2),
+        cmap=ListedColormap(colormaps["cividis"](np.linspace(*theme.shades, 256))),
         extent=(0, side, 0, side), interpolation="nearest",
     )  # fmt: skip
+    _show_part(axes, record)
+    bar = figure.colorbar(image, ax=axes, label="searches of the cell", shrink=0.85, pad=0.02)
+    bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+    bar.ax.tick_params(colors=theme.ink)
+    bar.ax.yaxis.label.set_color(theme.ink)
+    bar.outline.set_edgecolor(theme.ink)  # type: ignore[operator]
+    return figure
+
+
+def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
+    """Return the tracks beside each other, as a map: o is the start, a triangle the end."""
+    figure, axes = _map_chart(record, theme)
+    cell_km, drones = record.cell_size_m / 1000.0, len(record.agents)
+    for i, cells in enumerate(record.cells.swapaxes(0, 1)):
+        beside = _BESIDE * ((i + 1) / (drones + 1) - 0.5)
+        x = (cells[:, 0] + 0.5 + beside) * cell_km
+        y = (record.grid_size - 0.5 - cells[:, 1] + beside) * cell_km
+        colour = OKABE_ITO[i % len(OKABE_ITO)]
+        style = _STYLES[i // len(OKABE_ITO) % len(_STYLES)]
+        axes.plot(x, y, style, color=colour, linewidth=1.4, label=record.agents[i])
+        axes.plot(x[:1], y[:1], "o", color=colour, markersize=4)
+        axes.plot(
+            x[-1:], y[-1:], "X" if record.lost[-1, i] else "^", color=colour, markersize=7,
+            markeredgecolor=theme.ink, markeredgewidth=0.7, zorder=3,
+        )  # fmt: skip
+    _show_part(axes, record)
+    if drones <= MAX_NAMED:
+        _legend(axes, theme, 4)
+    return figure
+
+
+def _side_km(record: RecordedMission) -> float:
+    return record.grid_size * record.cell_size_m / 1000.0
+
+
+def _map_chart(record: RecordedMission, theme: Theme) -> tuple[Figure, Axes]:
+    """Return axes with the area and the cells, east to the right and north up."""
+    figure, axes = _chart(theme, 6.0, 5.2)
+    side = _side_km(record)
+    axes.set_aspect("equal")
+    for spine in axes.spines.values():
+        spine.set_color(theme.ink)
     if record.area is not None:
         outside = np.ma.masked_where(record.area, np.ones(record.area.shape))
         axes.imshow(
             outside, cmap=ListedColormap([theme.faint]), extent=(0, side, 0, side),
             interpolation="nearest",
         )  # fmt: skip
-    count_of_drones = len(record.agents)
-    for i, cells in enumerate(record.cells.swapaxes(0, 1)):
-        beside = _BESIDE * ((i + 1) / (count_of_drones + 1) - 0.5)
-        x = (cells[:, 0] + 0.5 + beside) * cell_km
-        y = (record.grid_size - 0.5 - cells[:, 1] + beside) * cell_km
-        colour = OKABE_ITO[i % len(OKABE_ITO)]
-        style = ("-", "--", ":", "-.")[i // len(OKABE_ITO) % 4]
-        axes.plot(x, y, style, color=colour, linewidth=1.3)
-        axes.plot(x[:1], y[:1], "o", color=colour, markersize=3.5)
-        axes.plot(
-            x[-1:], y[-1:], "X" if record.lost[-1, i] else "^", color=colour, markersize=7,
-            markeredgecolor=theme.ink, markeredgewidth=0.7,
-        )  # fmt: skip
-    bar = figure.colorbar(image, ax=axes, label="searches of the cell", shrink=0.85, pad=0.02)
-    bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True))
-    bar.ax.tick_params(colors=theme.ink)
-    bar.ax.yaxis.label.set_color(theme.ink)
-    bar.outline.set_edgecolor(theme.ink)  # type: ignore[operator]
-    for spine in axes.spines.values():
-        spine.set_color(theme.ink)
-    west, south, shown = _part(record)
-    if shown <= 50:
-        lines = np.arange(record.grid_size + 1) * cell_km
+    if _part(record)[2] <= 50:
+        lines = np.linspace(0, side, record.grid_size + 1)
         axes.hlines(lines, 0, side, color=theme.faint, linewidth=0.4, zorder=0.5)
         axes.vlines(lines, 0, side, color=theme.faint, linewidth=0.4, zorder=0.5)
-    axes.set(
-        xlabel="east (km)", ylabel="north (km)",
-        xlim=(west * cell_km, (west + shown) * cell_km),
-        ylim=(south * cell_km, (south + shown) * cell_km),
-    )  # fmt: skip
-    return figure
+    axes.set(xlabel="east (km)", ylabel="north (km)")
+    return figure, axes
+
+
+def _show_part(axes: Axes, record: RecordedMission) -> None:
+    """Show the part of the grid in which the drones were."""
+    west, south, side = (cells * record.cell_size_m / 1000.0 for cells in _part(record))
+    axes.set(xlim=(west, west + side), ylim=(south, south + side))
 
 
 def _part(record: RecordedMission) -> tuple[int, int, int]:

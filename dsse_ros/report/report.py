@@ -56,7 +56,7 @@ class Report:
     @property
     def num_figures(self) -> int:
         """How many figures it has."""
-        return len(self.views) + 3
+        return len(self.views) + 4
 
     def write(self, folder: Path, drawn: Callable[[], object] = lambda: None) -> Path:
         """Write all files; returns the path of the page.
@@ -114,18 +114,26 @@ class Report:
                 lambda theme: figures.progress_figure(of, area, theme),
             ),
             (
-                "effort",
-                "Tracks from o to the triangle, and effort per cell: how often each was searched.",
-                f"Map of the tracks and the search effort: {int(of.cells_searched[-1])} of {area} "
-                f"cells were searched, none more than {most} times.",
-                lambda theme: figures.effort_figure(record, theme),
-            ),
-            (
                 "work",
                 "Work of the drones: steps in which each searched, flew on and held.",
                 f"Bars for {total} drones: {int(done.searching.sum())} steps searching, "
                 f"{int(done.moving.sum())} moving, {int(done.holding.sum())} holding.",
                 lambda theme: figures.work_figure(record, done, theme),
+            ),
+            (
+                "effort",
+                "Effort per cell: how often each was searched.",
+                f"Map of the search effort: {int(of.cells_searched[-1])} of {area} cells were "
+                f"searched, none more than {most} times.",
+                lambda theme: figures.effort_figure(record, theme),
+            ),
+            (
+                "tracks",
+                "Tracks, drawn beside each other: o is the start, the triangle the end, an X where "
+                "a drone was lost.",
+                f"Map of the tracks of {total} drones, {texts.distance(of.path_length_m[-1])} in "
+                "all.",
+                lambda theme: figures.tracks_figure(record, theme),
             ),
         )
         for name, caption, alt, draw in charts:

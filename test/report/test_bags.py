@@ -88,7 +88,7 @@ def metrics_of(
     pos, expected_s, first_s, collisions, nearest, total = 0.0, 0.0, None, 0, math.inf, 0.0
     for k, rows in enumerate(steps):
         if k:
-            expected_s += (1 - pos) * step_s
+            expected_s += (1 - pos) * step_s if k <= info["timestep_limit"] else 0
             belief, taken = [list(row) for row in beliefs[number, k - 1]], 0.0
             for i in sorted(flying) if k <= info["timestep_limit"] else ():
                 if rows[i]["action"] == search:

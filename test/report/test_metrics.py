@@ -58,7 +58,7 @@ def expected(steps: Rows, cells_of_area: int, last_step: int) -> dict[str, Any]:
             collisions += away == 0 and k > 0
         for i, row in enumerate(rows):
             alive[i] = alive[i] and row["terminated"] == "0" and row["truncated"] == "0"
-        if k:
+        if 0 < k <= last_step:
             pos_sum += (1 - float(drones[k - 1][0]["pos"])) * 13.0
     persons = [row for row in steps[-1] if row["agent"].startswith("person")]
     return {

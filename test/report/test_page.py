@@ -91,7 +91,7 @@ def test_the_page_can_be_read_without_seeing_it(report: Path) -> None:
     page = Elements((report / "report.html").read_text())
     assert page.of("html") == [{"lang": "en"}]
     images = page.of("img")
-    assert len(images) == 5
+    assert len(images) == 6
     assert all(len(image["alt"]) > 30 for image in images)
     assert len(page.of("figcaption")) == len(images)
     assert len(page.of("caption")) == len(page.of("table")) == 3
@@ -119,7 +119,7 @@ def test_the_page_has_every_metric_and_every_mission(report: Path, log: Path) ->
 
 def test_figures_are_files_too(report: Path) -> None:
     html = (report / "report.html").read_text()
-    names = ["effort", "map_step_0", "map_step_2", "progress", "work"]
+    names = ["effort", "map_step_0", "map_step_2", "progress", "tracks", "work"]
     assert sorted(path.name for path in (report / "figures").iterdir()) == sorted(
         f"{name}.{kind}" for name in names for kind in ("png", "svg")
     )
@@ -136,7 +136,7 @@ def test_the_same_input_gives_the_same_bytes(report: Path, log: Path, tmp_path: 
     arguments = [str(log), "--scenario", scenario, "--out", str(tmp_path), "--steps", "0", "2"]
     assert main(arguments) == 0
     names = [path.relative_to(report) for path in sorted(report.rglob("*.*"))]
-    assert len(names) == 16
+    assert len(names) == 18
     for name in names:
         assert (report / name).read_bytes() == (tmp_path / name).read_bytes(), name
 
