@@ -115,7 +115,7 @@ def _pos(record: RecordedMission, of: Curves) -> float | None:
 def _expected_time(record: RecordedMission, of: Curves) -> float | None:
     if of.pos is None:
         return None
-    spent_s = np.diff(of.times_s) * record.acted.any(axis=1)[1:]
+    spent_s = np.diff(of.times_s) * record.acted[1:].any(axis=1)
     return float(((1.0 - of.pos[:-1]) * spent_s).sum())
 
 
