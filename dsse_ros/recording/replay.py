@@ -399,7 +399,8 @@ class _Flight:
 
     def _new_intake(self) -> CommandIntake:
         def note(_: str, text: str) -> None:
-            self._reasons.append(text)
+            # Without the topic.
+            self._reasons.append(text.partition(": ")[2])
 
         return CommandIntake(self.mission, self.info.frame, note, lambda _: None)
 
