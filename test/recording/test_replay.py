@@ -13,6 +13,7 @@ from flown import MS, Flown, moved, with_byte, write
 from geometry_msgs.msg import PoseStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from nav_msgs.msg import Path as PathMessage
 from std_msgs.msg import String
 
@@ -323,7 +324,11 @@ def damaged(folder: Path) -> Path:
     of.fly(20)
     path = write(folder / "damaged.mcap", of.messages, per_chunk=10)
     data = bytearray(path.read_bytes())
-    data[len(data) // 3] ^= 1
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[2]
+    data[chunk.chunk_start_offset + chunk.chunk_length - 1] ^= 1
     path.write_bytes(data)
     return path
 
