@@ -13,7 +13,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import HistoryPolicy, QoSProfile
 
 from dsse_ros.nodes.exit_codes import fail
-from dsse_ros.nodes.qos import LATCHED, RELIABLE
+from dsse_ros.nodes.qos import RELIABLE
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.recording.offered_qos import common, from_yaml
@@ -22,6 +22,8 @@ from dsse_ros.search import FieldError
 
 _DEPTH = 100
 """Messages that a publisher keeps where the bag does not say it, as with Fast DDS."""
+_LARGE = 1 << 16
+"""Bytes of a message of which only the last one is kept."""
 _BATCH_S = 0.02
 """Wall time after which other work gets its turn when the bag is behind."""
 _ACKNOWLEDGED_S = 5.0
@@ -91,7 +93,8 @@ class BagPlayer(AlarmNode):
         except FieldError as error:
             self.get_logger().warning(f"{message.topic} is left out: {error}")
             return None
-        return self.create_publisher(kind, message.topic, _profile(message.offered_qos))
+        depth = 1 if len(message.data) > _LARGE else _DEPTH
+        return self.create_publisher(kind, message.topic, _profile(message.offered_qos, depth))
 
     def _end(self) -> None:
         deadline_s = time.monotonic() + _ACKNOWLEDGED_S
@@ -103,8 +106,13 @@ class BagPlayer(AlarmNode):
         self.finished = True
 
 
-def _profile(offered_qos: str) -> QoSProfile:
-    """Return what to offer for what was offered when the bag was recorded."""
+def _profile(offered_qos: str, depth: int) -> QoSProfile:
+    """Return what to offer for what was offered when the bag was recorded.
+
+    Args:
+        offered_qos: As the bag has it.
+        depth: Where that does not contain it.
+    """
     try:
         offered = from_yaml(offered_qos)
     except ValueError:
@@ -112,11 +120,7 @@ def _profile(offered_qos: str) -> QoSProfile:
     if not offered:
         return RELIABLE
     known = [one.depth for one in offered if one.history == HistoryPolicy.KEEP_LAST]
-    made = common(offered, max(known, default=_DEPTH))
-    if made.durability == LATCHED.durability and not known:
-        # A late joiner gets the last message, as of most latched topics.
-        made.depth = LATCHED.depth
-    return made
+    return common(offered, max(known, default=depth))
 
 
 def play(path: Path, rate: float, ros: Sequence[str]) -> int:

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from dsse_ros.recording.offered_qos import common
-from dsse_ros.recording.schemas import message_class
+from dsse_ros.recording.schemas import definition, message_class
 from dsse_ros.search import FieldError
 
 OF_ALL = ("/clock", "/diagnostics", "/tf", "/tf_static")
@@ -124,6 +124,8 @@ class RawTopics:
             return False
         try:
             kind = message_class(type_name)
+            # Who gets the bytes needs to know what they are.
+            definition(type_name)
         except FieldError as error:
             self._refused.add(topic)
             self._warn(topic, f"{topic} is left out: {error}")
@@ -162,7 +164,7 @@ class RawTopics:
                     RawMessage(
                         topic,
                         data,
-                        info["received_timestamp"],
+                        info["received_timestamp"] or time.time_ns(),
                         info["source_timestamp"],
                         info["publication_sequence_number"] or 0,
                     )

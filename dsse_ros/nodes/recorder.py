@@ -112,21 +112,28 @@ class RecorderNode(AlarmNode):
 
     def destroy_node(self) -> None:
         """Write what is left, close the bag and the node."""
-        self._take()
-        if self._bag is not None:
-            try:
-                self._bag.close()
-            except OSError as error:
-                self._fail(error)
-            else:
-                self.get_logger().info(
-                    f"{self.messages} messages on {len(self._channels)} topics in {self.path}"
-                )
+        try:
+            self._take()
+        finally:
+            self._close()
+            if self._topics is not None:
+                self._topics.destroy()
+                self._topics = None
+            super().destroy_node()
+
+    def _close(self) -> None:
+        bag = self._bag
+        if bag is None:
+            return
+        try:
+            bag.close()
+        except OSError as error:
+            self._fail(error)
+        else:
             self._bag = None
-        if self._topics is not None:
-            self._topics.destroy()
-            self._topics = None
-        super().destroy_node()
+            self.get_logger().info(
+                f"{self.messages} messages on {len(self._channels)} topics in {self.path}"
+            )
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 from mcap.exceptions import InvalidMagic, RecordLengthLimitExceeded
 from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.writer import CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from rclpy.serialization import deserialize_message
 
 from dsse_ros.recording.offered_qos import KEY
@@ -198,30 +198,31 @@ def _records(path: Path) -> Iterator[McapRecord]:
     """
     try:
         with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            records = StreamReader(file, emit_chunks=True, record_size_limit=max(size, 1)).records
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(size - len(MCAP0_MAGIC), 0))
+            ended = file.read() == MCAP0_MAGIC
+            file.seek(0)
+            records = StreamReader(file, emit_chunks=True, record_size_limit=size).records
             while True:
                 try:
-                    record = next(records, None)
+                    record = next(records)
                     parts = (
                         breakup_chunk(record, validate_crc=True)
                         if isinstance(record, Chunk)
                         else [record]
                     )
-                except RecordLengthLimitExceeded:
-                    # It would end behind the file's end.
-                    return
                 except InvalidMagic:
                     raise FieldError(f"bag: {str(path)!r} is no MCAP file") from None
-                except Exception:
-                    # Of struct, of the decompressors, of mcap: a record that is not whole.
-                    if file.tell() < size:
-                        raise FieldError(
-                            f"bag: {str(path)!r} is damaged before byte {file.tell()}"
-                        ) from None
+                except Exception as error:
+                    # Of struct, of the decompressors, of mcap: a record that is not whole. In a
+                    # file that is cut off it is the last one, and would end behind the file's end.
+                    last = file.tell() == size or isinstance(error, RecordLengthLimitExceeded)
+                    if last and not ended:
+                        return
+                    at = file.tell()
+                    raise FieldError(f"bag: {str(path)!r} is damaged before byte {at}") from None
+                if isinstance(record, DataEnd):
                     return
-                if record is None or isinstance(record, DataEnd):
-                    return
-                yield from (part for part in parts if part is not None)
+                yield from parts
     except OSError as error:
         raise FieldError(f"bag: {str(path)!r}: {error.strerror}") from None

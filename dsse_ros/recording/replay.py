@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2
 
 from dsse_ros.mission.command_intake import CommandIntake
@@ -124,7 +123,6 @@ class _Command:
 class _Report:
     time_ns: int
     message: PointCloud2
-    data: bytes
     points: NDArray[Any]
 
     @property
@@ -212,7 +210,7 @@ def _collect(messages: Iterable[Recorded]) -> tuple[dict[str, _Recording], list[
             elif name == "step_report":
                 points = step_report_from_message(one.message)
                 if len(points):
-                    recording.events.append(_Report(time_ns, one.message, one.data, points))
+                    recording.events.append(_Report(time_ns, one.message, points))
             else:
                 drone = match["drone"] or ""
                 recording.events.append(_Command(time_ns, name, drone, one.topic, one.message))
@@ -399,7 +397,8 @@ class _Flight:
 
     def _new_intake(self) -> CommandIntake:
         def note(_: str, text: str) -> None:
-            self._reasons.append(text)
+            # Without the topic.
+            self._reasons.append(text.partition(": ")[2])
 
         return CommandIntake(self.mission, self.info.frame, note, lambda _: None)
 
@@ -461,7 +460,8 @@ class _Flight:
         stamp = self._stamp(report)
         own = step_report_of(mission, self.info.frame, self.outcome.run_id)
         message = step_report_message(self.info.frame, own, stamp)
-        if bytes(serialize_message(message)) == report.data:
+        # Not the bytes of the whole message: rclpy leaves those between two fields as they are.
+        if message == report.message:
             return None
         if own.dtype != report.points.dtype:
             return Difference(report.step, "", "fields", str(report.points.dtype), str(own.dtype))
@@ -478,7 +478,6 @@ class _Flight:
             recorded, replayed = getattr(report.message, name), getattr(message, name)
             if recorded != replayed:
                 return Difference(report.step, "", name, str(recorded), str(replayed))
-        # The same values in other bytes: another middleware may pad otherwise.
         return None
 
     def _stamp(self, report: _Report) -> Any:

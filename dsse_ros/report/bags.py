@@ -182,7 +182,7 @@ def _mission(key: Key, info: AgentsInfo | None, rows: dict[int, NDArray[Any]]) -
         grid_size=info.grid_size,
         cell_size_m=info.cell_size_m,
         rules=None if of is None else of.rules,
-        scenario=None if of is None else of.scenario,
+        scenario=None if of is None else of.scenario.resolve(of.rules),
         seed=info.seed,
         run_id=key[0],
         area=info.area_mask,
