@@ -38,6 +38,7 @@ class Bag:
         namespace: Of the topics.
         definition: Whether `agents` says what is searched.
         skip: Steps whose report is lost.
+        run_id: Of the simulation; a later one is recorded later.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Bag:
         namespace: str = "",
         definition: bool = True,
         skip: Collection[int] = (),
+        run_id: int = 7,
     ) -> None:
         self._bag = BagWriter(path)
         self._channels = {
@@ -57,7 +59,8 @@ class Bag:
         self._env, self._frame = env, scenario_frame(env.scenario)
         self._definition = SearchDefinition(env.rules, env.scenario) if definition else None
         self._skip = skip
-        self._now_ns = 0
+        self._run_id = run_id
+        self._now_ns = run_id * 10**12
 
     def _write(self, name: str, message: Any) -> None:
         if name in self._channels:
@@ -80,7 +83,8 @@ class Bag:
             if "belief" in self._channels:
                 self._write("belief", probability_image(frame, mission.belief(), stamp))
             report = make_step_report(
-                frame, run_id=7, mission=mission.number, step=result.step, cells=result.cells,
+                frame, run_id=self._run_id, mission=mission.number, step=result.step,
+                cells=result.cells,
                 actions=result.actions, rewards=result.rewards, terminated=result.terminated,
                 truncated=result.truncated, found=result.found, held=result.held,
                 action_mask=env.action_masks(),
@@ -88,7 +92,7 @@ class Bag:
             self._write("step_report", step_report_message(frame, report, stamp))
         if mission.done:
             whole = make_mission_report(
-                frame, run_id=7, mission=mission.number, history=mission.history
+                frame, run_id=self._run_id, mission=mission.number, history=mission.history
             )
             self._write("mission_report", mission_report_message(frame, whole, stamp))
 
@@ -108,7 +112,7 @@ class Bag:
             origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
             alt_m=frame.alt_m,
             mission=mission.number,
-            run_id=7,
+            run_id=self._run_id,
             definition=self._definition,
             area=area_rows(scenario.area_mask),
         )

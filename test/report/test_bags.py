@@ -179,6 +179,17 @@ def test_a_step_report_that_was_lost_is_in_the_mission_report(tmp_path: Path) ->
     assert forecast_for(cut, None) is None and not cut.complete
 
 
+def test_of_runs_with_the_same_stamps_each_has_its_own_maps(tmp_path: Path) -> None:
+    for run_id, sigma in ((7, 1.0), (8, 4.0)):
+        env = environment(sigma=sigma)
+        fly(env, Bag(tmp_path / f"{run_id}.mcap", env, run_id=run_id))
+    bag = MissionBag(tmp_path)
+    assert [(one.run_id, one.number) for one in bag.missions] == [(7, 1), (8, 1)]
+    for record in bag.missions:
+        (published,) = bag.maps(record, [3], PROBABILITY).values()
+        assert np.array_equal(published, views(record, [3])[3].probability)
+
+
 def test_of_several_simulations_one_is_chosen(tmp_path: Path) -> None:
     # A file of two namespaces, made of two folders' worth of files as rosbag2 splits them.
     env = environment()

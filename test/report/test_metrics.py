@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from dsse_ros.mission.mission import Mission
 from dsse_ros.report.metrics import METRICS, curves, effort, metrics, work
 from dsse_ros.report.record import read_csv
+from dsse_ros.report.texts import outcome
 
 Rows = list[list[dict[str, str]]]
 
@@ -141,3 +142,14 @@ def test_a_collision_loses_both_and_is_one_pair(tmp_path: Path) -> None:
     numbers = metrics(record)
     assert (numbers["collisions"], numbers["drones_lost"], numbers["separation"]) == (1, 2, 0)
     assert work(record).lost_at.tolist() == [1, 1]
+    assert outcome(record) == "not found, no drone left"
+
+
+def test_a_search_that_finds_nobody_has_no_time_to_detection(tmp_path: Path) -> None:
+    env = environment(probability_of_detection=0.0, num_drones=1)
+    fly(env, Log(tmp_path / "mission.csv", env), searching=1.0)
+    (record,) = read_csv(tmp_path / "mission.csv")
+    numbers = metrics(record)
+    assert numbers["time_to_detection"] is None and numbers["separation"] is None
+    assert numbers["expected_time_to_detection"] == numbers["duration"] == 14 * 13.0
+    assert outcome(record) == "not found, out of time"
