@@ -62,7 +62,7 @@ setup(
             "mcap-ros2-support>=0.6",
             "mypy>=1.15",
             "pytest==8.3.*",
-            "pytest-xdist>=3.5",
+            "pytest-xdist>=3.8",
             "rosbags>=0.11",
             "ruff>=0.9",
             "setuptools>=70.1",

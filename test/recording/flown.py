@@ -16,8 +16,8 @@ from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import BagWriter, Recorded
-from dsse_ros.search import Scenario, SearchEnv, profile
-from msg_adapters.agents import AgentsInfo, Origin, SearchDefinition, agents_message
+from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
+from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.commands import action_message, joint_action_message
 from msg_adapters.frames import scenario_frame
 from msg_adapters.stamps import to_stamp
