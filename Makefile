@@ -17,10 +17,13 @@ BIN := $(VENV)/bin
 BASE := $(VENV)/.made-of-$(if $(SOURCED),sourced-$(SOURCED),wheels-$(DISTRO))-$(subst /,_,$(PYTHON))
 SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz scripts \
 	-name __pycache__ -prune -o -print) package.xml
-# Errors only; Python compiles what it imports, a small part of what is installed, unless it is set
-# to keep nothing, as in many containers: every node would start a second later.
-PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install \
-	$(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
+# Errors only; Python compiles what it imports, a small part of what is installed.
+PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no-compile
+
+# Most tests with nodes wait for one another's processes, so that four at once keep two cores busy.
+# The tests of a file share their nodes; the files come in the order of test/conftest.py.
+WITH_NODES := --numprocesses=4 --dist=loadfile --no-loadscope-reorder
+WITHOUT_NODES := --numprocesses=2 --dist=worksteal
 
 # What calls the libraries that have lower bounds.
 TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracles.py rendering.py \
@@ -36,6 +39,8 @@ MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
+# Containers often keep Python from keeping what it compiles: every node would start a second later.
+unexport PYTHONDONTWRITEBYTECODE
 # Left over from another environment of wheels, it would keep ours from finding its libraries.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
@@ -54,18 +59,18 @@ sim: $(VENV)/.sim ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n O
 sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
 
-check: lint ## Lint, check the types and run the tests that need no DDS
-	@$(BIN)/pytest --numprocesses=2 --dist=worksteal -m 'not slow' $(TESTS_OF_CHECK)
+check: lint $(VENV)/.compiled ## Lint, check the types and run the tests that need no DDS
+	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_CHECK)
 
-test: lint ## Lint, check the types and run all tests
-	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest --numprocesses=2 --dist=loadfile
+test: lint $(VENV)/.compiled ## Lint, check the types and run all tests; lists the slowest
+	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest $(WITH_NODES) --durations=15
 
 test-oldest: ## Run a part of the tests with the oldest versions that setup.py admits
 	@$(MAKE) --no-print-directory VENV=$(VENV)-oldest .test-oldest
 
 .PHONY: .test-oldest
-.test-oldest: $(VENV)/.oldest
-	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest --numprocesses=2 --dist=loadfile $(TESTS_OF_OLDEST)
+.test-oldest: $(VENV)/.compiled-oldest
+	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest $(WITHOUT_NODES) $(TESTS_OF_OLDEST)
 
 lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff check
@@ -114,6 +119,14 @@ $(VENV)/.sim $(VENV)/.test $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SO
 	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg
 	@DIST_EXTRA_CONFIG=$(CURDIR)/$(VENV)/build/cfg $(PIP_INSTALL) --no-build-isolation \
 		$(CONSTRAINTS) $(if $(filter $(BASE) $(VENV)/oldest.txt setup.py,$?),'.[$(EXTRAS)]',--no-deps .)
+	@touch $@
+
+# Otherwise each worker would compile the search, and each node that starts before one has.
+$(VENV)/.compiled: $(VENV)/.test
+$(VENV)/.compiled-oldest: $(VENV)/.oldest
+$(VENV)/.compiled $(VENV)/.compiled-oldest:
+	@echo 'Compiling the search'
+	@$(BIN)/python test/search/compiled.py
 	@touch $@
 
 # Every lower bound as the version itself; pyparsing 3.3 warns of what Matplotlib 3.6 does.

@@ -58,7 +58,7 @@ setup(
             "hypothesis>=6.100",
             "mypy>=1.15",
             "pytest==8.3.*",
-            "pytest-xdist>=3.5",
+            "pytest-xdist>=3.8",
             "ruff>=0.9",
             "setuptools>=70.1",
             "types-PyYAML",

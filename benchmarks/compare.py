@@ -29,8 +29,8 @@ from benchmarks import plot
 from benchmarks.bench import RESULTS, machine, own_versions
 from benchmarks.intervals import of_mean, of_share
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
-from benchmarks.shared_missions import Missions, play
 from dsse_ros.planners import load_planner
+from dsse_ros.planners.batch import Missions, play_missions
 from dsse_ros.search import FieldError, Rules, Scenario
 from dsse_ros.search.scenario import scenario_and_rules
 
@@ -157,9 +157,9 @@ def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
     seeds = max(1, PLANNER_SEEDS.get(planner, 1) // len(parts))
     for scenario, numbers in parts:
         world, assumed = disturbed.apply(scenario, case.rules)
-        part = play(
-            planner, world, case.rules, (SEED + numbers).tolist(), assumed=assumed,
-            planner_seeds=seeds, withdraw_at=disturbed.withdraw_at,
+        part = play_missions(
+            len(numbers), planner, world, rules=case.rules, seed=(SEED + numbers).tolist(),
+            planner_seeds=range(seeds), assumed=assumed, withdraw_at=disturbed.withdraw_at,
         )  # fmt: skip
         for name in ("found", "steps", "lost"):
             getattr(whole, name)[numbers] = getattr(part, name)

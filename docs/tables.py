@@ -21,6 +21,7 @@ from dsse_ros.nodes.parameters import descriptor
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, BridgeSettings, PlannerSettings, SimSettings
 from dsse_ros.search import PROFILES, Rules, Scenario
 from dsse_ros.search.fields import Spec, specs
+from dsse_ros.search.rules import GROUPS
 
 ROOT = Path(__file__).resolve().parents[1]
 TYPES = {
@@ -127,16 +128,19 @@ def scenario_table() -> str:
 
 
 def rules_table() -> str:
-    """Return the table of the rules' fields that are no field of the scenario, by profile."""
-    rows = [
-        [
-            f"`{name}`", type_of(spec), spec.unit,
-            *(shown(getattr(rules, name)) for rules in PROFILES.values()), spec.doc,
-        ]
-        for name, spec in specs(Rules).items()
-        if name not in specs(Scenario) and name != "profile"
-    ]  # fmt: skip
-    return table(["Parameter", "Type", "Unit", *PROFILES, "Meaning"], rows)
+    """Return a table of the rules' fields for each group of them, by profile."""
+    texts = []
+    for name, group in GROUPS.items():
+        rows = [
+            [
+                f"`{field}`", type_of(spec), spec.unit,
+                *(shown(getattr(rules, field)) for rules in PROFILES.values()), spec.doc,
+            ]
+            for field, spec in specs(group).items()
+        ]  # fmt: skip
+        head = ["Parameter", "Type", "Unit", *PROFILES, "Meaning"]
+        texts.append(f"\n**{name}.** {group.__doc__}\n\n{table(head, rows)}")
+    return "".join(texts) + "\n"
 
 
 def launch_table() -> str:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from dsse_ros.search.rules import Rules, profile
-from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
+from dsse_ros.search.definition import SearchDefinition
+from dsse_ros.search.rules import profile
+from dsse_ros.search.scenario import SPECS, Scenario
 from msg_adapters.frames import GridFrame
 from msg_adapters.json_keys import Keys, parse_json
 
@@ -26,14 +27,6 @@ class Origin:
     lat_deg: float
     lon_deg: float
     alt_m: float
-
-
-@dataclass(frozen=True)
-class SearchDefinition:
-    """What is searched and by which rules: all that is public of it, values overridden included."""
-
-    rules: Rules
-    scenario: ResolvedScenario
 
 
 @dataclass(frozen=True)
@@ -59,6 +52,7 @@ class AgentsInfo:
             identifies a search.
         area: Which cells are searched: a text for each row, from the north, with a 1 for each of
             them and a 0 for each other one, from the west; None for the whole grid.
+        decision_time_s: Wall time that a step waits for commands; None where it waits for ever.
     """
 
     agents: tuple[str, ...]
@@ -77,6 +71,7 @@ class AgentsInfo:
     run_id: int
     definition: SearchDefinition | None = None
     area: tuple[str, ...] | None = None
+    decision_time_s: float | None = None
 
     @property
     def area_mask(self) -> NDArray[np.bool_] | None:
@@ -173,12 +168,27 @@ def agents_from_message(message: String) -> AgentsInfo:
             None if keys.value("definition") is None else _definition(keys.inner("definition"))
         ),
         area=_area_of(keys),
+        decision_time_s=_decision_time_s(keys),
     )
     try:
         _ = info.frame
     except ValueError as error:
         raise ValueError(f"agents: {error}") from None
     return info
+
+
+def _decision_time_s(keys: Keys) -> float | None:
+    """Return how long a step waits, None for ever.
+
+    Raises:
+        ValueError: If it is no such time.
+    """
+    if keys.value("decision_time_s") is None:
+        return None
+    time_s = keys.number("decision_time_s")
+    if time_s <= 0:
+        keys.refuse("decision_time_s", "above 0")
+    return time_s
 
 
 def _area_of(keys: Keys) -> tuple[str, ...] | None:

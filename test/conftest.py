@@ -1,7 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How Hypothesis looks for examples."""
+"""How Hypothesis looks for examples, and which tests come first."""
 
+from pathlib import Path
+
+import pytest
 from hypothesis import HealthCheck, settings
+
+FOLDER = Path(__file__).resolve().parent
+FIRST = ("test_mavlink_bridge.py", "test_bridge_restarts.py")
+"""Of all files those that take longest: by far the most of it they wait for vehicles in flight."""
 
 # Where the machine is busy, an example or its making that takes long is no failure.
 settings.register_profile(
@@ -10,3 +17,18 @@ settings.register_profile(
 # Another example in each run is tried with --hypothesis-profile=random.
 settings.register_profile("same", settings.get_profile("random"), derandomize=True, database=None)
 settings.load_profile("same")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes long, so that no worker is left alone with it at the end."""
+
+    def rank(item: pytest.Item) -> int:
+        if item.path.name in FIRST:
+            return 0
+        has_nodes = item.path.relative_to(FOLDER).parts[0] in ("nodes", "cli")
+        return 1 if has_nodes or item.get_closest_marker("slow") else 2
+
+    ranks: dict[Path, int] = {}
+    for item in items:
+        ranks[item.path] = min(ranks.get(item.path, 2), rank(item))
+    items.sort(key=lambda item: ranks[item.path])

@@ -40,6 +40,15 @@ class Timing:
             return 1.0 / self.step_rate
         return self.step_duration_s / self.real_time_factor if self.mode == "realtime" else 0.0
 
+    @property
+    def decision_time_s(self) -> float | None:
+        """Wall time that a step waits for commands; None where it waits for ever."""
+        if self.mode == "realtime":
+            return self.period_s
+        if self.mode == "lockstep" and self.command_timeout_s > 0:
+            return max(self.period_s, self.command_timeout_s)
+        return None
+
 
 class Due(Enum):
     """What is to be done now."""

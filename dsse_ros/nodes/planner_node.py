@@ -34,6 +34,8 @@ Step = tuple[int, int, int]
 
 _RETRY_S = 1.0
 """Wall time after which a planner that failed is asked again, and what is waited for is logged."""
+_SHARE = 0.8
+"""Of the time that a step waits, a planner gets this: the rest is for the messages on their way."""
 _PENDING_S = 10.0
 """Wall time after which a step that does not come is worth a line: vehicles take that long."""
 _RUNS = 10
@@ -67,6 +69,7 @@ class PlannerNode(AlarmNode):
         self._answer: Int32MultiArray | None = None
         self._answered_s = 0.0
         self._failed: Step | None = None
+        self._late: tuple[NDArray[Any], list[int]] | None = None
         self._waits_for = ""
         endpoints = Endpoints(self, qos)
         self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", RELIABLE)
@@ -142,9 +145,8 @@ class PlannerNode(AlarmNode):
             try:
                 with announced(self.get_logger().info):
                     if last is None or step[:2] != last[:2] or step[2] < last[2]:
-                        self._planner = self._make_planner(info)
-                    assert self._planner is not None
-                    actions = _ask(self._planner, info, report, probability, live)
+                        self._planner, self._late = self._make_planner(info), None
+                    actions = self._decide(info, report, probability, live)
                 answer = joint_action_message(step[2], actions, mission=step[1])
             except Exception as error:
                 # Planners of others may raise anything.
@@ -155,6 +157,39 @@ class PlannerNode(AlarmNode):
         self._send()
         self._answered, self._map_used = step, self._map
         self._answered_s = time.monotonic()
+
+    def _decide(
+        self,
+        info: AgentsInfo,
+        report: NDArray[Any],
+        probability: NDArray[np.float32],
+        live: NDArray[np.bool_],
+    ) -> list[int]:
+        """Return the planner's actions for a step.
+
+        A decision that took longer than its step has waited is for a later one, if the drones are
+        still where they were.
+
+        Raises:
+            Exception: See `_ask`.
+        """
+        assert self._planner is not None
+        places = np.stack([live, report["col"], report["row"]])
+        late, self._late = self._late, None
+        if late is not None and np.array_equal(late[0], places):
+            return late[1]
+        began_s, time_s = time.monotonic(), info.decision_time_s
+        actions = _ask(self._planner, info, report, probability, live)
+        took_s = time.monotonic() - began_s
+        if time_s is not None and took_s > time_s:
+            self._late = places, actions
+            _, mission, step = _step_of(report)
+            self.warn(
+                "late",
+                f"planner {self.settings.planner} is too slow: {took_s:.2f} s for step {step} of "
+                f"mission {mission}, which waited {time_s:g} s",
+            )
+        return actions
 
     def _make_planner(self, info: AgentsInfo) -> Planner:
         """Return a planner for a mission.
@@ -237,14 +272,18 @@ def _ask(
     agents = {name: i for i, name in enumerate(info.agents) if live[i]}
     cells = np.stack([report["col"], report["row"]], axis=1).astype(np.int64)
     masks = report["action_mask"].astype(np.int8)
+    time_s = info.decision_time_s
+    limit = {} if time_s is None else {"decision_time_s": _SHARE * time_s}
     actions = planner(
         {name: Observation(cells[i], probability) for name, i in agents.items()},
         {
             name: {
                 "Found": False,
+                "found_person": bool(report["found"][i]),
                 "action_mask": masks[i],
                 "step": int(report["step"][i]),
                 "action": int(report["action"][i]),
+                **limit,
             }
             for name, i in agents.items()
         },

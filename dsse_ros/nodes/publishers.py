@@ -20,15 +20,10 @@ from visualization_msgs.msg import MarkerArray
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.status import Health, Level
+from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
-from dsse_ros.search import kernels
-from msg_adapters.agents import (
-    AgentsInfo,
-    Origin,
-    SearchDefinition,
-    agents_message,
-    area_rows,
-)
+from dsse_ros.search import SearchDefinition, sea_map
+from msg_adapters.agents import AgentsInfo, Origin, agents_message, area_rows
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
@@ -129,8 +124,8 @@ class MissionPublishers:
     def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
         return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
 
-    def publish_agents(self) -> None:
-        """Publish who searches, by which rules and where."""
+    def publish_agents(self, timing: Timing) -> None:
+        """Publish who searches, by which rules and where, and how long a step waits for them."""
         env, frame = self._mission.env, self._frame
         info = AgentsInfo(
             agents=tuple(self._names),
@@ -149,6 +144,7 @@ class MissionPublishers:
             run_id=self.run_id,
             definition=SearchDefinition(env.rules, env.mission_scenario),
             area=area_rows(env.scenario.area_mask),
+            decision_time_s=timing.decision_time_s,
         )
         self._agents.publish(agents_message(info))
 
@@ -287,7 +283,7 @@ class MissionPublishers:
             tracks=self._mission.tracks,
             live=(~(result.terminated | result.truncated)).tolist(),
             datum=(int(world["datum_x"]), int(world["datum_y"])),
-            radius_cells=kernels.radius(world) if env.rules.circle else None,
+            radius_cells=sea_map.radius(world) if env.rules.circle else None,
             person_cells=(
                 np.stack([persons["x"], persons["y"]], axis=1) if reveal_person else None
             ),

@@ -131,6 +131,7 @@ class SimNode(AlarmNode):
             step_duration_s = self.mission.env.scenario.step_duration_s
             self._scheduler.set_timing(timing(self.settings, step_duration_s), time.monotonic())
             self._arm()
+            self.publishers_.publish_agents(self._scheduler.timing)
         if was_moving and not self._scheduler.moving:
             self._publish_odometry()
         if "grid_scaling" in changes:
@@ -197,7 +198,7 @@ class SimNode(AlarmNode):
         self.get_logger().info(status.begun(self.mission, self.frame.grid_size))
         self._vehicles.begin()
         self._exit_alarm.cancel()
-        self.publishers_.publish_agents()
+        self.publishers_.publish_agents(self._scheduler.timing)
         self._publish(first=True)
 
     def step(self) -> None:
@@ -406,7 +407,6 @@ class SimNode(AlarmNode):
         )
 
     def _publish_diagnostics(self) -> None:
-        commands = self._commands
         late = self._late()
         health = status.health(
             self.mission,
@@ -415,14 +415,14 @@ class SimNode(AlarmNode):
             awaited=status.awaited(self.mission, self._scheduler, late) if self._idle else "",
             publishers=self._publisher_counts.update(),
             lost=self._vehicles.lost,
-            rejected=commands.rejected,
+            rejected=self._commands.rejected,
         )
         values = status.values(
             self.mission, run_id=self.publishers_.run_id, step_mode=self.settings.step_mode,
             timeouts=self.timeouts, publishers=self._publisher_counts.last,
-            duplicates=commands.duplicates,
+            duplicates=self._commands.duplicates,
             late=late if self.settings.wait_for_vehicles else None,
-            lost=self._vehicles.lost, rejected=commands.rejected,
+            lost=self._vehicles.lost, rejected=self._commands.rejected,
         )  # fmt: skip
         name = self.get_fully_qualified_name().lstrip("/")
         # Monitors of nodes compare it with the wall clock.

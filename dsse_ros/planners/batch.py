@@ -1,32 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Thousands of missions with the planners on a belief.
+"""Thousands of missions with any planner.
 
 Missions whose planners have the same seed and have seen the same are at one mind: they share one
-belief and one plan until what they see differs. With one person that is to the end, as failed
-searches are all there is to learn from.
+planner until what they see differs. With one person that is to the end, as failed searches are all
+there is to learn from.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import copy
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.beam_search import BeamOptions
-from dsse_ros.planners.belief import BeamOnBelief, GreedyOnBelief, Tactic, TacticFactory
-from dsse_ros.search.actions import Cell
-from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.planners.belief import BeliefPlanner, Forecasts
+from dsse_ros.planners.planner import Planner, PlannerFactory
+from dsse_ros.planners.registry import load_planner
+from dsse_ros.search.definition import SearchDefinition
+from dsse_ros.search.observation import Observation
 from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import ScenarioSource, scenario_and_rules
+from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.world import HOLD, World
-
-TACTICS: dict[str, TacticFactory] = {
-    "belief": BeamOnBelief(BeamOptions()),
-    "belief_greedy": GreedyOnBelief(),
-}
 
 
 @dataclass(frozen=True)
@@ -36,8 +34,8 @@ class Missions:
     Attributes:
         found: (M,) bool, whether every person was found.
         steps: (M,) int64, steps until the end; the limit where not every person was found.
-        lost: (M,) int64, drones that had collided or left the grid when it ended; of missions in
-            which every person was found, 0.
+        lost: (M,) int64, drones that had collided, left the grid or been withdrawn when it ended;
+            of missions in which every person was found, 0.
     """
 
     found: NDArray[np.bool_]
@@ -47,22 +45,42 @@ class Missions:
 
 @dataclass
 class _Group:
-    """Missions at one mind."""
+    """Missions at one mind.
+
+    Attributes:
+        members: Their numbers.
+        planner: What decides for all of them.
+        thread: Number of the thread that asks it.
+        actions: Of the last step, by drone.
+    """
 
     members: NDArray[np.int64]
-    belief: Belief
-    tactic: Tactic
-    agents: list[int]
-    present: list[Cell]
-    ends: list[Cell]
+    planner: Planner
+    thread: int
+    actions: dict[int, int] = field(default_factory=dict)
 
-    def plan(self) -> None:
-        self.ends = self.tactic(self.belief, self.agents, self.present)
-
-    def learn(self) -> None:
-        searched = [a for a, b in zip(self.present, self.ends, strict=True) if a == b]
-        self.belief.observe_failed_searches(searched)
-        self.belief.advance()
+    def decide(
+        self,
+        world: World,
+        names: Sequence[str],
+        masks: Sequence[Sequence[NDArray[np.int8]]],
+        probability: NDArray[np.float32],
+        step: int,
+    ) -> None:
+        """Choose the actions of the next step."""
+        drones = world.drones[self.members[0]]
+        live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
+        cells = {n: (int(drones["x"][n]), int(drones["y"][n])) for n in live}
+        infos: dict[str, dict[str, Any]] = {}
+        for n, (x, y) in cells.items():
+            infos[names[n]] = {"Found": False, "action_mask": masks[y][x], "step": step}
+            if n in self.actions:
+                infos[names[n]]["action"] = self.actions[n]
+            if world.persons.shape[1] > 1:
+                infos[names[n]]["found_person"] = bool(drones["found"][n])
+        observations = {names[n]: Observation(np.array(cells[n]), probability) for n in live}
+        chosen = self.planner(observations, infos)
+        self.actions = {n: chosen[names[n]] for n in live}
 
     def split(self, world: World) -> list[_Group]:
         """Return the groups that this one has become; missions that have ended are in none."""
@@ -70,52 +88,46 @@ class _Group:
         if not len(members):
             return []
         drones = world.drones[members]
-        seen = np.stack([drones["alive"], drones["x"], drones["y"]], axis=-1).reshape(
-            len(members), -1
-        )
-        views, of_view = np.unique(seen, axis=0, return_inverse=True)
-        groups = []
-        for k, view in enumerate(views.reshape(len(views), -1, 3).tolist()):
-            last = k == len(views) - 1
-            agents = [n for n, (alive, _, _) in enumerate(view) if alive]
-            present = [(x, y) for alive, x, y in view if alive]
-            groups.append(
-                _Group(
-                    members[of_view.ravel() == k],
-                    self.belief if last else self.belief.copy(),
-                    self.tactic if last else self.tactic.copy(),
-                    agents,
-                    present,
-                    present,
-                )
+        gone = drones["terminated"] | drones["truncated"]
+        seen = np.stack([gone, drones["x"], drones["y"], drones["found"]], axis=-1)
+        views, of_view = np.unique(seen.reshape(len(members), -1), axis=0, return_inverse=True)
+        return [
+            _Group(
+                members[of_view.ravel() == k],
+                self.planner if k == len(views) - 1 else _copied(self.planner),
+                self.thread,
+                self.actions,
             )
-        return groups
+            for k in range(len(views))
+        ]
 
 
-def _each(
-    pool: ThreadPoolExecutor,
-    do: Callable[[_Group], None],
-    groups: Sequence[_Group],
-    forecasts: Sequence[Forecast],
-) -> None:
-    """Do something with every group, those of one forecast one after the other."""
+def _copied(planner: Planner) -> Planner:
+    return planner.copy() if isinstance(planner, BeliefPlanner) else copy.deepcopy(planner)
 
-    def do_those_of(forecast: Forecast) -> None:
+
+def _each(pool: ThreadPoolExecutor, do: Callable[[_Group], None], groups: Sequence[_Group]) -> None:
+    """Do something with every group, those of one thread one after the other."""
+
+    def do_those_of(thread: int) -> None:
         for group in groups:
-            if group.belief.forecast is forecast:
+            if group.thread == thread:
                 do(group)
 
-    list(pool.map(do_those_of, forecasts))
+    list(pool.map(do_those_of, {group.thread for group in groups}))
 
 
 def play_missions(
     count: int,
-    planner: str | TacticFactory,
+    planner: str | PlannerFactory,
     scenario: ScenarioSource = None,
     *,
     rules: str | Rules = "paper",
-    seed: int = 0,
+    seed: int | Sequence[int] = 0,
     planner_seeds: Sequence[int] = (0,),
+    options: Mapping[str, Any] | None = None,
+    assumed: Scenario | None = None,
+    withdraw_at: int | None = None,
     threads: int = 1,
     **fields: object,
 ) -> Missions:
@@ -123,71 +135,71 @@ def play_missions(
 
     Args:
         count: M.
-        planner: `belief`, `belief_greedy`, or what makes another tactic.
+        planner: One of `PLANNER_NAMES`, or what makes another one. What a planner remembers must
+            be copied with it by `copy.deepcopy`.
         scenario: As in `parallel_env`.
         rules: As in `parallel_env`.
-        seed: Mission m is that of an environment seeded with seed + m.
+        seed: Mission m is that of an environment seeded with seed + m, or with seed[m].
         planner_seeds: Dealt to the missions in turn: mission m is that of
             `planner_for(env, planner, seed=planner_seeds[m % len(planner_seeds)])`.
+        options: Of the planner.
+        assumed: The scenario that the planner is given, by default the one that is played.
+        withdraw_at: Step after which the last drone is withdrawn from each mission, see
+            `SearchEnv.withdraw`.
         threads: How many threads share the work.
         fields: As in `parallel_env`.
 
     Raises:
-        FieldError: If scenario or rules are not allowed.
-        ValueError: If the planner is unknown.
+        FieldError: If scenario or rules are not allowed, or the planner cannot be loaded.
     """
-    if isinstance(planner, str):
-        if planner not in TACTICS:
-            raise ValueError(f"planner: {planner!r} is not known; one of {', '.join(TACTICS)}")
-        planner = TACTICS[planner]
+    make = load_planner(planner) if isinstance(planner, str) else planner
     chosen, chosen_rules = scenario_and_rules(scenario, rules, **fields)
+    search = SearchDefinition(chosen_rules, assumed or chosen)
     world = World(chosen, chosen_rules, count, write_maps=False, threads=threads)
     world.seed(seed)
     world.reset()
-    limit = world.scenario.timestep_limit
-    # One for each thread: while one reads its tables another would write them.
-    forecasts = [
-        Forecast(
-            chosen,
-            chosen_rules,
-            horizon=planner.horizon(chosen_rules),
-            drift_samples=planner.drift_samples,
-        )
-        for _ in range(threads)
-    ]
-    starts = [Belief(forecast) for forecast in forecasts]
-    cells = list(world.scenario.drones_positions)
-    dealt = np.arange(count) % len(planner_seeds)
-    groups: list[_Group] = []
+    names = [f"drone{n}" for n in range(world.num_drones)]
+    masks = chosen_rules.action_set.within(world.scenario.area_mask).masks(world.grid_size)
+    # Large, and while one thread reads its tables another would write them.
+    forecasts: dict[int, Forecasts] = {}
+    groups = []
     for k, planner_seed in enumerate(planner_seeds[:count]):
-        forecast, start = forecasts[k % threads], starts[k % threads]
-        tactic = planner.start(forecast, planner_seed)
-        agents = list(range(len(cells)))
-        members = np.flatnonzero(dealt == k)
-        groups.append(_Group(members, start.copy(), tactic, agents, cells, cells))
-    action_set = chosen_rules.action_set
+        made, thread = make(search, seed=planner_seed, **(options or {})), k % threads
+        if isinstance(made, BeliefPlanner):
+            made.forecasts = forecasts.setdefault(thread, made.forecasts)
+        groups.append(_Group(np.arange(k, count, len(planner_seeds)), made, thread))
+    limit = world.scenario.timestep_limit
     steps = np.full(count, limit)
     going = np.ones(count, bool)
     found = np.zeros(count, bool)
     lost = np.zeros(count, np.int64)
     with ThreadPoolExecutor(threads) as pool:
         for step in range(limit):
-            _each(pool, _Group.plan, groups, forecasts)
-            actions = np.full(world.drones.shape, HOLD, np.int8)
+            # It knows no person, and is the same in all of them.
+            probability = world.map_of(int(groups[0].members[0]))
+
+            def decide(group: _Group) -> None:
+                group.decide(world, names, masks, probability, step)  # noqa: B023
+
+            _each(pool, decide, groups)
+            joint = np.full(world.drones.shape, HOLD, np.int8)
             for group in groups:
-                for agent, cell, end in zip(group.agents, group.present, group.ends, strict=True):
-                    actions[group.members, agent] = action_set.action(cell, end)
-            world.step(actions)
-            _each(pool, _Group.learn, groups, forecasts)
-            groups = [part for group in groups for part in group.split(world)]
+                for drone, action in group.actions.items():
+                    joint[group.members, drone] = action
+            world.step(joint)
             # A world that goes on after its end does not count any more.
-            now_found = going & (world.worlds["num_missing"] == 0)
+            now_found = going & world.worlds["done"] & (world.worlds["num_missing"] == 0)
             found |= now_found
             steps[now_found] = step + 1
             lost[going] = world.terminated[going].sum(axis=1)
             lost[found] = 0
             going &= ~world.worlds["done"]
-            if not going.any():
+            if step + 1 == withdraw_at:
+                # As `SearchEnv.withdraw`: the next step terminates it.
+                world.worlds["num_active"] -= world.drones["alive"][:, -1]
+                world.drones["alive"][:, -1] = False
+            groups = [part for group in groups for part in group.split(world)]
+            if not groups:
                 break
     world.close()
     return Missions(found, steps, lost)

@@ -11,26 +11,16 @@ the present one first, and staying in a cell searches it. Cells are the columns 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from dsse_ros.search.belief_kernels import (
-    MARGIN,
-    ROW,
-    STAND_STILL,
-    STEPS,
-    look_up,
-    offset_of,
-    predict,
-    search,
-)
-
-compiled = njit(cache=True, nogil=True)
+from dsse_ros.search.belief_kernels import MARGIN, ROW, look_up, offset_of, predict, search
+from dsse_ros.search.jit import compiled
+from dsse_ros.search.person_motion import STAND_STILL, STEPS
 
 GOLDEN = 0.6180339887498949
 """Multiples of it fill [0, 1) evenly: neighbours in a sample draw different steps."""
 
 
-@compiled
+@compiled()
 def sample(density, count, offset, rows, cells):
     """Draw scenarios systematically: each cell has its share of them, rounded up or down.
 
@@ -55,7 +45,7 @@ def sample(density, count, offset, rows, cells):
         rows[s], cells[s] = last_row, last_cell
 
 
-@compiled
+@compiled()
 def roll(constants, area, chances, tables, directions, slots, offsets, rows, cells):
     """Let the persons of all scenarios take their steps.
 
@@ -92,7 +82,7 @@ def roll(constants, area, chances, tables, directions, slots, offsets, rows, cel
             after[s] = i + offset_of(c, step)
 
 
-@compiled
+@compiled()
 def index(cells, detected, starts, members):
     """Sort the scenarios of each step by cell, those that a search would detect.
 
@@ -119,7 +109,7 @@ def index(cells, detected, starts, members):
                 place[cells[h, s]] += 1
 
 
-@compiled
+@compiled()
 def credit_plan(path, length, gamma, starts, members, credit):
     """Write what a plan gets for each scenario: gamma ** (the step of its first find), or 0.
 
@@ -141,13 +131,13 @@ def credit_plan(path, length, gamma, starts, members, credit):
         worth *= gamma
 
 
-@compiled
+@compiled()
 def seen_from(nearness, x, y, i, j):
     """Return what a scenario in cell j is worth at the end to a drone in cell i."""
     return nearness[abs(y[i] - y[j]), abs(x[i] - x[j])]
 
 
-@compiled
+@compiled()
 def plan_drone(
     moves, width, cap, gamma, kappa, nearness, starts, members, ends, credits, drone, blocked,
     horizon, paths,
@@ -305,7 +295,7 @@ def plan_drone(
     return found, depth
 
 
-@compiled
+@compiled()
 def exact_value(
     constants, area, density, pods, chances, tables, directions, slots, plans, lengths, drone,
     gamma, kappa, nearness, belief, scratch,

@@ -8,6 +8,7 @@ The drones plan one after the other, each for the scenarios that the plans of th
 from __future__ import annotations
 
 import copy
+import math
 import time
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +21,7 @@ from dsse_ros.planners import beam
 from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.belief_kernels import MARGIN, ROW
+from dsse_ros.search.person_motion import MOTIONS
 from dsse_ros.search.rules import Rules
 
 
@@ -29,7 +31,7 @@ class BeamOptions:
 
     Attributes:
         samples: M, scenarios drawn from the belief.
-        horizon: H, steps planned; None: see `BY_MOTION`.
+        horizon: H, steps planned; None: see `BY_DRIFT`.
         width: W, nodes kept at each step.
         cap: Nodes kept at each step in one cell.
         gamma: Discount of a find per step.
@@ -38,7 +40,7 @@ class BeamOptions:
         drift_samples: K, angles of the persons' own drift, see `Forecast`.
         finalists: Plans of a beam, the last one besides, of which the exact filter takes the best:
             samples flatter a plan that was searched on them. 1: the samples decide. None: see
-            `BY_MOTION`; of many drones fewer, `FINALISTS` in all.
+            `BY_DRIFT`; of many drones fewer, `FINALISTS` in all.
         warm_start: Whether a drone allows for the last plans of those that plan after it; None:
             with up to 4 drones.
         passes: How often each drone plans in a step.
@@ -62,16 +64,17 @@ class BeamOptions:
     def completed(self, rules: Rules) -> BeamOptions:
         """Return the options with what depends on the rules filled in."""
         given = {name: value for name, value in vars(self).items() if value is not None}
-        return replace(self, **{**BY_MOTION[rules.person_motion], **given})
+        own_drift = MOTIONS[rules.person_motion].own_drift
+        return replace(self, **{**BY_DRIFT[own_drift], **given})
 
 
-BY_MOTION: Mapping[str, Mapping[str, Any]] = {
+BY_DRIFT: Mapping[bool, Mapping[str, Any]] = {
     # Persons stay about the datum: one looks further, and small differences count.
-    "window": {"horizon": 15, "finalists": 8},
-    # With a drift of their own the exact filter has K times as much to do, for no gain.
-    "drift": {"horizon": 10, "finalists": 1},
+    False: {"horizon": 15, "finalists": 8},
+    # With drifts of their own the exact filter has K times as much to do, for no gain.
+    True: {"horizon": 10, "finalists": 1},
 }
-"""Options that depend on how persons move."""
+"""Options that depend on whether each person has a drift of its own."""
 
 FINALISTS = 32
 """Plans of all drones together that the exact filter compares in a step."""
@@ -127,7 +130,11 @@ class BeamSearch:
         return twin
 
     def __call__(
-        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+        self,
+        belief: Belief,
+        agents: Sequence[Hashable],
+        present: Sequence[Cell],
+        deadline_s: float = math.inf,
     ) -> list[Cell]:
         """Return the cell that each drone goes to; its own one means that it searches it.
 
@@ -135,11 +142,13 @@ class BeamSearch:
             belief: Before the step's searches.
             agents: The live drones; their last plans are known by them.
             present: Their cells.
+            deadline_s: When no more plans are searched, as after `BeamOptions.budget_ms`.
         """
-        began = time.perf_counter()
         if self._density.shape != belief.density.shape:
             self._density = np.empty_like(belief.density)
         options, forecast = self._options, self._forecast
+        if options.budget_ms is not None:
+            deadline_s = min(deadline_s, time.monotonic() + options.budget_ms / 1000)
         left = forecast.scenario.timestep_limit - belief.step
         horizon = max(1, min(forecast.horizon, left))
         first = belief.step + forecast.first_step
@@ -154,8 +163,7 @@ class BeamSearch:
                 beam.credit_plan(plan.path, plan.length, options.gamma, starts, members, credits[n])
         planned: set[int] = set()
         for n in self._order(belief, present) * options.passes:
-            spent_ms = 1000 * (time.perf_counter() - began)
-            if options.budget_ms is not None and spent_ms > options.budget_ms and planned:
+            if planned and time.monotonic() > deadline_s:
                 break
             paths = np.full((self._finalists, horizon + 1), self._forecast.column(present[n]))
             blocked = self._blocked(n, plans, planned, horizon)

@@ -9,6 +9,9 @@ expect, they learn the drift from it.
 
 from __future__ import annotations
 
+import copy
+import math
+import time
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, Protocol
 
@@ -17,8 +20,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
-from dsse_ros.search.belief import Belief, Forecast, likeliest_cell
+from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.drift import FIRST_OBSERVED, DriftEstimate
+from dsse_ros.search.observation import most_probable
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
 
@@ -27,9 +31,20 @@ class Tactic(Protocol):
     """Chooses on a belief where the drones of one mission go."""
 
     def __call__(
-        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+        self,
+        belief: Belief,
+        agents: Sequence[Hashable],
+        present: Sequence[Cell],
+        deadline_s: float = math.inf,
     ) -> list[Cell]:
-        """Return the cell that each drone goes to; its own one means that it searches it."""
+        """Return the cell that each drone goes to; its own one means that it searches it.
+
+        Args:
+            belief: What it chooses on.
+            agents: The live drones.
+            present: Their cells.
+            deadline_s: When to answer with the best so far, on the clock of `time.monotonic`.
+        """
         ...
 
     def copy(self) -> Tactic:
@@ -82,7 +97,11 @@ class GreedyOnBelief:
         return self
 
     def __call__(
-        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+        self,
+        belief: Belief,
+        agents: Sequence[Hashable],
+        present: Sequence[Cell],
+        deadline_s: float = math.inf,
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         taken = set(present)
@@ -115,6 +134,39 @@ class GreedyOnBelief:
         return goals
 
 
+class Forecasts:
+    """Makes the forecasts that beliefs need.
+
+    It keeps two for the missions to come: the first, and that of the drift that was last learned.
+
+    Args:
+        rules: The rules of the search.
+        tactic: Says how they are made.
+    """
+
+    def __init__(self, rules: Rules, tactic: TacticFactory) -> None:
+        self._rules = rules
+        self._tactic = tactic
+        self._kept: list[Forecast] = []
+
+    def __call__(self, scenario: ResolvedScenario) -> Forecast:
+        """Return the forecast of a scenario."""
+        for forecast in self._kept:
+            if forecast.scenario == scenario:
+                return forecast
+        made = Forecast(
+            scenario,
+            self._rules,
+            horizon=self._tactic.horizon(self._rules),
+            drift_samples=self._tactic.drift_samples,
+        )
+        if self._kept:
+            # With a learned drift the map was what is now expected, until the last step.
+            made.take_over(self._kept[-1])
+        self._kept = [*self._kept[:1], made]
+        return made
+
+
 class BeliefPlanner:
     """Keeps the belief of a mission and commands what a tactic chooses; a `Planner`.
 
@@ -132,6 +184,7 @@ class BeliefPlanner:
     Attributes:
         belief: The belief at the last observation, None before the first; the drift it is made with
             is `belief.forecast.scenario.vector`.
+        forecasts: Planners with one tactic that decide in turn, step by step, may share theirs.
 
     Raises:
         ValueError: If search or a straight move is missing in the rules.
@@ -143,10 +196,11 @@ class BeliefPlanner:
         self._search = search
         self._factory = tactic
         self._seed = seed
+        self.forecasts = Forecasts(search.rules, tactic)
         self._actions = search.rules.action_set.with_moves()
-        self._learn_drift = learn_drift and getattr(search, "observed", "map") == "map"
+        self._learn_drift = learn_drift and search.observed == "map"
         self._drift: DriftEstimate | None = None
-        self._searches: list[list[Cell]] = []
+        self._searches: list[list[tuple[Cell, bool]]] = []
         self._forecast: Forecast | None = None
         self._tactic: Tactic | None = None
         self._commanded: dict[str, tuple[Cell, Cell]] = {}
@@ -161,6 +215,7 @@ class BeliefPlanner:
         """Return an action number for every observed drone; see `Planner`."""
         if not observations:
             return {}
+        began_s = time.monotonic()
         agents, present = list(observations), cells_of(observations)
         step = self._step(infos[agents[0]])
         if self._is_new_mission(agents, present, probability_of(observations), step):
@@ -173,15 +228,25 @@ class BeliefPlanner:
             self._follow([])
         self._observe_map(probability_of(observations))
         assert self._tactic is not None
-        ends = self._tactic(self.belief, agents, present)
+        limit_s = infos[agents[0]].get("decision_time_s", math.inf)
+        ends = self._tactic(self.belief, agents, present, began_s + limit_s)
         self._commanded = dict(zip(agents, zip(present, ends, strict=True), strict=True))
         return {
             agent: self._actions.action(cell, end) for agent, (cell, end) in self._commanded.items()
         }
 
+    def copy(self) -> BeliefPlanner:
+        """Return one that goes on by itself from here; the forecasts are shared."""
+        twin = copy.copy(self)
+        twin._searches = list(self._searches)
+        twin._drift = copy.deepcopy(self._drift)
+        if self.belief is not None and self._tactic is not None:
+            twin.belief, twin._tactic = self.belief.copy(), self._tactic.copy()
+        return twin
+
     def _step(self, info: Mapping[str, Any]) -> int | None:
         """Return the steps done, None if not known."""
-        step = info.get("step", getattr(self._search, "steps_done", None))
+        step = info.get("step", self._search.steps_done)
         return None if step is None else int(step)
 
     def _is_new_mission(
@@ -203,11 +268,14 @@ class BeliefPlanner:
         cells, first_map = self._first
         return self.belief.step > 0 and present == cells and np.array_equal(probability, first_map)
 
-    def _follow(self, searched: list[Cell]) -> None:
-        """Let the belief do one step in which these cells were searched in vain."""
+    def _follow(self, searches: list[tuple[Cell, bool]]) -> None:
+        """Let the belief do one step with these searches: the cells, and whether they found one."""
         assert self.belief is not None
-        self._searches.append(searched)
-        self.belief.observe_failed_searches(searched)
+        self._searches.append(searches)
+        self.belief.observe_failed_searches([cell for cell, found in searches if not found])
+        for cell, found in searches:
+            if found:
+                self.belief.observe_find(cell)
         self.belief.advance()
 
     def _observe_map(self, probability: NDArray[np.float32]) -> None:
@@ -216,22 +284,21 @@ class BeliefPlanner:
         steps = self._forecast.first_step + self.belief.step
         if self._drift is None or steps < FIRST_OBSERVED:
             return
-        datum = likeliest_cell(probability)
+        datum = most_probable(probability, 1)[0]
         self._drift.observe(steps, datum)
-        if datum == self._forecast.likeliest(steps):
+        if datum == self._forecast.most_probable(steps):
             return
         vector = self._drift.vector()
         if vector is None:
             self._drift = None
             return
-        searches, self._searches = self._searches, []
+        steps_before, self._searches = self._searches, []
         self._forecast_for(self._scenario.override(vector=vector).resolve(self._search.rules))
-        for searched in searches:
-            self._follow(searched)
+        for searches in steps_before:
+            self._follow(searches)
 
     def _start(self, present: list[Cell], probability: NDArray[np.float32]) -> None:
-        scenario = getattr(self._search, "mission_scenario", self._search.scenario)
-        self._scenario = scenario.resolve(self._search.rules)
+        self._scenario = self._search.mission_scenario.resolve(self._search.rules)
         self._searches = []
         self._drift = None
         if self._learn_drift:
@@ -241,30 +308,25 @@ class BeliefPlanner:
 
     def _forecast_for(self, scenario: ResolvedScenario) -> None:
         """Start belief and tactic anew for a scenario."""
-        if self._forecast is None or self._forecast.scenario != scenario:
-            self._forecast = Forecast(
-                scenario,
-                self._search.rules,
-                horizon=self._factory.horizon(self._search.rules),
-                drift_samples=self._factory.drift_samples,
-            )
-            self.belief = Belief(self._forecast)
+        self._forecast = forecast = self.forecasts(scenario)
+        if self.belief is None or self.belief.forecast is not forecast:
+            self.belief = Belief(forecast)
         else:
-            assert self.belief is not None
             self.belief.reset()
         self._tactic = self._factory.start(self._forecast, self._seed)
 
     def _searched(
         self, present: Mapping[str, Cell], infos: Mapping[str, Mapping[str, Any]]
-    ) -> list[Cell]:
-        """Return the cells that were searched in the last step, without a find that ended it.
+    ) -> list[tuple[Cell, bool]]:
+        """Return the cells that were searched in the last step, and whether a person was found.
 
-        What a drone has done is what its info says, else what it was commanded. One that is no
-        longer there has done nothing: it was withdrawn.
+        A find that is known has not ended the mission: there are others. What a drone has done is
+        what its info says, else what it was commanded. One that is no longer there has done
+        nothing: it was withdrawn.
         """
         search = self._actions.search
         return [
-            cell
+            (cell, bool(infos[agent].get("found_person", False)))
             for agent, cell in present.items()
             if agent in self._commanded
             and self._commanded[agent][0] == cell

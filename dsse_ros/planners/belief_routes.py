@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Hashable, Sequence
 from typing import TypeAlias
 
@@ -46,7 +47,11 @@ class RoutesOnBelief:
         return copy.deepcopy(self)
 
     def __call__(
-        self, belief: Belief, agents: Sequence[Hashable], present: Sequence[Cell]
+        self,
+        belief: Belief,
+        agents: Sequence[Hashable],
+        present: Sequence[Cell],
+        deadline_s: float = math.inf,
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         due = belief.step >= self._planned_at + self._period or list(agents) != self._agents

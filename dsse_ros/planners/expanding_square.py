@@ -17,29 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.search.actions import ActionSet
+from dsse_ros.search.observation import most_probable
 
 _STARBOARD_TURNS = ((0, -1), (1, 0), (0, 1), (-1, 0))
-
-
-def make_expanding_square(
-    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
-) -> RouteFollower:
-    """Return a planner that searches outwards from the most probable cell.
-
-    One drone flies the square spiral. Several share it: each ring around the datum is cut into
-    contiguous arcs, one per drone, on about the same side of the datum from ring to ring.
-
-    Args:
-        actions: Names of the actions by number.
-        seed: For the choice of the cell to step aside to when a way is blocked.
-        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
-
-    Raises:
-        ValueError: If search or a straight move is missing.
-    """
-    return RouteFollower(square_routes, actions, seed=seed, area=area)
 
 
 def square_routes(
@@ -47,16 +28,17 @@ def square_routes(
 ) -> list[list[Cell]]:
     """Return the route of each drone; together they have every cell they can get to once.
 
-    The arcs go to the drones clockwise as they are seen from the datum.
+    One drone flies the square spiral. Several share it: each ring around the datum is cut into
+    contiguous arcs, one per drone, on about the same side of the datum from ring to ring. The arcs
+    go to the drones clockwise as they are seen from the datum.
 
     Args:
         cells: Present cell of each drone.
-        probability: Map (G, G); the first of its greatest values is the datum, NaN is none.
+        probability: Map (G, G); the most probable cell is the datum.
         actions: Measure the way to the ends of an arc.
     """
     size = len(probability)
-    row, col = divmod(int(np.argmax(np.nan_to_num(probability, nan=-np.inf))), size)
-    datum = (col, row)
+    datum = most_probable(probability, 1)[0]
     routes = [[cell] for cell in cells]
     for members, water in actions.by_water(cells):
         drones = sorted(members, key=lambda drone: _clockwise(datum, cells[drone]))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.search.actions import ActionSet
+from dsse_ros.search.observation import most_probable
 
 
 class Greedy:
@@ -65,25 +66,3 @@ class Greedy:
             for drone, goal in zip(drones, most_probable(reached, len(drones)), strict=True):
                 goals[drone] = goal
         return goals
-
-
-def most_probable(probability: NDArray[np.float32], count: int) -> list[Cell]:
-    """Return the count most probable cells (col, row), the best one last.
-
-    The last `count` of a stable ascending sort of the cells row by row: of equally probable
-    cells the one further south, then further east, counts as better. NaN is the worst.
-
-    Args:
-        probability: Map (G, G).
-        count: At most G * G.
-    """
-    flat = probability.ravel()
-    parted = np.partition(flat, flat.size - count)[flat.size - count :]
-    if np.isnan(parted).any():  # NaN sorts last, so one would be among the best
-        return most_probable(np.nan_to_num(probability, nan=-np.inf), count)
-    least = parted[0]
-    above = np.flatnonzero(flat > least)
-    equal = np.flatnonzero(flat == least)[above.size - count :]
-    best = np.concatenate([equal, above[np.argsort(flat[above], kind="stable")]])
-    rows, cols = np.divmod(best, probability.shape[1])
-    return list(zip(cols.tolist(), rows.tolist(), strict=True))

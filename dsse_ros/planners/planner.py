@@ -28,8 +28,10 @@ class Planner(Protocol):
         Args:
             observations: By live agent, in the fixed order of the agents.
             infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid or the
-                area that is searched. Over ROS also `step`, the steps done, and `action`, what the
-                drone has done last.
+                area that is searched. Where there are several persons, `found_person`, whether the
+                drone has found one in the last step. Over ROS also `step`, the steps done,
+                `action`, what the drone has done last, and where the step does not wait for ever,
+                `decision_time_s`, the wall time that there is for the answer.
         """
         ...
 
@@ -37,16 +39,33 @@ class Planner(Protocol):
 class Search(Protocol):
     """What a planner may know of a search besides the observations.
 
-    An environment is one. It may have `mission_scenario`, the scenario with the options of the
-    mission under way, `steps_done`, and `observed`: `map`, or `belief` where what drones observe is
-    not the map of the rules.
+    An environment is one, and of rules and a scenario `SearchDefinition` makes one.
     """
 
     @property
-    def rules(self) -> Rules: ...  # noqa: D102
+    def rules(self) -> Rules:
+        """The rules of the search."""
+        ...
 
     @property
-    def scenario(self) -> Scenario: ...  # noqa: D102
+    def scenario(self) -> Scenario:
+        """What is searched."""
+        ...
+
+    @property
+    def mission_scenario(self) -> Scenario:
+        """The scenario with what the mission under way has replaced in it."""
+        ...
+
+    @property
+    def observed(self) -> str:
+        """`map`, or `belief` where drones observe that in place of the map of the rules."""
+        ...
+
+    @property
+    def steps_done(self) -> int | None:
+        """Steps of the mission that are done, None where only the infos may say it."""
+        ...
 
 
 PlannerFactory: TypeAlias = Callable[..., Planner]

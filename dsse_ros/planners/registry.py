@@ -19,14 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.belief import make_belief, make_belief_greedy
-from dsse_ros.planners.expanding_square import make_expanding_square
+from dsse_ros.planners.expanding_square import square_routes
 from dsse_ros.planners.greedy import Greedy
 from dsse_ros.planners.optimal_effort import make_optimal_effort
 from dsse_ros.planners.planner import Planner, PlannerFactory, Search
 from dsse_ros.planners.random_moves import RandomMoves
-from dsse_ros.planners.sector import make_sector
-from dsse_ros.planners.spiral import make_spiral
-from dsse_ros.planners.sweep import make_sweep
+from dsse_ros.planners.routes import RouteFollower
+from dsse_ros.planners.sector import sector_routes
+from dsse_ros.planners.spiral import spiral_routes
+from dsse_ros.planners.sweep import sweep_routes
 from dsse_ros.search.fields import FieldError
 
 GROUP = "dsse_ros.planners"
@@ -34,10 +35,10 @@ GROUP = "dsse_ros.planners"
 
 PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
     {
-        "sweep": make_sweep,
-        "expanding_square": make_expanding_square,
-        "sector": make_sector,
-        "spiral": make_spiral,
+        "sweep": partial(RouteFollower, sweep_routes),
+        "expanding_square": partial(RouteFollower, square_routes),
+        "sector": partial(RouteFollower, sector_routes),
+        "spiral": partial(RouteFollower, spiral_routes),
         "greedy": Greedy,
         "random": RandomMoves,
     }
@@ -113,8 +114,7 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
     """Return a planner for missions of an environment, or of any search.
 
     Args:
-        search: An environment, or whatever has its `rules` and its `scenario`. Nothing hidden is
-            read from it.
+        search: An environment, or a `SearchDefinition`. Nothing hidden is read from it.
         name: One of `PLANNER_NAMES`.
         seed: Of all that the planner draws.
         options: Of the planner, such as the fields of `BeamOptions` for `belief`.

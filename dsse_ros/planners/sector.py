@@ -16,10 +16,9 @@ from math import cos, hypot, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.greedy import most_probable
 from dsse_ros.planners.planner import Cell
-from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.search.actions import ActionSet
+from dsse_ros.search.observation import most_probable
 
 TURN_DEG = 120
 HEADINGS_DEG = (0, 240, 120)
@@ -27,28 +26,12 @@ HEADINGS_DEG = (0, 240, 120)
 PATTERN_TURN_DEG = 30
 
 
-def make_sector(
-    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
-) -> RouteFollower:
-    """Return a planner that crosses the most probable cell in sectors.
-
-    One drone flies the triangles one after the other. Several deal them out.
-
-    Args:
-        actions: Names of the actions by number.
-        seed: For the choice of the cell to step aside to when a way is blocked.
-        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
-
-    Raises:
-        ValueError: If search or a straight move is missing.
-    """
-    return RouteFollower(sector_routes, actions, seed=seed, area=area)
-
-
 def sector_routes(
     cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
 ) -> list[list[Cell]]:
     """Return the route of each drone, whole patterns together.
+
+    One drone flies the triangles one after the other. Several deal them out.
 
     Args:
         cells: Present cell of each drone.

@@ -14,26 +14,9 @@ from math import atan2, hypot, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.greedy import most_probable
 from dsse_ros.planners.planner import Cell
-from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.search.actions import ActionSet
-
-
-def make_spiral(
-    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
-) -> RouteFollower:
-    """Return a planner that searches in a spiral from the most probable cell.
-
-    Args:
-        actions: Names of the actions by number.
-        seed: For the choice of the cell to step aside to when a way is blocked.
-        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
-
-    Raises:
-        ValueError: If search or a straight move is missing.
-    """
-    return RouteFollower(spiral_routes, actions, seed=seed, area=area)
+from dsse_ros.search.observation import most_probable
 
 
 def spiral_routes(

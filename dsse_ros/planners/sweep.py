@@ -9,24 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.search.actions import ActionSet
-
-
-def make_sweep(
-    actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
-) -> RouteFollower:
-    """Return a planner that searches every cell once, each drone in its own share.
-
-    Args:
-        actions: Names of the actions by number.
-        seed: For the choice of the cell to step aside to when a way is blocked.
-        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
-
-    Raises:
-        ValueError: If search or a straight move is missing.
-    """
-    return RouteFollower(sweep_routes, actions, seed=seed, area=area)
 
 
 def sweep_routes(

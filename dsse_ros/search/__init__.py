@@ -3,6 +3,7 @@
 
 from dsse_ros.search.actions import ACTION_VECTORS, ActionSet
 from dsse_ros.search.aec import aec_env, env, raw_env
+from dsse_ros.search.definition import SearchDefinition
 from dsse_ros.search.fields import FieldError
 from dsse_ros.search.observation import Observation
 from dsse_ros.search.parallel_env import SearchEnv, parallel_env
@@ -23,6 +24,7 @@ __all__ = [
     "Observation",
     "Rules",
     "Scenario",
+    "SearchDefinition",
     "SearchEnv",
     "Snapshot",
     "SnapshotError",

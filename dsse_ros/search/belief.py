@@ -21,18 +21,14 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import belief_kernels, kernels
 from dsse_ros.search.actions import Cell
+from dsse_ros.search.observation import most_probable
+from dsse_ros.search.person_motion import CHANCES, MOTIONS, PERSONS
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import area_of, constants_of
 
 KEPT_BYTES = 1 << 28
 """Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
-
-
-def likeliest_cell(probability: NDArray[np.float32]) -> Cell:
-    """Return the cell (col, row) of a map [row, col] that has the greatest probability."""
-    row, col = divmod(int(probability.argmax()), probability.shape[1])
-    return col, row
 
 
 class Forecast:
@@ -46,7 +42,7 @@ class Forecast:
         rules: The rules of the search.
         horizon: How many steps after the present one can be looked at.
         drift_samples: K, how many angles stand for those of a person's own drift; where persons
-            have none (`person_motion: window`), K is 1.
+            have none, K is 1.
 
     Attributes:
         constants: (1,) of `kernels.CONSTANTS`.
@@ -67,23 +63,24 @@ class Forecast:
         self.constants = constants_of(resolved, rules)
         self.area, self._runs = area_of(resolved)
         self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
-        drifts = drift_samples if rules.person_motion == "drift" else 1
+        has_own_drift = MOTIONS[rules.person_motion].own_drift
+        drifts = drift_samples if has_own_drift else 1
         g = resolved.grid_size
         self.side = g + 2 * belief_kernels.MARGIN
         cells = self.side**2
         steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
-        if 8 * steps * cells * (1 + belief_kernels.CHANCES) > KEPT_BYTES:
+        if 8 * steps * cells * (1 + CHANCES) > KEPT_BYTES:
             # Beliefs that share it may be a step apart.
             steps = horizon + 2
         self._world = np.zeros(1, kernels.WORLDS)
         self._world["vector_x"], self._world["vector_y"] = resolved.vector
         self._world["start_x"], self._world["start_y"] = resolved.person_initial_position
-        self._drifts = np.zeros(drifts, kernels.PERSONS)
+        self._drifts = np.zeros(drifts, PERSONS)
         self._gauss = np.zeros((1, 2, 2 * g + 1))
         self._tails = np.zeros((1, 2, g + 2))
         self._circle = np.zeros(g + 1, np.int64)
         self.chances = np.zeros((steps, cells))
-        self.tables = np.zeros((steps, belief_kernels.CHANCES, cells))
+        self.tables = np.zeros((steps, CHANCES, cells))
         self.directions = np.zeros((steps, drifts), np.int64)
         self._start()
 
@@ -115,6 +112,19 @@ class Forecast:
             self._ready += 1
         return step % slots
 
+    def take_over(self, other: Forecast) -> None:
+        """Have ready what another forecast has, with its tables where the map is the same.
+
+        Args:
+            other: Of the same rules, grid, area and number of steps.
+        """
+        steps = other._ready
+        if steps > len(self.directions):
+            return
+        self.look(steps - 1 - self.horizon)
+        same = (self.chances[:steps] == other.chances[:steps]).all(axis=1)
+        self.tables[:steps][same] = other.tables[:steps][same]
+
     def column(self, cell: Cell) -> int:
         """Return the column of a belief that stands for a cell (col, row)."""
         return (cell[1] + belief_kernels.MARGIN) * self.side + cell[0] + belief_kernels.MARGIN
@@ -124,8 +134,8 @@ class Forecast:
         row, col = divmod(column, self.side)
         return col - belief_kernels.MARGIN, row - belief_kernels.MARGIN
 
-    def likeliest(self, steps: int) -> Cell:
-        """Return the likeliest cell of the map that is observed after these steps of the sea.
+    def most_probable(self, steps: int) -> Cell:
+        """Return the most probable cell of the map that is observed after these steps of the sea.
 
         Args:
             steps: At least 1.
@@ -134,7 +144,7 @@ class Forecast:
         drawn = steps if self.rules.person_first else steps - 1
         chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
-        return likeliest_cell(chances[inner, inner].astype(np.float32))
+        return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
 
 
 class Belief:

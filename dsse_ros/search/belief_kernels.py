@@ -4,49 +4,35 @@
 
 A belief is (C K, S S) float64: row m K + k has the persons of detection class m and drift k, its
 columns are the cells row by row, S = G + 2 `MARGIN` along a side. Off the grid is who walked off
-it (`person_walks_blind`). A step to a neighbour has the number 3 (dy + 1) + dx + 1, 0 to 8.
+it (`person_walks_blind`). Steps to neighbours are numbered as in `person_motion`.
 
-The sea itself, the drift of a person and what is added for it are those of `kernels`; `transition`
-turns the draw that a person's step is there into its probabilities.
+The sea is that of `sea_map`, and how probable a person's steps are says its motion in
+`person_motion`.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
-from dsse_ros.search.kernels import (
+from dsse_ros.search.jit import inlined, kernel, part
+from dsse_ros.search.person_motion import (
+    CHANCES,
     DRIFT_RANGES,
-    DRIFT_WEIGHT,
-    FACTORS,
-    cell_probability,
-    drift_direction,
-    drift_per_step,
-    gather_drift,
-    inlined,
-    is_masked,
-    kernel,
-    map_step,
+    DRIFT_STEP,
+    NO_STEP,
+    SCRATCH,
+    STAND_STILL,
+    STEPS,
+    gathered_step,
     own_drift,
-    part,
-    spend_drift,
-    step_within,
+    step_chances,
+    step_of_drift,
 )
+from dsse_ros.search.sea_map import cell_probability, drift_per_step, map_step
 
 MARGIN = 3
 """Cells around the grid: one that a person can come back from, one that it cannot, and one where
 nobody ever is, so that every cell has neighbours."""
 
-STEPS = 9
-STAND_STILL = -1
-"""The direction of a drift that has not gathered a cell: its persons do not step at all."""
-NO_DIRECTION = 4
-STAY = 4
-"""The number of the step that leads nowhere."""
-
-CHANCES = STEPS + 1
-"""What a table has of a cell: the probabilities of the steps, and what is added for the drift's."""
-
-ROW = CHANCES + FACTORS
+ROW = CHANCES + STEPS + SCRATCH
 """Length of what `transition` writes to."""
 
 NEGLIGIBLE = 1e-13
@@ -85,8 +71,8 @@ def start_sea(constants, worlds, drifts):
     Args:
         constants: (1,) of `kernels.CONSTANTS`.
         worlds: (1,) of `kernels.WORLDS`, start and vector set; no draw is made from it.
-        drifts: (K,) of `kernels.PERSONS` out. Where persons have a drift of their own it is the
-            middle of K equally probable parts of its angles.
+        drifts: (K,) of `person_motion.PERSONS` out. Where persons have a drift of their own it is
+            the middle of K equally probable parts of its angles.
     """
     c, w, count = constants[0], worlds[0], len(drifts)
     w.t = w.map_steps = 0
@@ -97,7 +83,7 @@ def start_sea(constants, worlds, drifts):
     w.scale = 0.0
     for k in range(count):
         drifts[k].remainder_x = drifts[k].remainder_y = 0.0
-        if c.person_drifts:
+        if c.own_drift:
             place = DRIFT_RANGES * (k + 0.5) / count
             number = int(place)
             drifts[k].drift_x, drifts[k].drift_y = own_drift(c, w, number, place - number)
@@ -115,10 +101,10 @@ def forecast_step(constants, worlds, gauss, tails, area, runs, circle, drifts, c
         area: Of `kernels.step_worlds`.
         runs: Of `kernels.step_worlds`.
         circle: (G + 1,) int64 scratch.
-        drifts: (K,) of `kernels.PERSONS`.
+        drifts: (K,) of `person_motion.PERSONS`.
         chances: (S S,) float64 out, the probability of every cell that persons look at.
-        directions: (K,) int64 out, the number of the step that each drift has gathered,
-            `STAND_STILL`, or `NO_DIRECTION` where persons have no drift of their own.
+        directions: (K,) int64 out, the direction of each drift, see `PersonMotion`, or
+            `STAND_STILL`.
     """
     c, w = constants[0], worlds[0]
     if not c.person_first:
@@ -128,86 +114,14 @@ def forecast_step(constants, worlds, gauss, tails, area, runs, circle, drifts, c
         for x in range(c.grid_size):
             chances[index_of(c, x, y)] = cell_probability(c, w, gauss, area, x, y)
     for k in range(len(drifts)):
-        directions[k] = NO_DIRECTION
-        if c.person_drifts:
-            directions[k] = STAND_STILL
-            if gather_drift(drifts[k]):
-                dx, dy = drift_direction(drifts[k])
-                directions[k] = 3 * (int(dy) + 1) + int(dx) + 1
-                spend_drift(drifts[k])
+        directions[k] = gathered_step(drifts[k]) if c.own_drift else NO_STEP
     if c.person_first:
         map_step(c, w, gauss, tails, area, runs, circle)
 
 
 @part
-def towards_drift(c, chances, i, row):
-    """Write the probabilities of the steps that `kernels.person_with_drift` draws from."""
-    total = DRIFT_WEIGHT
-    for step in range(STEPS):
-        total += chances[i + offset_of(c, step)]
-    for step in range(STEPS):
-        row[step] = chances[i + offset_of(c, step)] / total
-    row[STEPS] = DRIFT_WEIGHT / total
-
-
-@part
-def step_of_drift(c, area, x, y, direction):
-    """Return the step that a drift in this direction adds to, from a cell of the grid."""
-    dx, dy = direction % 3 - 1, direction // 3 - 1
-    to_x, to_y = step_within(area, c.grid_size, x, y, dx, dy)
-    return 3 * (to_y - y + 1) + to_x - x + 1
-
-
-@part
-def to_best_cell(c, area, chances, i, row):
-    """Write the probabilities of the steps that `kernels.person_to_best_cell` can be best.
-
-    A step is best if its weight times its factor exceeds those of all steps before it and is no
-    less than those of all after it: for each factor, as many of the others' factors allow that.
-    """
-    candidates = 0
-    for step in range(STEPS):
-        candidates += chances[i + offset_of(c, step)] > 0.0
-        row[step] = 0.0
-    if candidates == 0:
-        side = c.grid_size + 2 * MARGIN
-        x, y = i % side - MARGIN, i // side - MARGIN
-        walks = c.person_walks_blind and not is_masked(area, c.grid_size, x - 1, y - 1)
-        row[0 if walks else STAY] = 1.0
-        return
-    shares = row[CHANCES:]
-    for step in range(STEPS):
-        weight = chances[i + offset_of(c, step)]
-        if weight <= 0.0:
-            continue
-        for k in range(FACTORS):
-            shares[k] = 1.0
-        for other in range(STEPS):
-            rival = chances[i + offset_of(c, other)]
-            if other == step or rival <= 0.0:
-                continue
-            later = other > step
-            for k in range(FACTORS):
-                best = weight * ((k + 1) / np.float64(FACTORS))
-                # A quotient may be one off; the products are those of the draw.
-                guess = np.floor(min(best / rival, 1.0) * FACTORS)
-                guess += (guess < FACTORS) & is_beaten(rival, guess + 1.0, best, later)
-                guess -= (guess > 0.0) & (not is_beaten(rival, guess, best, later))
-                shares[k] *= guess / FACTORS
-        for k in range(FACTORS):
-            row[step] += shares[k] / FACTORS
-
-
-@part
-def is_beaten(rival, factor, best, later):
-    """Return whether a weight times this factor does not take the place of the best."""
-    product = rival * (factor / np.float64(FACTORS))
-    return (product < best) | (later & (product == best))
-
-
-@part
 def transition(c, area, chances, i, row):
-    """Write what a table has of a cell: one line for each `person_motion`.
+    """Write what a table has of a cell, by the motion of persons.
 
     Args:
         c: The constants.
@@ -216,15 +130,16 @@ def transition(c, area, chances, i, row):
         i: Column of the cell.
         row: (`ROW`,) float64 out, the first `CHANCES`; the rest is scratch.
     """
-    row[STEPS] = 0.0
     if is_lost(c, i):
-        for step in range(STEPS):
-            row[step] = 0.0
-        row[STAY] = 1.0
-    elif c.person_drifts:
-        towards_drift(c, chances, i, row)
-    else:
-        to_best_cell(c, area, chances, i, row)
+        row[:CHANCES] = 0.0
+        row[NO_STEP] = 1.0
+        return
+    side = c.grid_size + 2 * MARGIN
+    window, scratch = row[CHANCES : CHANCES + STEPS], row[CHANCES + STEPS :]
+    for step in range(STEPS):
+        window[step] = chances[i + offset_of(c, step)]
+    x, y = i % side - MARGIN, i // side - MARGIN
+    step_chances(c, area, x, y, window, row[:CHANCES], scratch)
 
 
 @part
@@ -235,7 +150,8 @@ def complete(c, area, chances, table, i, row):
         c: The constants.
         area: Of `kernels.step_worlds`.
         chances: (S S,) of `forecast_step`.
-        table: (`CHANCES`, S S) float64; the first row is negative where nothing is known yet.
+        table: (`CHANCES`, S S) float64, see `PersonMotion.chances`; the first row is negative where
+            nothing is known yet.
         i: Column of the cell.
         row: (`ROW`,) float64 scratch.
     """
@@ -261,10 +177,10 @@ def look_up(c, area, chances, table, i, direction, row):
     complete(c, area, chances, table, i, row)
     for step in range(STEPS):
         row[step] = table[step, i]
-    if table[STEPS, i] > 0.0:
+    if table[DRIFT_STEP, i] > 0.0:
         side = c.grid_size + 2 * MARGIN
         x, y = i % side - MARGIN, i // side - MARGIN
-        row[step_of_drift(c, area, x, y, direction)] += table[STEPS, i]
+        row[step_of_drift(c, area, x, y, direction)] += table[DRIFT_STEP, i]
 
 
 @inlined
@@ -323,13 +239,13 @@ def move_row(c, area, now, chances, table, direction, after, row):
                 complete(c, area, chances, table, i, row)
     low, high = max(first - side - 1, side + 1), min(last + side + 1, count - side - 1)
     gather(now, table, after, low, high, side)
-    if c.person_drifts:
+    if c.own_drift:
         for y in range(first // side, (last + side - 1) // side):
             for x in range(side):
                 i = y * side + x
                 if now[i] > 0.0:
                     step = step_of_drift(c, area, x - MARGIN, y - MARGIN, direction)
-                    after[i + offset_of(c, step)] += now[i] * table[STEPS, i]
+                    after[i + offset_of(c, step)] += now[i] * table[DRIFT_STEP, i]
     for i in range(low, high):
         now[i] = after[i]
 

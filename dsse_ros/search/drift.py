@@ -15,18 +15,21 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.actions import Cell
-from dsse_ros.search.kernels import drift, drift_per_step, kernel
+from dsse_ros.search.jit import kernel
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.search.sea_map import drift, drift_per_step
 from dsse_ros.search.world import area_of, constants_of
 
 POINTS = 33
 """Drifts along each axis that are compared at a time."""
 ROUNDS = 6
 """How often the range that is compared is narrowed about the best."""
+KEPT, HALVINGS = 200, 14
+"""How many drifts are refined where that range is not one, and how often."""
 FIRST_OBSERVED = 4
-"""Steps of the sea from which the likeliest cell is the datum; before, a circle about the datum of
-the step before (`circle_on_previous_datum`) may be too small to contain it."""
+"""Steps of the sea from which the most probable cell is the datum; before, a circle about the datum
+of the step before (`circle_on_previous_datum`) may be too small to contain it."""
 RELATIVE_ERROR = 0.5
 """Standard deviation of what a drift is assumed to be, as a share of it."""
 LEAST_DRIFT = 1e-3
@@ -88,7 +91,7 @@ class DriftEstimate:
         """Return the vector of a scenario with the estimated drift, None if no drift is possible.
 
         The estimate is the posterior mean: that of a normal distribution about the assumed drift,
-        over the drifts that explain all observed cells.
+        over the drifts that explain all observed cells, or the one of them that is nearest to it.
         """
         steps = max(self._observed, default=0)
         seen = np.full((steps, 2), -1, np.int64)
@@ -97,30 +100,69 @@ class DriftEstimate:
         start = np.array([self._world["start_x"][0], self._world["start_y"][0]])
         cells = [start, *(seen[step - 1] for step in sorted(self._observed))]
         reach = 1.0 + np.abs(np.diff(cells, axis=0)).max(initial=0)
+        possible = self._narrowed(seen, reach)
+        if not len(possible):
+            possible = self._refined(seen, reach)
+        if not len(possible):
+            return None
+        spread = RELATIVE_ERROR * max(float(np.hypot(*self._assumed)), LEAST_DRIFT)
+        error = ((possible - self._assumed) ** 2).sum(axis=1) / (2 * spread**2)
+        weights = np.exp(error.min() - error)
+        mean = weights @ possible / weights.sum()
+        if self._misfits(seen, mean[None])[0]:
+            # Between drifts that explain it, but none of them.
+            mean = possible[np.argmin(((possible - mean) ** 2).sum(axis=1))]
+        return self._vector_of(mean)
+
+    def _misfits(self, seen: NDArray[np.int64], drifts: NDArray[np.float64]) -> NDArray[np.int64]:
+        missed = np.empty(len(drifts), np.int64)
+        misfits(self._constants, self._world, self._area, seen, drifts, missed)
+        return missed
+
+    def _narrowed(self, seen: NDArray[np.int64], reach: float) -> NDArray[np.float64]:
+        """Return drifts (M, 2) that explain what was seen, all over the range of those that do.
+
+        The datum gets further with more drift, so that the range is narrowed about the best.
+        """
         middle, half = np.zeros(2), np.full(2, reach)
         possible = np.zeros((0, 2))
         for _ in range(ROUNDS):
             line = np.linspace(-1.0, 1.0, POINTS)
             x, y = np.meshgrid(middle[0] + half[0] * line, middle[1] + half[1] * line)
             drifts = np.stack([x.ravel(), y.ravel()], axis=1)
-            missed = np.empty(len(drifts), np.int64)
-            misfits(self._constants, self._world, self._area, seen, drifts, missed)
+            missed = self._misfits(seen, drifts)
             best = drifts[missed == missed.min()]
             if missed.min() == 0:
                 possible = best
             low, high = best.min(axis=0), best.max(axis=0)
-            # The datum gets further with more drift: others as good are within a point of these.
+            # Others as good are within a point of these.
             spacing = 2.0 * half / (POINTS - 1)
             middle, half = (low + high) / 2, (high - low) / 2 + spacing
-        if not len(possible):
-            return None
-        spread = RELATIVE_ERROR * max(float(np.hypot(*self._assumed)), LEAST_DRIFT)
-        error = ((possible - self._assumed) ** 2).sum(axis=1) / (2 * spread**2)
-        weights = np.exp(error.min() - error)
-        return self._vector_of(weights @ possible / weights.sum())
+        return possible
+
+    def _refined(self, seen: NDArray[np.int64], reach: float) -> NDArray[np.float64]:
+        """Return drifts (M, 2) that explain what was seen, where they are in no one range.
+
+        At an edge more drift may get the datum less far: it stays when a step would lead out. So
+        the drifts around each of the best ones are looked at, and closer and closer.
+        """
+        line = np.linspace(-reach, reach, 4 * POINTS - 3)
+        drifts = np.stack([axis.ravel() for axis in np.meshgrid(line, line)], axis=1)
+        spacing = line[1] - line[0]
+        around = np.stack([axis.ravel() for axis in np.meshgrid([-1, 0, 1], [-1, 0, 1])], axis=1)
+        for _ in range(HALVINGS):
+            missed = self._misfits(seen, drifts)
+            if missed.min() == 0:
+                return drifts[missed == 0]
+            # Of those that miss alike, the nearest to the assumed one.
+            away = np.hypot(*(drifts - self._assumed).T)
+            best = drifts[np.lexsort((away, missed))[:KEPT]]
+            spacing /= 2.0
+            drifts = np.unique((best[:, None] + spacing * around).reshape(-1, 2), axis=0)
+        return np.zeros((0, 2))
 
     def _vector_of(self, drifted: NDArray[np.float64]) -> tuple[float, float]:
-        """Return the vector whose drift per step this is, see `kernels.drift_per_step`."""
+        """Return the vector whose drift per step this is, see `sea_map.drift_per_step`."""
         scale, norm = 1.0, float(np.hypot(*drifted))
         if self._rules.drift_by_speed and norm > 0.0:
             speed = float(self._constants["cell_size"][0] / self._constants["step_duration_s"][0])

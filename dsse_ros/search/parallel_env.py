@@ -29,9 +29,10 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
 
     An observation is a tuple, an `Observation` without its names, of
     `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell (x, y) and the map
-    [y, x], one read-only array that all agents share. `infos[agent]` has
-    `Found`, whether every person has been found, and `action_mask` (A,) int8, 0 where a move
-    would leave the grid or the area. Actions are numbers of `rules.actions`.
+    [y, x], one read-only array that all agents share. `infos[agent]` has `Found`, whether every
+    person has been found, `action_mask` (A,) int8, 0 where a move would leave the grid or the area,
+    and, of several persons, `found_person`, whether the agent has found one in the last step.
+    Actions are numbers of `rules.actions`.
 
     Observed is the map that the rules draw, which no search changes, or with `observe="belief"`
     what can be known from the searches so far (`belief.Belief`); `infos[agent]` then has `pos`, the
@@ -392,10 +393,12 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             agent: {"Found": found, "action_mask": masks[y][x]}
             for agent, (x, y) in zip(agents, cells.tolist())
         }
+        if self.scenario.person_amount > 1:
+            for info, found_person in zip(infos.values(), self.world.found[0, live].tolist()):
+                info["found_person"] = found_person
         if self._beliefs is not None:
-            pos = float(self._beliefs.pos[0])
             for info in infos.values():
-                info["pos"] = pos
+                info["pos"] = float(self._beliefs.pos[0])
         return observations, infos
 
     def _take(self, actions: Mapping[str, int]) -> None:

@@ -15,31 +15,22 @@ from typing import Any
 
 from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, ActionSet
 from dsse_ros.search.fields import FieldError, check_all, check_known, field, shown, specs
+from dsse_ros.search.person_motion import MOTIONS
 
 _PLUS = (*STRAIGHT, "search")
 _STAR = (*STRAIGHT, *DIAGONAL, "search")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rules:
-    """One set of rules; t is the number of steps done before the present one, L the limit.
+class ActionRules:
+    """What drones can do, and what a search looks for."""
 
-    Any field can be overridden by name: `profile("paper", collision=-2000)`.
-
-    Raises:
-        FieldError: If a value is not allowed.
-    """
-
-    profile: str = field("str", "Name of the profile these rules started from.")
     actions: tuple[str, ...] = field(
         "names", "Names of the actions: the action with number i is actions[i]."
     )
     noop_actions: bool = field(
         "bool", "Whether an unknown action number does nothing, or is refused.", False
     )
-
-    move: float = field("float", "Reward of any action that no other rule rewards.")
-    leave_grid: float = field("float", "Reward of a move that would leave the grid.")
     leave_policy: str = field(
         "str",
         "A drone that would leave the grid keeps its cell and is terminated, keeps its cell and "
@@ -47,6 +38,17 @@ class Rules:
         choices=("terminate", "stay", "fly_on"),
     )
     collisions: bool = field("bool", "Whether drones in one cell after all moved collide.")
+    one_find_per_search: bool = field(
+        "bool", "Whether a search looks for the first person in the cell only, or for all.", False
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardRules:
+    """What drones earn."""
+
+    move: float = field("float", "Reward of any action that no other rule rewards.")
+    leave_grid: float = field("float", "Reward of a move that would leave the grid.")
     collision: float = field("float", "Reward of each drone that collided.", 0.0)
     search_min_probability: float = field(
         "float", "Searching a cell below this probability is penalised.", 0.01, low=0, high=1
@@ -58,24 +60,24 @@ class Rules:
     search_scale: float = field("float", "Reward of any other search: probability times this.")
     find: float = field("float", "Reward of finding a person.")
     find_bonus: float = field("float", "Added to `find`, times (1 - t / L).")
-    one_find_per_search: bool = field(
-        "bool", "Whether a search looks for the first person in the cell only, or for all.", False
-    )
-    found_persons_stay: bool = field(
-        "bool", "Whether a found person drifts on and can be found again.", False
-    )
     time_out: float = field("float", "Reward of an action after the time limit.")
-    time_out_grace: int = field(
-        "int", "Out of time is t >= L + this many steps.", 0, low=0, high=1000, unit="steps"
-    )
-    time_out_acts: bool = field(
-        "bool", "Whether an action after the time limit is still done.", False
-    )
     time_out_total: bool = field(
         "bool",
         "Whether a time-out makes the drone's sum of rewards the time_out reward; rewards that "
         "a collision replaced count as they were.",
         False,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TerminationRules:
+    """When a search ends, and for whom."""
+
+    time_out_grace: int = field(
+        "int", "Out of time is t >= L + this many steps.", 0, low=0, high=1000, unit="steps"
+    )
+    time_out_acts: bool = field(
+        "bool", "Whether an action after the time limit is still done.", False
     )
     both_flags: bool = field(
         "bool", "Whether a drone that is terminated or truncated is flagged as both.", False
@@ -86,6 +88,11 @@ class Rules:
         "that move after it in the same step.",
         False,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeaRules:
+    """How the map drifts, and which cells are possible."""
 
     drift_remainder: str = field(
         "str",
@@ -106,16 +113,19 @@ class Rules:
     circle_on_previous_datum: bool = field(
         "bool", "Whether the circle is centred on the datum of the step before.", False
     )
-    sigma: float = field("float", "Default spread of the Gaussian.", above=0, unit="cells")
-    dispersion_inc: float = field(
-        "float", "Default growth of the spread per step.", 0.0, low=0, unit="cells"
-    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PersonRules:
+    """Where persons start, how they move, and what becomes of those who are found."""
+
     person_motion: str = field(
         "str",
-        "A person goes to the best cell of the window, weighted at random, or is drawn towards "
-        "its own drift.",
+        "A person "
+        + ", or ".join(f"{motion.doc} ({name})" for name, motion in MOTIONS.items())
+        + ".",
         "window",
-        choices=("window", "drift"),
+        choices=tuple(MOTIONS),
     )
     person_first: bool = field("bool", "Whether persons step before the map does.", False)
     person_walks_blind: bool = field(
@@ -130,7 +140,27 @@ class Rules:
         high=2,
         unit="cells",
     )
+    found_persons_stay: bool = field(
+        "bool", "Whether a found person drifts on and can be found again.", False
+    )
 
+
+# A dataclass has the fields of its last base first.
+@dataclass(frozen=True, kw_only=True)
+class Rules(PersonRules, SeaRules, TerminationRules, RewardRules, ActionRules):
+    """One set of rules; t is the number of steps done before the present one, L the limit.
+
+    Any field can be overridden by name: `profile("paper", collision=-2000)`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    profile: str = field("str", "Name of the profile these rules started from.")
+    sigma: float = field("float", "Default spread of the Gaussian.", above=0, unit="cells")
+    dispersion_inc: float = field(
+        "float", "Default growth of the spread per step.", 0.0, low=0, unit="cells"
+    )
     grid_size: int = field("int", "Default number of cells along a side.", low=1, high=10000)
     vector: tuple[float, float] = field("vector", "Default drift.", unit="cells per step")
     person_initial_position: tuple[int, int] | None = field(
@@ -234,6 +264,15 @@ _V2 = Rules(
     vector=(1.1, 1),
     person_initial_position=(0, 0),
 )
+
+GROUPS: dict[str, type] = {
+    "Actions": ActionRules,
+    "Rewards": RewardRules,
+    "Termination": TerminationRules,
+    "Sea": SeaRules,
+    "Persons": PersonRules,
+}
+"""The fields of the rules by what they are about, without the defaults of the scenario."""
 
 PROFILES: dict[str, Rules] = {rules.profile: rules for rules in (_PAPER, _V1, _V2)}
 """The profiles by name."""

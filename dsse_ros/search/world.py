@@ -16,9 +16,10 @@ import numpy as np
 from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
-from dsse_ros.search import kernels
+from dsse_ros.search import kernels, sea_map
 from dsse_ros.search.area import runs_of
 from dsse_ros.search.fields import specs
+from dsse_ros.search.person_motion import MOTIONS, PERSONS
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
 from dsse_ros.search.seeds import words_of_seeds
@@ -67,7 +68,8 @@ def constants_of(
         "leave_flies_on": rules.leave_policy == "fly_on",
         "drift_remainder_dropped": rules.drift_remainder == "dropped",
         "drift_remainder_less_one": rules.drift_remainder == "less_one",
-        "person_drifts": rules.person_motion == "drift",
+        "motion": list(MOTIONS).index(rules.person_motion),
+        "own_drift": MOTIONS[rules.person_motion].own_drift,
         "auto_reset": auto_reset,
     }
     if differing := values.keys() ^ set(kernels.CONSTANTS.names or ()):
@@ -101,7 +103,7 @@ class World:
 
     Attributes:
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
-            `kernels.WORLDS`, `kernels.DRONES` and `kernels.PERSONS`.
+            `kernels.WORLDS`, `kernels.DRONES` and `person_motion.PERSONS`.
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
         area, runs: Which cells are searched, see `kernels`.
         maps: (B, G, G) float32, the probability of cell [row, col].
@@ -133,7 +135,7 @@ class World:
         self.constants = constants_of(resolved, rules, auto_reset=auto_reset)
         self.worlds = np.zeros(num_worlds, kernels.WORLDS)
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
-        self.persons = np.zeros((num_worlds, resolved.person_amount), kernels.PERSONS)
+        self.persons = np.zeros((num_worlds, resolved.person_amount), PERSONS)
         self.starts = np.zeros((num_worlds, self.num_drones, 2), np.int64)
         side = self.grid_size if write_maps else 0
         self._map_shape = (num_worlds, side, side)
@@ -352,8 +354,18 @@ class World:
         # One kind of array, or the function would be compiled for each.
         x, y = (np.require(array, np.int64, ["C", "W"]) for array in (x, y))
         out = np.empty(x.shape, np.float32)
-        kernels.read_cells(self.constants, self.worlds, self.gauss, self.area, x, y, out)
+        sea_map.read_cells(self.constants, self.worlds, self.gauss, self.area, x, y, out)
         return out
+
+    def map_of(self, world: int) -> NDArray[np.float32]:
+        """Return the map (G, G) of one world, whether `maps` is written or not."""
+        gauss, tails = np.empty((1, *self.gauss.shape[1:])), np.empty((1, *self.tails.shape[1:]))
+        _, circle, _, span = self._make_scratch()
+        maps = np.empty((1, self.grid_size, self.grid_size), np.float32)
+        kernels.refresh_worlds(
+            self.constants, self.worlds[[world]], gauss, tails, self.area, circle, span, maps
+        )
+        return maps[0]
 
     def snapshot(self) -> Snapshot:
         """Return the whole state, random state included."""

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `make compare` counts is what single environments do, and the page shows its results."""
+"""What `make compare` makes of missions, and that the page shows its results."""
 
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,49 +16,7 @@ from benchmarks.compare import (
     figures,
     with_tables,
 )
-from benchmarks.shared_missions import Missions, play
-from dsse_ros.planners import planner_for
-from dsse_ros.search import SearchEnv, parallel_env
-
-SMALL: dict[str, dict[str, Any]] = {
-    "v2": {
-        "rules": "v2", "grid_size": 12, "num_drones": 2, "person_initial_position": (6, 5),
-        "timestep_limit": 40,
-    },
-    "paper": {"grid_size": 8, "num_drones": 2, "sigma": 2, "timestep_limit": 40},
-    "several": {
-        "rules": "v2", "grid_size": 12, "num_drones": 2, "person_amount": 2,
-        "person_initial_position": (6, 5), "timestep_limit": 30,
-    },
-}  # fmt: skip
-
-
-def alone(env: SearchEnv, name: str, seed: int, planner_seed: int, lost: int | None) -> Any:
-    """Play one mission; returns whether all were found, and the steps."""
-    observations, infos = env.reset(seed=seed)
-    planner = planner_for(env, name, seed=planner_seed)
-    steps, limit = 0, env.scenario.timestep_limit
-    while env.agents and steps < limit:
-        observations, _, _, _, infos = env.step(planner(observations, infos))
-        observations = {agent: observations[agent] for agent in env.agents}
-        steps += 1
-        if steps == lost:
-            env.withdraw(env.scenario.num_drones - 1)
-    found = bool(env.world.worlds["num_missing"][0] == 0)
-    return found, steps if found else limit
-
-
-@pytest.mark.parametrize("name", ["greedy", "random", "belief_greedy", "expanding_square"])
-@pytest.mark.parametrize("key", ["v2", "paper"])
-@pytest.mark.parametrize("lost", [None, 5])
-def test_missions_that_share_decisions_are_what_single_ones_are(
-    name: str, key: str, lost: int | None
-) -> None:
-    env = parallel_env(**SMALL[key])
-    seeds = list(range(70, 82))
-    missions = play(name, env.scenario, env.rules, seeds, planner_seeds=2, withdraw_at=lost)
-    for m, seed in enumerate(seeds):
-        assert (missions.found[m], missions.steps[m]) == alone(env, name, seed, m % 2, lost)
+from dsse_ros.planners.batch import Missions
 
 
 def test_the_difference_is_one_of_pairs() -> None:

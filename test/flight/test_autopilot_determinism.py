@@ -10,7 +10,7 @@ import pytest
 from autopilot.bench import AUTO, Bench
 from autopilot.faults import Fault
 from autopilot.wire import Codec, mavlink
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 AUTOPILOTS = st.sampled_from(["ardupilot", "px4"])
@@ -72,6 +72,7 @@ def play(script: list[tuple[float, Any]], *, flying: bool, **settings: Any) -> l
     return bench.sent
 
 
+@settings(max_examples=40)
 @given(autopilot=AUTOPILOTS, script=inputs, flying=st.booleans(), seed=st.integers(0, 3))
 def test_no_input_makes_it_fail_and_the_same_input_gives_the_same_bytes(
     autopilot: str, script: list[tuple[float, Any]], flying: bool, seed: int

@@ -138,11 +138,11 @@ def test_no_bytes_make_it_raise(pieces: list[bytes], datagram: bool) -> None:
 
 
 @both
-def test_a_million_malformed_frames_do_no_harm(datagram: bool) -> None:
+def test_a_hundred_thousand_malformed_frames_do_no_harm(datagram: bool) -> None:
     draw, ours, longest_s = random.Random(1), codec(), 0.0
     samples = [malformed(draw) for _ in range(2000)]
     good = heartbeats(1)[0]
-    for turn in range(500_000 // 100):
+    for turn in range(100_000 // 100):
         start = time.process_time()
         for _ in range(100):
             ours.decode(draw.choice(samples), turn, datagram=datagram)
@@ -155,7 +155,7 @@ def test_a_million_malformed_frames_do_no_harm(datagram: bool) -> None:
                 frames += 1
                 assert frames <= 30
     assert longest_s < 1.0
-    assert ours.counts["bad_data"] > 100_000
+    assert ours.counts["bad_data"] > 20_000
 
 
 @given(st.binary(max_size=400), st.booleans())

@@ -149,7 +149,7 @@ class AnyExchange(RuleBasedStateMachine):
 
 
 TestAnyExchange = AnyExchange.TestCase
-TestAnyExchange.settings = settings(max_examples=100, stateful_step_count=40, deadline=None)
+TestAnyExchange.settings = settings(max_examples=40, stateful_step_count=40, deadline=None)
 
 
 @pytest.mark.parametrize("name", EXCHANGES)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -42,6 +43,24 @@ def test_lockstep_with_a_rate_steps_no_faster() -> None:
     lockstep.begin(0.9, done=False)
     # What was late is not made up for: the rate is the highest.
     assert lockstep.wait_s(0.9, ready=True) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    ("timing", "time_s"),
+    [
+        ({}, None),
+        ({"step_rate": 4.0}, None),
+        ({"command_timeout_s": 2.0, "step_rate": 4.0}, 2.0),
+        ({"command_timeout_s": 2.0, "step_rate": 0.25}, 4.0),
+        ({"mode": "manual", "command_timeout_s": 2.0, "step_rate": 4.0}, None),
+        ({"mode": "realtime", "command_timeout_s": 2.0, "step_rate": 4.0}, 0.25),
+        ({"mode": "realtime", "step_duration_s": 13.0, "real_time_factor": 10.0}, 1.3),
+    ],
+)
+def test_a_decision_has_the_time_that_a_step_waits(
+    timing: dict[str, Any], time_s: float | None
+) -> None:
+    assert Timing(**timing).decision_time_s == time_s
 
 
 def test_what_is_missing_is_waited_for_until_the_timeout() -> None:

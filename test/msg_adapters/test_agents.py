@@ -11,11 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from std_msgs.msg import String
 
-from dsse_ros.search import Scenario, profile
+from dsse_ros.search import Scenario, SearchDefinition, profile
 from msg_adapters.agents import (
     AgentsInfo,
     Origin,
-    SearchDefinition,
     agents_from_message,
     agents_message,
     area_rows,
@@ -42,6 +41,7 @@ INFOS = st.builds(
     alt_m=NUMBERS,
     mission=st.integers(0, 2**32 - 1),
     run_id=st.integers(1, 2**32 - 1),
+    decision_time_s=st.none() | st.floats(1e-6, 1e6),
 )
 INFO = AgentsInfo(
     agents=("drone0", "drone1"),
@@ -133,6 +133,8 @@ def test_a_missing_key_is_named(field):
         (["actions"], [1, 2]),
         (["actions"], [[], []]),
         (["rules"], ""),
+        (["decision_time_s"], 0),
+        (["decision_time_s"], "1 s"),
         (["seed"], 1.5),
         (["seed"], True),
         (["grid_size"], 0),

@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import itertools
+import json
+import os
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -367,6 +370,50 @@ def test_a_planner_that_fails_is_reported_on_a_line_and_asked_again(
     ]
     assert process.output.count("Traceback") == (2 if level == "debug" else 0)
     process.kill()
+
+
+SLOW = """
+import time
+
+class Slow:
+    def __init__(self, search, *, seed=0):
+        self.right = search.rules.actions.index("right")
+
+    def __call__(self, observations, infos):
+        time.sleep(3 * infos["drone0"]["decision_time_s"])
+        return dict.fromkeys(observations, self.right)
+"""
+
+
+def test_a_planner_slower_than_the_step_is_reported_and_its_decisions_are_done_later(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "slow.py").write_text(SLOW)
+    registered = tmp_path / "slow-1.0.dist-info"
+    registered.mkdir()
+    (registered / "METADATA").write_text("Metadata-Version: 2.1\nName: slow\nVersion: 1.0\n")
+    (registered / "entry_points.txt").write_text("[dsse_ros.planners]\nslow = slow:Slow\n")
+    paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+    sim = rig.sim(
+        {
+            "num_drones": 2, "grid_size": 10, "probability_of_detection": 0.0,
+            "timestep_limit": 10**6, "step_mode": "realtime", "step_rate": 4.0,
+            "publish_clock": False,
+        },
+        namespace="/slow",
+    )  # fmt: skip
+    agents = rig.listen(String, sim.topic("agents"), LATCHED)
+    process = rig.start("planner_node", {"planner": "slow"}, "-r", "__ns:=/slow")
+    # From one move to the next there are several steps, in which the drones search.
+    rig.until(lambda: min(sim.cells)[0] >= 2, "the drones have moved")
+    line = r"planner slow is too slow: (.*) s for step \d+ of mission 1, which waited 0\.25 s\n"
+    took_s = [float(number) for number in re.findall(line, process.output)]
+    assert took_s and min(took_s) >= 0.6, process.output
+    # The time that there is goes out again when it changes.
+    assert json.loads(agents.last.data)["decision_time_s"] == 0.25
+    sim.set(step_mode="manual")
+    rig.until(lambda: json.loads(agents.last.data)["decision_time_s"] is None, "that it may wait")
 
 
 def test_the_planner_says_what_it_waits_for(rig: Rig) -> None:

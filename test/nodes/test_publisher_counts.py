@@ -7,6 +7,7 @@ import array
 import contextlib
 import json
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,16 @@ ENDLESS: dict[str, Any] = {
     "step_rate": 50.0,
     "seed": 0,
 }
+
+
+@pytest.fixture(autouse=True)
+def ended(rig: Rig) -> Iterator[None]:
+    """Stop after each test what it has started: these missions would go on to the last one."""
+    before = len(rig.processes)
+    yield
+    for process in rig.processes[before:]:
+        if process.running:
+            process.stop()
 
 
 def goes_on(rig: Rig, sim: Sim, steps: int = 3) -> None:

@@ -334,18 +334,40 @@ def test_the_readme_shows_what_a_mission_prints(mission: MissionRecord) -> None:
     assert shown_labels == [*labels, "picture", "steps"]
 
 
-@pytest.mark.parametrize(
-    "block",
-    [
-        pytest.param(block, id=f"{page.name}-{number}")
-        for page in PAGES
-        for number, block in enumerate(blocks(page, "python"), start=1)
-    ],
-)
-def test_the_python_on_a_page_runs(block: str, tmp_path: Path) -> None:
-    script = tmp_path / "block.py"
-    script.write_text(block, encoding="utf-8")
-    python(script, cwd=ROOT)
+PYTHON = {
+    f"{page.name}-{number}": block
+    for page in PAGES
+    for number, block in enumerate(blocks(page, "python"), start=1)
+}
+# One process, as each would import the same for a second.
+RUN_ALL = """
+import json, runpy, sys, traceback
+for path in sys.argv[1:]:
+    try:
+        runpy.run_path(path, run_name="__main__")
+    except BaseException:
+        print(json.dumps([path, traceback.format_exc()]), file=sys.stderr)
+"""
+
+
+@pytest.fixture(scope="module")
+def failures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Which of the blocks of Python have failed, and how."""
+    folder = tmp_path_factory.mktemp("blocks")
+    for name, block in PYTHON.items():
+        (folder / f"{name}.py").write_text(block, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-c", RUN_ALL, *(folder / f"{name}.py" for name in PYTHON)],
+        cwd=ROOT, env=environment(), capture_output=True, text=True, timeout=PATIENCE_S,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    lines = [json.loads(line) for line in done.stderr.splitlines() if line.startswith('["/')]
+    return {Path(path).stem: trace for path, trace in lines}
+
+
+@pytest.mark.parametrize("name", PYTHON)
+def test_the_python_on_a_page_runs(failures: dict[str, str], name: str) -> None:
+    assert name not in failures, failures[name]
 
 
 @pytest.mark.slow

@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from pathlib import Path
 
-import pytest
 from tree import ROOT, by_name, files, text
 
 LICENCE = "SPDX-License-Identifier: Apache-2.0"
@@ -17,8 +15,6 @@ UPWARD_PATH = re.compile(r"(?<![\w./])(?:\.\./)+[\w.-]+")
 PACKAGES = ("benchmarks", "dsse_ros", "msg_adapters")
 MAX_LINES = 500
 MAX_FLIGHT_MODULES = 15
-# Too long for a reason that the module's docstring gives.
-LONG = {"dsse_ros/search/kernels.py"}
 MAX_OWN_LINES = {"dsse_ros/nodes/sim_node.py": 450}
 
 
@@ -65,17 +61,10 @@ def test_a_module_is_short_enough_to_be_read_at_once() -> None:
     long = {
         name: lines(path)
         for name, path in by_name(files()).items()
-        if name.startswith(PACKAGES) and name.endswith(".py") and name not in LONG
+        if name.startswith(PACKAGES) and name.endswith(".py")
         if lines(path) > MAX_OWN_LINES.get(name, MAX_LINES)
     }
     assert long == {}
-
-
-@pytest.mark.parametrize("name", sorted(LONG))
-def test_a_long_module_says_why(name: str) -> None:
-    assert lines(ROOT / name) > MAX_LINES
-    docstring = ast.get_docstring(ast.parse((ROOT / name).read_text(encoding="utf-8"))) or ""
-    assert "The module is longer than others: " in docstring
 
 
 def test_flight_has_few_modules() -> None:

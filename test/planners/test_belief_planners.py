@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,7 @@ import pytest
 
 from dsse_ros.planners import BELIEF_PLANNERS, PLANNER_NAMES, make_planner, planner_for
 from dsse_ros.planners.batch import play_missions
-from dsse_ros.planners.beam_search import BeamOptions
-from dsse_ros.planners.belief import BeamOnBelief
-from dsse_ros.search import SearchEnv, parallel_env
+from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
 
 FAST: dict[str, Any] = {"samples": 512, "width": 8, "horizon": 6}
 """Options of `belief` that take a tenth of the time."""
@@ -71,7 +68,7 @@ def test_a_planner_that_needs_the_search_is_not_made_of_actions_alone(name: str)
 @pytest.mark.parametrize("name", BELIEF_PLANNERS)
 def test_rules_scenario_and_observations_are_all_that_a_planner_needs(name: str, case: str) -> None:
     env = parallel_env(**CASES[case], probability_of_detection=0.0)
-    public = SimpleNamespace(rules=env.rules, scenario=env.scenario)
+    public = SearchDefinition(env.rules, env.scenario)
     planners = [planner_for(search, name, seed=2, **options_of(name)) for search in (env, public)]
     for seed in (5, 6):
         assert play(env, planners[0], seed) == play(env, planners[1], seed)
@@ -148,21 +145,38 @@ def test_a_budget_that_is_used_up_leaves_moves_that_do_not_collide() -> None:
     assert all(len(actions) == 9 for actions in chosen)
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_a_batch_is_what_single_missions_are(case: str) -> None:
-    count, seeds = 12, (4, 5)
-    env = parallel_env(**CASES[case])
-    missions = play_missions(
-        count, BeamOnBelief(BeamOptions(**FAST)), seed=30, planner_seeds=seeds, threads=2,
-        **CASES[case],
-    )  # fmt: skip
-    limit = env.scenario.timestep_limit
-    for m in range(count):
-        planner = planner_for(env, "belief", seed=seeds[m % 2], **FAST)
-        chosen, found = play(env, planner, 30 + m)
-        assert found == missions.found[m]
-        assert missions.steps[m] == (len(chosen) if found else limit)
-    assert not missions.lost.any()
+def test_the_time_that_infos_give_a_decision_is_a_budget_too() -> None:
+    env = parallel_env(**{**PAPER, "num_drones": 9}, probability_of_detection=0.0)
+    limited = planner_for(env, "belief", **FAST)
+
+    def planner(observations: Any, infos: Any) -> dict[str, int]:
+        limited_infos = {agent: {**info, "decision_time_s": 0.0} for agent, info in infos.items()}
+        return limited(observations, limited_infos)
+
+    without = planner_for(env, "belief", **FAST, budget_ms=0.0)
+    assert play(env, planner, 1) == play(env, without, 1)
+    assert play(env, planner, 1) != play(env, planner_for(env, "belief", **FAST), 1)
+
+
+@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+def test_a_find_is_no_failed_search_while_others_are_missing(name: str) -> None:
+    env = parallel_env(**V2, person_amount=3)
+    planner: Any = planner_for(env, name, **options_of(name))
+    informed: Any = planner_for(env, name, **options_of(name))
+    observations, infos = env.reset(seed=3)
+    finds = 0
+    while not finds:
+        actions = planner(observations, infos)
+        informed(observations, infos)
+        observations, _, _, _, infos = env.step(actions)
+        finds = sum(info["found_person"] for info in infos.values())
+    assert not any(info["Found"] for info in infos.values())
+    planner(observations, infos)
+    informed(observations, {a: {**info, "found_person": False} for a, info in infos.items()})
+    found = [env.world.drones["x"][0], env.world.drones["y"][0]]
+    cells = [(x, y) for x, y, f in zip(*found, env.world.found[0], strict=True) if f]
+    for x, y in cells:
+        assert planner.belief.cells()[y, x] > informed.belief.cells()[y, x]
 
 
 @pytest.mark.parametrize("planner", ["belief", "belief_greedy"])

@@ -98,7 +98,7 @@ def test_several_drones_enter_each_arc_at_its_nearer_end(
 
 @settings(deadline=None)
 @given(squares(largest=8), st.data(), action_names)
-def test_one_drone_flies_the_exact_spiral_around_the_first_most_probable_cell(
+def test_one_drone_flies_the_exact_spiral_around_the_most_probable_cell_at_first(
     square: tuple[int, Cell], data: st.DataObject, actions: tuple[str, ...]
 ) -> None:
     size, datum = square

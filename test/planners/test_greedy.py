@@ -6,33 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from grid_walker import DIAGONAL, STRAIGHT, GridWalker
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from dsse_ros.planners import make_planner
-from dsse_ros.planners.greedy import most_probable
 from dsse_ros.planners.planner import Cell
-
-
-@settings(deadline=None)
-@given(st.data())
-def test_the_most_probable_cells_are_the_end_of_a_stable_sort(data: st.DataObject) -> None:
-    size = data.draw(st.integers(1, 12))
-    count = data.draw(st.integers(1, size * size))
-    values = st.sampled_from([0.0, 0.125, 0.25, 0.5])
-    drawn = data.draw(st.lists(values, min_size=size * size, max_size=size * size))
-    probability = np.array(drawn, np.float32).reshape(size, size)
-    ordered = sorted(
-        ((col, row) for row in range(size) for col in range(size)),
-        key=lambda cell: probability[cell[1], cell[0]],
-    )
-    assert most_probable(probability, count) == ordered[-count:]
-
-
-def test_an_unknown_probability_is_the_worst() -> None:
-    probability = np.array([[np.nan, 0.1], [0.3, np.nan]], np.float32)
-    assert most_probable(probability, 2) == [(1, 0), (0, 1)]
-    assert most_probable(probability, 4)[2:] == [(1, 0), (0, 1)]
 
 
 def greedy_actions(

@@ -4,16 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from dsse_ros.planners import BELIEF_PLANNERS, planner_for
-from dsse_ros.search import SearchEnv, parallel_env
-from dsse_ros.search.belief import likeliest_cell
+from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
 from dsse_ros.search.drift import FIRST_OBSERVED
+from dsse_ros.search.observation import most_probable
 
 V2: dict[str, Any] = {
     "rules": "v2", "grid_size": 30, "dispersion_inc": 0.05, "vector": (1.1, 1.0),
@@ -36,11 +35,11 @@ def sea(case: str, **fields: Any) -> SearchEnv:
     return parallel_env(**fields, probability_of_detection=0.0)
 
 
-def misled(env: SearchEnv, factors: tuple[float, float]) -> Any:
+def misled(env: SearchEnv, factors: tuple[float, float]) -> SearchDefinition:
     """Return what a planner may know, with another drift than that of the environment."""
     x, y = env.scenario.vector
     scenario = env.scenario.override(vector=(factors[0] * x, factors[1] * y))
-    return SimpleNamespace(rules=env.rules, scenario=scenario)
+    return SearchDefinition(env.rules, scenario)
 
 
 def steps(env: SearchEnv, planner: Any) -> Iterator[tuple[dict[str, int], Any]]:
@@ -57,7 +56,8 @@ def foresees(planner: Any, probability: Any) -> bool:
     """Return whether the map is the one that the planner expects at its step."""
     forecast = planner.belief.forecast
     done = forecast.first_step + planner.belief.step
-    return done < FIRST_OBSERVED or forecast.likeliest(done) == likeliest_cell(probability)
+    datum = most_probable(probability, 1)[0]
+    return done < FIRST_OBSERVED or forecast.most_probable(done) == datum
 
 
 @pytest.mark.parametrize("wrong", WRONG)
@@ -68,6 +68,20 @@ def test_the_expected_map_is_the_observed_one_whatever_drift_was_assumed(
     env = sea(case)
     planner = planner_for(misled(env, WRONG[wrong]), "belief_greedy")
     assert all(foresees(planner, probability) for _, probability in steps(env, planner))
+
+
+@pytest.mark.parametrize("start", [(9, 8), (1, 9), (2, 10)])
+@pytest.mark.parametrize("case", CASES)
+def test_so_it_is_when_the_datum_has_come_to_the_grids_edge(
+    case: str, start: tuple[int, int]
+) -> None:
+    # Where a step would lead out the datum stays, so that drifts of no one range explain its cells.
+    env = sea(case, grid_size=12, person_initial_position=start)
+    for wrong in ("faster", "slower", "both"):
+        planner = planner_for(misled(env, WRONG[wrong]), "belief_greedy")
+        assert all(foresees(planner, probability) for _, probability in steps(env, planner)), wrong
+        datum = env.world.worlds[["datum_x", "datum_y"]][0].tolist()
+        assert {0, 11} & set(datum)
 
 
 @pytest.mark.parametrize("wrong", WRONG)
@@ -94,14 +108,14 @@ def test_the_right_drift_changes_no_decision(name: str, case: str) -> None:
     assert played[0] == played[1]
 
 
-def test_the_searches_so_far_are_kept_when_the_drift_is_learned() -> None:
-    env = sea("v2", timestep_limit=40)
-    search = misled(env, (0.6, 0.6))
-    planner: Any = planner_for(search, "belief_greedy")
+@pytest.mark.parametrize("case", CASES)
+def test_the_searches_so_far_are_kept_when_the_drift_is_learned(case: str) -> None:
+    env = sea(case, timestep_limit=40)
+    planner: Any = planner_for(misled(env, (0.6, 0.6)), "belief_greedy")
     for _ in steps(env, planner):
         pass
-    search.scenario = planner.belief.forecast.scenario
-    informed: Any = planner_for(search, "belief_greedy", learn_drift=False)
+    learned = SearchDefinition(env.rules, planner.belief.forecast.scenario)
+    informed: Any = planner_for(learned, "belief_greedy", learn_drift=False)
     again: Any = planner_for(misled(env, (0.6, 0.6)), "belief_greedy")
     observations, infos = env.reset(seed=1)
     while env.agents:

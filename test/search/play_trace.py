@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prints digests of all that happens in long play, one per seed: `play_trace.py RULES SEED...`."""
+"""Prints digests of all that happens in long play: `play_trace.py RULES,... SEED...`."""
 
 from __future__ import annotations
 
@@ -46,5 +46,6 @@ def digest(rules: str, seed: int) -> str:
 
 
 if __name__ == "__main__":
-    for argument in sys.argv[2:]:
-        print(argument, digest(sys.argv[1], int(argument)))
+    for rules in sys.argv[1].split(","):
+        for argument in sys.argv[2:]:
+            print(rules, argument, digest(rules, int(argument)))

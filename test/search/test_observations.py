@@ -15,6 +15,7 @@ from paper_reference import SEARCH, moved, on_grid
 from play import missions, person_cells, put_person, some_actions, started, step
 
 from dsse_ros.search import HOLD, FieldError, parallel_env
+from dsse_ros.search.observation import most_probable
 
 
 def test_the_public_arguments_keep_their_names_and_are_keywords() -> None:
@@ -302,3 +303,24 @@ def test_an_option_of_none_is_no_option() -> None:
     env.reset(seed=1, options={"vector": None, "drones_positions": None})
     other.reset(seed=1, options={})
     assert env.world.state_bytes() == other.world.state_bytes()
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_the_most_probable_cells_are_the_end_of_a_stable_sort(data: st.DataObject) -> None:
+    size = data.draw(st.integers(1, 12))
+    count = data.draw(st.integers(1, size * size))
+    values = st.sampled_from([0.0, 0.125, 0.25, 0.5])
+    drawn = data.draw(st.lists(values, min_size=size * size, max_size=size * size))
+    probability = np.array(drawn, np.float32).reshape(size, size)
+    ordered = sorted(
+        ((col, row) for row in range(size) for col in range(size)),
+        key=lambda cell: probability[cell[1], cell[0]],
+    )
+    assert most_probable(probability, count) == ordered[-count:]
+
+
+def test_an_unknown_probability_is_the_worst() -> None:
+    probability = np.array([[np.nan, 0.1], [0.3, np.nan]], np.float32)
+    assert most_probable(probability, 2) == [(1, 0), (0, 1)]
+    assert most_probable(probability, 4)[2:] == [(1, 0), (0, 1)]

@@ -21,6 +21,7 @@ from dsse_ros.search import (
     vector_env,
 )
 from dsse_ros.search.fields import specs
+from dsse_ros.search.person_motion import MOTIONS
 
 RULES = tuple(PROFILES)
 
@@ -84,7 +85,7 @@ OTHERS: dict[str, tuple[Any, ...]] = {
     "time_out_grace": (2,),
     "drift_remainder": ("dropped", "less_one"),
     "reset_sea_steps": (1,),
-    "person_motion": ("drift",),
+    "person_motion": tuple(name for name in MOTIONS if name != "window"),
     "person_scatter": (2,),
     "grid_size": (7,),
     "vector": ((0.5, 0.25),),

@@ -22,6 +22,7 @@ from dsse_ros.search import (
     LazyMaps,
     kernels,
     parallel_env,
+    sea_map,
     vector_env,
 )
 from dsse_ros.search.world import HOLD
@@ -111,7 +112,7 @@ def test_whatever_arrays_are_handed_in_the_step_is_compiled_once() -> None:
     cells = np.zeros((BATCH, 4, 2), np.int64)
     env.step(actions)
     expected = parameters.cells(cells)
-    compiled = [len(kernels.step_worlds.signatures), len(kernels.read_cells.signatures)]
+    compiled = [len(kernels.step_worlds.signatures), len(sea_map.read_cells.signatures)]
     for array in (
         cells.astype(np.uint8),
         np.broadcast_to(np.int32(0), cells.shape),
@@ -122,7 +123,7 @@ def test_whatever_arrays_are_handed_in_the_step_is_compiled_once() -> None:
     for array in (np.broadcast_to(np.int8(4), actions.shape), np.asfortranarray(actions)):
         env.step(array)
     env.step(actions.astype(">i4"))
-    assert [len(kernels.step_worlds.signatures), len(kernels.read_cells.signatures)] == compiled
+    assert [len(kernels.step_worlds.signatures), len(sea_map.read_cells.signatures)] == compiled
 
 
 @pytest.mark.parametrize(

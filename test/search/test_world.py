@@ -6,8 +6,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dsse_ros.search import PROFILES, Scenario, World, kernels, profile
+from dsse_ros.search import HOLD, PROFILES, Scenario, World, kernels, profile
 from dsse_ros.search.world import constants_of
+
+
+@pytest.mark.parametrize("rules", PROFILES)
+def test_the_map_of_one_world_is_among_those_of_all(rules: str) -> None:
+    scenario = Scenario(grid_size=12, num_drones=2, vector=(0.4, -0.3), pre_search_minutes=2)
+    dense = World(scenario, profile(rules), 3)
+    bare = World(scenario, profile(rules), 3, write_maps=False)
+    for world in (dense, bare):
+        world.seed(5)
+        world.reset()
+    for _ in range(10):
+        for b in range(3):
+            assert bare.map_of(b).tobytes() == dense.map_of(b).tobytes() == dense.maps[b].tobytes()
+        for world in (dense, bare):
+            world.step(np.full((3, 2), HOLD, np.int8))
 
 
 @pytest.mark.parametrize("misspelt", ["colision", "find_bonuss"])

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the search is compiled: the options of Numba, and what its cache depends on.
+
+Numba compiles a function anew when its own module has changed, not when that of a function it calls
+has. What is compiled here calls across modules, so that it depends on all of them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+
+MODULES = (
+    "belief_kernels", "draws", "drift", "jit", "kernels", "person_motion", "sea_map", "streaming",
+)  # fmt: skip
+"""The modules of this package that have compiled functions, or what those depend on."""
+
+SOURCES = hashlib.sha256(
+    b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in MODULES)
+).hexdigest()
+
+
+def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Return a decorator that compiles a function, once until one of `MODULES` changes.
+
+    Args:
+        options: Of `numba.njit`, beside `cache` and `nogil`.
+    """
+    compile_function = njit(cache=True, nogil=True, **options)
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        dispatcher = compile_function(function)
+        # Numba has no option for it; without these attributes its cache stays as it is.
+        with contextlib.suppress(AttributeError):
+            file = dispatcher._cache._cache_file
+            file._source_stamp = (file._source_stamp, SOURCES)
+        return dispatcher
+
+    return decorate
+
+
+# Without Numba's own memory (NRT) a function cannot make arrays, and counts no references to them:
+# that took a third of the time of a small world.
+_KERNEL: dict[str, Any] = {"_nrt": False}
+_PART: dict[str, Any] = {**_KERNEL, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+kernel = compiled(**_KERNEL)
+"""Compiles what Python calls."""
+part = compiled(**_PART)
+"""Compiles what only kernels call, without the wrappers that the compiler would take long over."""
+inlined = compiled(**_PART, forceinline=True)
+"""Compiles a part into its callers, where the call itself would take long."""

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions that share a planner are what single ones are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from dsse_ros.planners import PLANNER_NAMES, Planner, planner_for
+from dsse_ros.planners.batch import play_missions
+from dsse_ros.search import FieldError, SearchDefinition, SearchEnv, parallel_env
+
+PAPER: dict[str, Any] = {"grid_size": 8, "num_drones": 2, "sigma": 2, "timestep_limit": 30}
+V2: dict[str, Any] = {
+    "rules": "v2", "grid_size": 12, "num_drones": 2, "person_initial_position": (6, 5),
+    "timestep_limit": 30,
+}  # fmt: skip
+CASES: dict[str, dict[str, Any]] = {
+    "paper": PAPER, "v1": {**PAPER, "rules": "v1"}, "v2": V2, "several": {**V2, "person_amount": 2},
+}  # fmt: skip
+OPTIONS: dict[str, dict[str, Any]] = {"belief": {"samples": 256, "width": 4, "horizon": 5}}
+SEEDS = range(70, 82)
+
+
+def alone(env: SearchEnv, planner: Planner, seed: int, lost: int | None) -> tuple[bool, int]:
+    """Play one mission; returns whether all were found, and the steps."""
+    observations, infos = env.reset(seed=seed)
+    steps, limit = 0, env.scenario.timestep_limit
+    while env.agents and steps < limit:
+        observations, _, _, _, infos = env.step(planner(observations, infos))
+        observations = {agent: observations[agent] for agent in env.agents}
+        steps += 1
+        if steps == lost:
+            env.withdraw(env.scenario.num_drones - 1)
+    found = bool(env.world.worlds["num_missing"][0] == 0) and not env.agents
+    return found, steps if found else limit
+
+
+@pytest.mark.parametrize(
+    "name", ["greedy", "random", "expanding_square", "belief_greedy", "belief"]
+)
+@pytest.mark.parametrize(
+    ("case", "lost"), [("paper", None), ("paper", 5), ("v1", None), ("v2", 5), ("several", None)]
+)
+def test_missions_that_share_a_planner_are_what_single_ones_are(
+    name: str, case: str, lost: int | None
+) -> None:
+    env = parallel_env(**CASES[case])
+    options = OPTIONS.get(name, {})
+    missions = play_missions(
+        len(SEEDS), name, seed=SEEDS, planner_seeds=(4, 5), options=options, withdraw_at=lost,
+        threads=2, **CASES[case],
+    )  # fmt: skip
+    for m, seed in enumerate(SEEDS):
+        planner = planner_for(env, name, seed=4 + m % 2, **options)
+        assert (missions.found[m], missions.steps[m]) == alone(env, planner, seed, lost)
+
+
+@pytest.mark.parametrize("name", PLANNER_NAMES)
+def test_every_planner_plays_missions(name: str) -> None:
+    missions = play_missions(5, name, seed=SEEDS[0], options=OPTIONS.get(name), **PAPER)
+    assert (missions.steps[missions.found] <= 30).all()
+    assert (missions.steps[~missions.found] == 30).all()
+    assert not missions.lost.any()
+
+
+def test_planners_may_be_given_another_scenario_than_the_one_that_is_played() -> None:
+    env = parallel_env(**V2, vector=(0.8, 0.6))
+    assumed = env.scenario.override(vector=(-0.5, 0.9))
+    missions = play_missions(
+        len(SEEDS), "belief_greedy", env.scenario, rules=env.rules, seed=SEEDS, assumed=assumed
+    )
+    for m, seed in enumerate(SEEDS):
+        planner = planner_for(SearchDefinition(env.rules, assumed), "belief_greedy")
+        assert (missions.found[m], missions.steps[m]) == alone(env, planner, seed, None)
+
+
+def test_a_drone_that_is_withdrawn_counts_as_lost() -> None:
+    missions = play_missions(20, "sweep", withdraw_at=3, **PAPER)
+    assert (missions.lost == ~missions.found).all() and not missions.found.all()
+
+
+def test_an_unknown_planner_is_refused() -> None:
+    with pytest.raises(FieldError, match="'beleif' is not known"):
+        play_missions(5, "beleif", **PAPER)
