@@ -15,7 +15,6 @@ from benchmarks.processes import BenchmarkError
 from benchmarks.workload import random_walks
 from dsse_ros.search import belief_kernels
 from dsse_ros.search.belief import Forecast
-from dsse_ros.search.person_motion import STAND_STILL, STEPS
 from dsse_ros.search.rules import ACTION_VECTORS
 from dsse_ros.search.scenario import scenario_and_rules
 from dsse_ros.search.world import World
@@ -178,7 +177,7 @@ class _Search:
         slot = self.forecast.look(self.forecast.first_step + step)
         directions = self.forecast.directions[slot].tolist()
         return [
-            None if direction == STAND_STILL else self.table(slot, direction)
+            None if direction == belief_kernels.STAND_STILL else self.table(slot, direction)
             for direction in directions
         ]
 
@@ -192,8 +191,8 @@ class _Search:
             forecast.constants, forecast.area, after, forecast.chances[slot],
             forecast.tables[slot], np.array([direction]), scratch,
         )  # fmt: skip
-        table = np.zeros((STEPS, side * side))
-        for step in range(STEPS):
+        table = np.zeros((belief_kernels.STEPS, side * side))
+        for step in range(belief_kernels.STEPS):
             offset = (step // 3 - 1) * side + step % 3 - 1
             table[step, max(-offset, 0) : side * side - max(offset, 0)] = after.diagonal(offset)
         return table.reshape(-1, side, side)

@@ -63,8 +63,7 @@ class Forecast:
         self.constants = constants_of(resolved, rules)
         self.area, self._runs = area_of(resolved)
         self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
-        has_own_drift = MOTIONS[rules.person_motion].own_drift
-        drifts = drift_samples if has_own_drift else 1
+        drifts = drift_samples if MOTIONS[rules.person_motion].own_drift else 1
         g = resolved.grid_size
         self.side = g + 2 * belief_kernels.MARGIN
         cells = self.side**2

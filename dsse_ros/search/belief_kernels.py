@@ -16,7 +16,6 @@ from dsse_ros.search.jit import inlined, kernel, part
 from dsse_ros.search.person_motion import (
     CHANCES,
     DRIFT_RANGES,
-    DRIFT_STEP,
     NO_STEP,
     SCRATCH,
     STAND_STILL,
@@ -24,9 +23,8 @@ from dsse_ros.search.person_motion import (
     gathered_step,
     own_drift,
     step_chances,
-    step_of_drift,
 )
-from dsse_ros.search.sea_map import cell_probability, drift_per_step, map_step
+from dsse_ros.search.sea_map import cell_probability, drift_per_step, map_step, step_within
 
 MARGIN = 3
 """Cells around the grid: one that a person can come back from, one that it cannot, and one where
@@ -120,8 +118,16 @@ def forecast_step(constants, worlds, gauss, tails, area, runs, circle, drifts, c
 
 
 @part
+def step_of_drift(c, area, x, y, direction):
+    """Return the step that a drift in this direction adds to, from a cell of the grid."""
+    dx, dy = direction % 3 - 1, direction // 3 - 1
+    to_x, to_y = step_within(area, c.grid_size, x, y, dx, dy)
+    return 3 * (to_y - y + 1) + to_x - x + 1
+
+
+@part
 def transition(c, area, chances, i, row):
-    """Write what a table has of a cell, by the motion of persons.
+    """Write what a table has of a cell, by the persons' motion.
 
     Args:
         c: The constants.
@@ -150,8 +156,7 @@ def complete(c, area, chances, table, i, row):
         c: The constants.
         area: Of `kernels.step_worlds`.
         chances: (S S,) of `forecast_step`.
-        table: (`CHANCES`, S S) float64, see `PersonMotion.chances`; the first row is negative where
-            nothing is known yet.
+        table: (`CHANCES`, S S) float64; the first row is negative where nothing is known yet.
         i: Column of the cell.
         row: (`ROW`,) float64 scratch.
     """
@@ -177,10 +182,10 @@ def look_up(c, area, chances, table, i, direction, row):
     complete(c, area, chances, table, i, row)
     for step in range(STEPS):
         row[step] = table[step, i]
-    if table[DRIFT_STEP, i] > 0.0:
+    if table[STEPS, i] > 0.0:
         side = c.grid_size + 2 * MARGIN
         x, y = i % side - MARGIN, i // side - MARGIN
-        row[step_of_drift(c, area, x, y, direction)] += table[DRIFT_STEP, i]
+        row[step_of_drift(c, area, x, y, direction)] += table[STEPS, i]
 
 
 @inlined
@@ -245,7 +250,7 @@ def move_row(c, area, now, chances, table, direction, after, row):
                 i = y * side + x
                 if now[i] > 0.0:
                     step = step_of_drift(c, area, x - MARGIN, y - MARGIN, direction)
-                    after[i + offset_of(c, step)] += now[i] * table[DRIFT_STEP, i]
+                    after[i + offset_of(c, step)] += now[i] * table[STEPS, i]
     for i in range(low, high):
         now[i] = after[i]
 

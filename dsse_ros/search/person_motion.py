@@ -45,9 +45,7 @@ STAND_STILL = -1
 """The direction of a drift that has not gathered a cell: its persons do not step at all."""
 
 CHANCES = STEPS + 1
-"""Length of what `PersonMotion.chances` writes to."""
-DRIFT_STEP = STEPS
-"""Where in it stands what is added to the step that a person's own drift has gathered."""
+"""What a belief knows of a cell: how probable each step is, and what a person's own drift adds."""
 
 SCRATCH = 100
 """Length of the scratch memory of `PersonMotion.chances`."""
@@ -64,9 +62,9 @@ class PersonMotion(NamedTuple):
         move: move(c, w, gauss, area, person, direction) draws a step and does it. Every random draw
             is one of `draws`.
         chances: chances(c, area, x, y, window, out, scratch) writes the probability of each step of
-            a person in the cell (x, y) to out (`CHANCES`,), and last what its own drift adds to
-            that of `step_of_drift`. `window` (9,) has the probabilities of the cells that the
-            steps lead to; `scratch` (`SCRATCH`,) is free to use.
+            a person in the cell (x, y) to out (`CHANCES`,), and last what is added to that of
+            `direction`, as `step_within` allows it. `window` (9,) has the probabilities of the
+            cells that the steps lead to; `scratch` (`SCRATCH`,) is free to use.
         own_drift: Whether each person has a drift of its own, drawn at reset, and steps only when
             it has gathered a cell.
     """
@@ -179,14 +177,7 @@ def drift_chances(_c, _area, _x, _y, window, out, _scratch):
         total += window[step]
     for step in range(STEPS):
         out[step] = window[step] / total
-    out[DRIFT_STEP] = DRIFT_WEIGHT / total
-
-
-@part
-def step_of_drift(c, area, x, y, direction):
-    """Return the step that a drift in this direction leads to from the cell (x, y)."""
-    to_x, to_y = step_within(area, c.grid_size, x, y, direction % 3 - 1, direction // 3 - 1)
-    return 3 * (to_y - y + 1) + to_x - x + 1
+    out[STEPS] = DRIFT_WEIGHT / total
 
 
 MOTIONS: dict[str, PersonMotion] = {
