@@ -132,10 +132,9 @@ GOALS = (
         for rules in ("paper", "v2")
     ),
     *(
-        Goal(f"beliefs B 1024, G 40, {rules}, {cores.replace('_', ' ')}", ">=", 20, "x NumPy",
-             _rates("belief_step", rules, cores, "numpy"))
+        Goal(f"beliefs B 1024, G 40, {rules}, two cores", ">=", 20, "x NumPy",
+             _rates("belief_step", rules, "two_cores", "numpy"))
         for rules in ("paper", "v2")
-        for cores in ("one_core", "two_cores")
     ),
     # No Python object and no allocation is smaller than that.
     Goal("memory growth over 10^6 steps: none", "<=", 1, "bytes per step", _growth),
