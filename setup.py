@@ -33,6 +33,7 @@ setup(
     license=manifest.findtext("license"),
     python_requires=">=3.10",
     packages=find_packages(include=["dsse_ros", "dsse_ros.*", "msg_adapters", "msg_adapters.*"]),
+    package_data={"dsse_ros.dashboard": ["*.css", "*.js"]},
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
     install_requires=[
         "gymnasium>=1.1",
@@ -53,6 +54,9 @@ setup(
         "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
         "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
+        # The program `dashboard`; `browser` drives one in its tests.
+        "dashboard": ["nicegui>=3.0", "pillow>=10.2"],
+        "browser": ["playwright>=1.49"],
         "test": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",

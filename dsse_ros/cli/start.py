@@ -89,3 +89,8 @@ def mavlink_bridge() -> int:
 def export_mission() -> int:
     """`ros2 run dsse_ros export_mission`."""
     return start("cli.export_mission")
+
+
+def dashboard() -> int:
+    """`ros2 run dsse_ros dashboard`."""
+    return start("nodes.dashboard")
