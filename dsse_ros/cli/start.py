@@ -16,6 +16,10 @@ from urllib.parse import unquote, urlsplit
 from dsse_ros.nodes.exit_codes import MISSING
 from dsse_ros.nodes.interrupts import leave_on_signals
 
+_OF_EXTRAS = {
+    name: ("dashboard", "make sim VIEW=1") for name in ("PIL", "fastapi", "nicegui", "uvicorn")
+}
+"""Of modules that `viz` does not bring: the extra that does, and what else."""
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 
 
@@ -49,7 +53,8 @@ def missing(error: ImportError) -> str | None:
         return f"an import has failed in Python {sys.version.partition(' ')[0]}: {reason}"
     if name in _ROS or name.endswith(("_msgs", "_srvs", "_interfaces")):
         return f"ROS 2 not found ({reason}): source a ROS 2, or use `make sim`, which brings one"
-    return f"{name} not found: pip install '{clone()}[viz]', or use `make sim`, which brings it"
+    extra, target = _OF_EXTRAS.get(name, ("viz", "make sim"))
+    return f"{name} not found: pip install '{clone()}[{extra}]', or use `{target}`, which brings it"
 
 
 def clone() -> str:

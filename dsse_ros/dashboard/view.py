@@ -158,6 +158,8 @@ class PageView:
             return f"Waiting for the first step_report in {mission.title}."
         if mission.info is None:
             return f"Waiting for agents in {mission.title}, which say what is searched."
+        if mission.publishers == 0 and mission.history.done:
+            return "The simulation has ended with its mission, which the time line shows again."
         if mission.publishers == 0:
             return f"The simulation in {mission.title} is gone. Waiting until it is back."
         return ""
