@@ -55,6 +55,12 @@ class MapImages:
                 self._bytes -= len(self._images.pop(stamp))
             self._stamps = sorted(self._images)
 
+    def keep_only(self, stamp_ns: int) -> None:
+        """Give up all images but that of a stamp."""
+        self._images = {k: image for k, image in self._images.items() if k == stamp_ns}
+        self._stamps = list(self._images)
+        self._bytes = sum(map(len, self._images.values()))
+
     def at(self, stamp_ns: int, first_ns: int) -> tuple[int, bytes] | None:
         """Return stamp and image of the last map between two stamps, both inclusive."""
         i = bisect_right(self._stamps, stamp_ns) - 1

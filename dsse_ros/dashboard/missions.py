@@ -136,8 +136,8 @@ class Mission:
     def _on_report(self, message: Any) -> None:
         report = step_report_from_message(message)
         if len(report):
-            history = self._history_of(report)
-            history.add(report, to_nanoseconds(message.header.stamp))
+            stamp_ns = to_nanoseconds(message.header.stamp)
+            self._history_of(report, stamp_ns).add(report, stamp_ns)
 
     def _on_mission_report(self, message: Any) -> None:
         reports = mission_report_from_message(message)
@@ -147,14 +147,15 @@ class Mission:
         if history is not None and known and len(reports) > len(history):
             history.add_all(reports)
 
-    def _history_of(self, report: NDArray[Any]) -> SearchHistory:
+    def _history_of(self, report: NDArray[Any], stamp_ns: int) -> SearchHistory:
         """Return the history that a report belongs to, a new one for another search."""
         history = self.history
         if history is None or history.key != _key(report) or history.num_drones != len(report):
             another = history is None or history.key[0] != int(report["run_id"][0])
             if another:
-                # Mission time may begin anew with another run.
-                self.maps = {layer: MapImages() for layer in LAYERS}
+                # Mission time may begin anew. The map of a step comes before its report.
+                for maps in self.maps.values():
+                    maps.keep_only(stamp_ns)
             history = self.history = SearchHistory(*_key(report), len(report))
             for *key, step, pos in self._early_pos:
                 if tuple(key) == history.key:

@@ -99,9 +99,13 @@ class MissionPage:
             self._map.on("point", self._on_point, throttle=0.05)
             self._place = ui.label().classes("place").props("role=status")
             with ui.element("div").classes("timeline"):
-                self._slider = ui.slider(min=0, max=1, value=0)
-                self._slider.props("label aria-label='Step that is shown'")
-                self._slider.on("update:model-value", self._on_seek)
+                # The browser's own, whose keys and name for screen readers are as they should be.
+                self._time = ui.element("input")
+                self._time.props("type=range min=0 max=1 aria-label='Step that is shown'")
+                self._time.on(
+                    "input", self._on_seek, js_handler="(e) => emit(Number(e.target.value))",
+                    throttle=0.05,
+                )  # fmt: skip
                 self._live = self._button("Live", "fast_forward", self._on_live)
             ui.html(
                 '<ul class="legend" aria-label="Legend">'
@@ -157,11 +161,13 @@ class MissionPage:
     def _on_layer(self) -> None:
         self._view.layer = self._layer.value
 
-    def _on_seek(self) -> None:
+    def _on_seek(self, event: Any) -> None:
         history = self._view.history
-        step = int(self._slider.value or 0)
+        step = int(event.args)
         if history is not None:
             self._view.step = None if step >= history.steps[-1] else step
+        # It stands there already.
+        self._time.props["value"] = step
         self._slow_s = 0.0
 
     def _on_live(self) -> None:
@@ -200,7 +206,7 @@ class MissionPage:
                 self._sent = (frame["number"], now_s)
                 self._map.draw(frame)
                 self._set_text(self._headline, self._view.headline())
-                self._update_slider()
+                self._update_time()
         if now_s - self._slow_s >= _SLOW_S:
             self._slow_s = now_s
             self._update_slowly()
@@ -209,17 +215,16 @@ class MissionPage:
         if label.text != text:
             label.set_text(text)
 
-    def _update_slider(self) -> None:
+    def _update_time(self) -> None:
         history = self._view.history
         if history is None:
             return
         first, last = history.steps[0], history.steps[-1]
-        props = self._slider.props
-        if (props["min"], props["max"]) != (first, max(last, first + 1)):
-            props["min"], props["max"] = first, max(last, first + 1)
         shown = last if self._view.step is None else self._view.step
-        if self._slider.value != shown:
-            self._slider.set_value(shown)
+        now = {"min": first, "max": max(last, first + 1), "value": shown}
+        if any(self._time.props.get(name) != value for name, value in now.items()):
+            self._time.props.update(now)
+            self._time.update()
 
     def _update_slowly(self) -> None:
         view, mission = self._view, self._view.mission

@@ -31,6 +31,9 @@ _LOOK_S = 0.5
 """Wall time between looks for simulations and vehicles."""
 _COMMANDS_S = 0.05
 """Wall time between looks for commands of the page."""
+_SILENCE_S = 3.0
+"""Wall time without a message after which a simulation is taken to be gone: its diagnostics come
+once a second, and one that was killed has publishers for 20 s more."""
 _ANSWER_S = 5.0
 """Wall time that a service has to answer."""
 
@@ -62,12 +65,14 @@ class Simulation:
 
     Attributes:
         node: Full name of its node, "" before it is known.
-        publishers: How many publish its reports.
+        publishers: How many publish its reports, as the page knows it.
+        heard_s: When the last message of it came, on a steady clock.
         topics: Those that are subscribed to, relative to its namespace.
     """
 
     node: str = ""
     publishers: int = -1
+    heard_s: float = field(default_factory=time.monotonic)
     topics: set[str] = field(default_factory=set)
 
 
@@ -135,12 +140,17 @@ class DashboardNode(AlarmNode):
         if publishers:
             node = publishers[0]
             simulation.node = f"{node.node_namespace.rstrip('/')}/{node.node_name}"
-        if simulation.publishers != len(publishers):
-            simulation.publishers = len(publishers)
-            self._put(namespace, "publishers", len(publishers))
+        silent = time.monotonic() - simulation.heard_s > _SILENCE_S
+        count = 0 if silent else len(publishers)
+        if simulation.publishers != count:
+            simulation.publishers = count
+            self._put(namespace, "publishers", count)
 
     def _subscribe(self, namespace: str, topic: str, kind: Any, qos: Any) -> None:
+        simulation = self._simulations[namespace]
+
         def take(message: bytes) -> None:
+            simulation.heard_s = time.monotonic()
             read = partial(deserialize_message, message, kind)
             self.inbox.put(Received(namespace, topic, read))
 
@@ -153,6 +163,7 @@ class DashboardNode(AlarmNode):
         for status in message.status:
             for namespace, simulation in self._simulations.items():
                 if simulation.node.lstrip("/") == status.name.lstrip("/"):
+                    simulation.heard_s = time.monotonic()
                     self._put(namespace, "diagnostics", status)
 
     # Commands
