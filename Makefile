@@ -49,7 +49,7 @@ help: ## List the targets
 		printf 'make %-11s %s\n' "$$target" "$$text"; done
 
 sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder VIEW=1
-	@$(BIN)/run_mission $(MISSION)$(if $(VIEW), --view)
+	@$(BIN)/run_mission $(MISSION) $(if $(VIEW),--view)
 
 sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)

@@ -16,6 +16,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
+from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.parameters import descriptor
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, BridgeSettings, PlannerSettings, SimSettings
@@ -160,10 +161,11 @@ TABLES = {
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
     "mavlink_bridge": lambda: settings_table(BridgeSettings),
+    "dashboard": lambda: settings_table(DashboardSettings),
     "scenario": scenario_table,
     "rules": rules_table,
 }
-PAGES = ("docs/flight.md", "docs/parameters.md", "docs/ros.md")
+PAGES = ("docs/dashboard.md", "docs/flight.md", "docs/parameters.md", "docs/ros.md")
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
 

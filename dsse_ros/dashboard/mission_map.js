@@ -253,8 +253,17 @@ export default {
       const [col, row] = this.pointed;
       const side = Math.max(cell, 8 * unit);
       c.strokeStyle = theme.ink;
-      c.lineWidth = 2 * unit;
-      c.strokeRect((col + 0.5) * cell - side / 2, (row + 0.5) * cell - side / 2, side, side);
+      c.lineWidth = unit;
+      c.setLineDash([5 * unit, 4 * unit]);
+      const [x, y] = [(col + 0.5) * cell, (row + 0.5) * cell];
+      c.strokeRect(x - side / 2, y - side / 2, side, side);
+      c.beginPath();
+      c.moveTo(0, y);
+      c.lineTo(c.canvas.width, y);
+      c.moveTo(x, 0);
+      c.lineTo(x, c.canvas.height);
+      c.stroke();
+      c.setLineDash([]);
     },
   },
 };

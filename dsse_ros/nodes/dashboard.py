@@ -37,7 +37,7 @@ once a second, and one that was killed has publishers for 20 s more."""
 _ANSWER_S = 5.0
 """Wall time that a service has to answer."""
 
-_TOPICS = {
+TOPICS = {
     "agents": (String, LATCHED),
     "step_report": (PointCloud2, COMPLETE),
     "mission_report": (PointCloud2, LATCHED),
@@ -45,7 +45,9 @@ _TOPICS = {
     "probability_grid": (OccupancyGrid, LATCHED),
     "belief_grid": (OccupancyGrid, LATCHED),
 }
-_OF_VEHICLE = {"vehicle_state": (DiagnosticArray, LATCHED), "vehicle_pose": (PoseStamped, RELIABLE)}
+"""Of each simulation, relative to its namespace."""
+OF_VEHICLE = {"vehicle_state": (DiagnosticArray, LATCHED), "vehicle_pose": (PoseStamped, RELIABLE)}
+"""Of each vehicle, relative to the name of its drone."""
 _EVERY_MESSAGE = ("agents", "step_report", "probability_of_success", "answer")
 """Topics of which the page needs more than the last message."""
 _REPORTS = re.compile(r"(?P<namespace>.*)/step_report")
@@ -124,7 +126,7 @@ class DashboardNode(AlarmNode):
                 simulation = self._simulations.get(match["namespace"])
                 if simulation is not None and match["topic"] not in simulation.topics:
                     simulation.topics.add(match["topic"])
-                    self._subscribe(match["namespace"], match["topic"], *_OF_VEHICLE[match["kind"]])
+                    self._subscribe(match["namespace"], match["topic"], *OF_VEHICLE[match["kind"]])
 
     def _join(self, namespace: str) -> None:
         simulation = self._simulations.get(namespace)
@@ -135,7 +137,7 @@ class DashboardNode(AlarmNode):
                 return
             simulation = self._simulations[namespace] = Simulation()
             self.get_logger().info(f"showing the mission in {namespace or '/'}")
-            for topic, (kind, qos) in _TOPICS.items():
+            for topic, (kind, qos) in TOPICS.items():
                 self._subscribe(namespace, topic, kind, qos)
         if publishers:
             node = publishers[0]
