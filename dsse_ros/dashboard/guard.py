@@ -2,7 +2,7 @@
 """Who may see the page: an ASGI middleware for HTTP and WebSocket alike.
 
 A page on loopback can be reached by any other page of the same browser, by a name that leads to
-127.0.0.1 (DNS rebinding) or from a script: so Host and Origin are looked at, whoever asks.
+127.0.0.1 (DNS rebinding) or from a script: so Host and Origin are always looked at.
 """
 
 from __future__ import annotations

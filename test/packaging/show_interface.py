@@ -89,7 +89,7 @@ if __name__ == "__main__":
         "sim_node": started(SimNode, *options),
         "planner_node": started(PlannerNode),
         "mavlink_bridge": started(BridgeNode, *of_bridge),
-        "dashboard": started(DashboardNode),
+        "dashboard": started(DashboardNode, "-p", "allowed_hosts:=['name.example']"),
     }
     # Which it subscribes to once there is a simulation.
     vehicles = {f"drone<i>/{topic}": one for topic, one in OF_VEHICLE.items()}

@@ -362,7 +362,7 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     made = re.findall(r"\bmake ([a-z-]+)(?!\w)((?: [A-Z]+=\S+)*)", text)
     assert {"sim", "test", "sitl-demo"} <= {target for target, _ in made} <= targets
     options = set(table(README, "Quick start", "Option"))
-    assert options == set(re.findall(r"\$\(if \$\(([A-Z]+)\),--\w+", makefile))
+    assert options == set(re.findall(r"\$\(if \$\(([A-Z]+)\),--\w+(?: '|\))", makefile))
     assert {name for _, given in made for name in re.findall(r"\b([A-Z]+)=", given)} <= options
 
     programs = set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text))
