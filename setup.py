@@ -55,7 +55,7 @@ setup(
         "land": ["global-land-mask>=1.0"],
         "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
         # The program `dashboard`; `browser` drives one in its tests.
-        "dashboard": ["nicegui>=3.0", "pillow>=10.2"],
+        "dashboard": ["nicegui>=3.18", "pillow>=10.2"],
         "browser": ["playwright>=1.49"],
         "test": [
             "colcon-common-extensions>=0.3",

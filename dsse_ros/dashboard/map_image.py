@@ -29,7 +29,7 @@ def map_png(occupancy: NDArray[np.int8]) -> bytes:
     """
     levels = _shrunk(np.clip(occupancy, -1, 100))
     pixels = np.where(levels < 0, _OUTSIDE, levels).astype(np.uint8)
-    image = Image.fromarray(pixels, "P")
+    image = Image.frombytes("P", (pixels.shape[1], pixels.shape[0]), pixels.tobytes())
     image.putpalette(_PALETTE)
     buffer = io.BytesIO()
     image.save(buffer, "PNG", transparency=_ALPHA, compress_level=1)

@@ -69,7 +69,7 @@ class PageServer:
         names = (settings.host, socket.gethostname(), *settings.allowed_hosts)
         guarded = Guard(app, names=names, any_address=wildcard, token=token)
         config = uvicorn.Config(
-            guarded, log_config=None, access_log=False, ws="websockets-sansio",
+            guarded, log_config=None, access_log=False,
             server_header=False, lifespan="on",
         )  # fmt: skip
         self._server = uvicorn.Server(config)
