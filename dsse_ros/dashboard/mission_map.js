@@ -38,6 +38,11 @@ export default {
   methods: {
     // Called by the server with a frame; answered by the event `drawn`, so that none piles up.
     async draw(frame) {
+      if (frame.first > this.rows.length) {
+        // A frame was lost with a connection: the server sends all of it again.
+        this.$emit("ready");
+        return;
+      }
       this.rows.splice(frame.first, Infinity, ...frame.rows);
       if (frame.image !== undefined) {
         this.image = null;

@@ -103,28 +103,32 @@ class Mission:
         info = self._infos.get(self.history.key[0])
         return info if info and len(info.agents) == self.history.num_drones else None
 
-    def receive(self, topic: str, message: Any) -> None:
+    def receive(self, topic: str, read: Callable[[], Any]) -> None:
         """Take a message; one that cannot be read is noted in `trouble`.
 
         Args:
             topic: Relative to the namespace; `vehicle_state` and `vehicle_pose` follow the name of
                 a drone and a slash.
-            message: As it came.
+            read: Returns the message.
         """
-        drone, _, of_drone = topic.rpartition("/")
         try:
-            if of_drone == "vehicle_state":
-                self._on_vehicle_state(drone, message)
-            elif of_drone == "vehicle_pose":
-                self._on_vehicle_pose(drone, message)
-            elif topic in LAYERS:
-                self._on_map(topic, message)
-            else:
-                self._read[topic](message)
-        except ValueError as error:
-            self.trouble[topic] = str(error)
+            self._take(topic, read())
+        except Exception as error:
+            # Anybody can publish anything, and the page goes on.
+            self.trouble[topic] = " ".join(str(error).split()) or type(error).__name__
         else:
             self.trouble.pop(topic, None)
+
+    def _take(self, topic: str, message: Any) -> None:
+        drone, _, of_drone = topic.rpartition("/")
+        if of_drone == "vehicle_state":
+            self._on_vehicle_state(drone, message)
+        elif of_drone == "vehicle_pose":
+            self._on_vehicle_pose(drone, message)
+        elif topic in LAYERS:
+            self._on_map(topic, message)
+        else:
+            self._read[topic](message)
 
     def _on_agents(self, message: Any) -> None:
         info = agents_from_message(message)
@@ -163,7 +167,10 @@ class Mission:
         return history
 
     def _on_map(self, layer: str, message: Any) -> None:
-        image = map_png(occupancy_to_array(message))
+        occupancy = occupancy_to_array(message)
+        if not occupancy.size:
+            raise ValueError("data: no cells are not allowed")
+        image = map_png(occupancy)
         self.maps[layer].add(to_nanoseconds(message.header.stamp), image)
 
     def _on_pos(self, message: Any) -> None:
@@ -219,7 +226,7 @@ class Missions:
                 mission = Mission(one.namespace)
                 both = {**self.by_namespace, one.namespace: mission}
                 self.by_namespace = dict(sorted(both.items()))
-            mission.receive(one.topic, one.read())
+            mission.receive(one.topic, one.read)
 
 
 def level_of(status: Any) -> int:

@@ -19,11 +19,15 @@ SEARCHED, FOUND, STATE = 8, 16, 7
 FIELDS = {"grid_size": 7, "num_drones": 3, "sigma": 2.0, "timestep_limit": 25}
 
 
+def receive(mission: Mission, topic: str, message: Any) -> None:
+    mission.receive(topic, lambda: message)
+
+
 def show(mission: Mission, played: Played, *steps: Step) -> None:
-    mission.receive("agents", played.agents)
+    receive(mission, "agents", played.agents)
     for step in steps:
         for topic, message in step.messages.items():
-            mission.receive(topic, message)
+            receive(mission, topic, message)
     assert mission.trouble == {}
 
 
@@ -103,7 +107,7 @@ def test_missed_steps_come_with_the_report_of_the_mission(data: Any) -> None:
     show(whole, played, *steps)
     kept = data.draw(st.sets(st.integers(0, len(steps) - 1), min_size=1))
     show(partly, played, *(steps[i] for i in sorted(kept)))
-    partly.receive("mission_report", played.mission_report)
+    receive(partly, "mission_report", played.mission_report)
     assert whole.history is not None and partly.history is not None
     assert partly.history.steps == whole.history.steps
     assert list(partly.history.paths(4)) == list(whole.history.paths(4))
@@ -127,14 +131,16 @@ def test_pos_that_comes_before_its_report_is_kept(played: Played) -> None:
     mission = Mission("")
     shown = list(played.play(3, steps=4))
     for step in shown:
-        mission.receive("probability_of_success", step.messages["probability_of_success"])
+        receive(mission, "probability_of_success", step.messages["probability_of_success"])
     for step in shown:
-        mission.receive("step_report", step.messages["step_report"])
+        receive(mission, "step_report", step.messages["step_report"])
     assert mission.history is not None
     assert [pos for _, pos in mission.history.pos] == [step.pos for step in shown]
 
 
-@pytest.mark.parametrize("topic", ["agents", "step_report", "probability_of_success"])
+@pytest.mark.parametrize(
+    "topic", ["agents", "step_report", "probability_of_success", "probability_grid"]
+)
 def test_a_message_that_cannot_be_read_is_named_and_changes_nothing(
     played: Played, topic: str
 ) -> None:
@@ -143,11 +149,11 @@ def test_a_message_that_cannot_be_read_is_named_and_changes_nothing(
     show(mission, played, *shown)
     good = {**shown[0].messages, "agents": played.agents}[topic]
     broken = type(good)()
-    mission.receive(topic, broken)
+    receive(mission, topic, broken)
     assert mission.history is not None and len(mission.history) == 3
     if topic != "step_report":
         assert topic in mission.trouble and "\n" not in mission.trouble[topic]
-    mission.receive(topic, good)
+    receive(mission, topic, good)
     assert mission.trouble == {}
 
 
