@@ -22,6 +22,7 @@ export default {
   mounted() {
     this.frame = { grid: 0, names: [], vehicles: [] };
     this.rows = [];
+    this.past = null;
     this.image = null;
     this.pointed = null;
     this.drawn = 0;
@@ -43,6 +44,7 @@ export default {
         this.$emit("ready");
         return;
       }
+      if (this.past && frame.first < this.past.count) this.past = null;
       this.rows.splice(frame.first, Infinity, ...frame.rows);
       if (frame.image !== undefined) {
         this.image = null;
@@ -108,8 +110,9 @@ export default {
       if (grid <= 60) this.paintGrid(c, side, cell, theme);
       const last = this.shownRows();
       const unit = side / canvas.clientWidth;
-      this.paintSearched(c, cell, last, theme, unit);
-      this.paintTracks(c, cell, last, theme, unit);
+      this.paintPast(side, cell, last, theme, unit);
+      c.drawImage(this.past.searched.canvas, 0, 0);
+      c.drawImage(this.past.tracks.canvas, 0, 0);
       if (last) this.paintDrones(c, cell, this.rows[last - 1], theme, unit);
       this.paintVehicles(c, cell, theme, unit);
       if (this.pointed) this.paintPointed(c, cell, theme, unit);
@@ -132,32 +135,53 @@ export default {
       }
       c.stroke();
     },
+    // What was done up to the step that is shown is kept as two pictures: only what is new since is
+    // drawn, so that a long mission costs no more than a short one.
+    paintPast(side, cell, count, theme, unit) {
+      const key = [side, theme.ink, unit, this.frame.search, this.frame.names.length].join();
+      if (!this.past || this.past.key !== key || this.past.count > count) {
+        const layer = () => {
+          const canvas = document.createElement("canvas");
+          canvas.width = canvas.height = side;
+          return canvas.getContext("2d");
+        };
+        this.past = { key, count: 0, times: new Map(), lengths: [] };
+        this.past.searched = layer();
+        this.past.tracks = layer();
+      }
+      if (this.past.count === count) return;
+      this.paintSearched(this.past.searched, cell, count, theme, unit);
+      this.paintTracks(this.past.tracks, cell, count, theme, unit);
+      this.past.count = count;
+    },
+    // A frame inside each cell, thicker with each search of it; a shade where cells are small.
     paintSearched(c, cell, count, theme, unit) {
-      const times = new Map();
-      for (let k = 0; k < count; k++) {
+      const times = this.past.times, grid = this.frame.grid, changed = new Set();
+      for (let k = this.past.count; k < count; k++) {
         const row = this.rows[k];
         for (let j = 1; j < row.length; j += 3) {
           if (!(row[j + 2] & SEARCHED)) continue;
-          const key = row[j + 1] * this.frame.grid + row[j];
+          const key = row[j + 1] * grid + row[j];
           times.set(key, (times.get(key) || 0) + 1);
+          changed.add(key);
         }
       }
-      // A frame inside the cell, thicker with each search of it; a shade where cells are small.
       c.strokeStyle = c.fillStyle = theme.ink;
-      for (const [key, searches] of times) {
-        const col = key % this.frame.grid, row = Math.floor(key / this.frame.grid);
+      for (const key of changed) {
+        const searches = times.get(key);
+        const x = (key % grid) * cell, y = Math.floor(key / grid) * cell;
+        c.clearRect(x, y, cell, cell);
         if (cell < 10 * unit) {
           c.globalAlpha = Math.min(0.12 + 0.08 * searches, 0.5);
-          c.fillRect(col * cell, row * cell, cell, cell);
+          c.fillRect(x, y, cell, cell);
           continue;
         }
         const width = Math.max(cell * Math.min(0.02 + 0.03 * searches, 0.2), 1);
         const at = cell * 0.14 + width / 2;
         c.lineWidth = width;
         c.globalAlpha = 0.6;
-        c.strokeRect(col * cell + at, row * cell + at, cell - 2 * at, cell - 2 * at);
+        c.strokeRect(x + at, y + at, cell - 2 * at, cell - 2 * at);
       }
-      c.globalAlpha = 1;
     },
     // Where a drone is drawn: tracks through the same cells lie beside each other.
     place(row, i, cell, lanes) {
@@ -169,27 +193,35 @@ export default {
       return count < 2 ? 1 : Math.min(count | 1, 7);
     },
     paintTracks(c, cell, count, theme, unit) {
-      const lanes = this.lanes();
-      c.lineJoin = c.lineCap = "round";
+      const lanes = this.lanes(), lengths = this.past.lengths;
+      const from = Math.max(this.past.count - 1, 0);
+      c.lineJoin = "round";
       for (let i = 0; i < this.frame.names.length; i++) {
         const path = new Path2D();
-        let before = null;
-        for (let k = 0; k < count; k++) {
+        let before = null, length = 0;
+        for (let k = from; k < count; k++) {
           const [x, y] = this.place(this.rows[k], i, cell, lanes);
           if (!before) path.moveTo(x, y);
-          else if (x !== before[0] || y !== before[1]) path.lineTo(x, y);
+          else if (x !== before[0] || y !== before[1]) {
+            path.lineTo(x, y);
+            length += Math.hypot(x - before[0], y - before[1]);
+          }
           before = [x, y];
         }
+        if (!length) continue;
         c.setLineDash([]);
+        c.lineCap = "butt";
         c.strokeStyle = theme.halo;
         c.lineWidth = 3.4 * unit;
         c.stroke(path);
         c.setLineDash(DASHES[Math.floor(i / COLOURS.length) % DASHES.length].map((d) => d * unit));
+        c.lineDashOffset = lengths[i] || 0;
+        c.lineCap = "round";
         c.strokeStyle = COLOURS[i % COLOURS.length];
         c.lineWidth = 1.8 * unit;
         c.stroke(path);
+        lengths[i] = (lengths[i] || 0) + length;
       }
-      c.setLineDash([]);
     },
     paintDrones(c, cell, row, theme, unit) {
       const lanes = this.lanes();
