@@ -16,6 +16,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
+from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.parameters import descriptor
 from dsse_ros.nodes.settings import (
@@ -181,12 +182,16 @@ TABLES = {
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
     "mavlink_bridge": lambda: settings_table(BridgeSettings),
+    "dashboard": lambda: settings_table(DashboardSettings),
     "metrics": metrics_table,
     "recorder": lambda: settings_table(RecorderSettings),
     "scenario": scenario_table,
     "rules": rules_table,
 }
-PAGES = tuple(f"docs/{name}.md" for name in ("flight", "parameters", "recording", "report", "ros"))
+PAGES = tuple(
+    f"docs/{name}.md"
+    for name in ("dashboard", "flight", "parameters", "recording", "report", "ros")
+)
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
 

@@ -186,6 +186,15 @@ def test_whatever_else_is_missing_is_named_on_one_line(
     assert child.returncode == start.MISSING
 
 
+def test_the_page_names_the_extra_that_it_needs(tmp_path: Path) -> None:
+    child = launch("dashboard", tmp_path, "import sys\nsys.modules['nicegui'] = None")
+    output, _ = child.communicate(timeout=TIMEOUT_S)
+    (line,) = output.splitlines()
+    assert line.startswith("dashboard: nicegui not found: pip install")
+    assert f"'{start.clone()}[dashboard]'" in line and "make sim VIEW=1" in line
+    assert child.returncode == start.MISSING
+
+
 def test_a_ros_2_of_another_python_is_reported_on_one_line(tmp_path: Path) -> None:
     (tmp_path / "rclpy").mkdir()
     (tmp_path / "rclpy" / "__init__.py").write_text(

@@ -44,9 +44,14 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"dsse_ros.flight", "msg_adapters"},
         {"ros", "messages"},
     ),
+    "dsse_ros.dashboard": (
+        {"dsse_ros.dashboard", "msg_adapters", "dsse_ros.search"},
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.nodes": (
         {
             "dsse_ros.nodes",
+            "dsse_ros.dashboard",
             "dsse_ros.flight",
             "dsse_ros.mission",
             "dsse_ros.recording",
@@ -153,6 +158,9 @@ def test_a_module_imports_only_from_below(module: str, file: Path) -> None:
         ("dsse_ros.flight.fence", "from dsse_ros.search.fields import FieldError"),
         ("dsse_ros.flight.fence", "from ..mission.mission import Mission"),
         ("dsse_ros.nodes.sim_node", "from dsse_ros.cli.command_line import Parser"),
+        ("dsse_ros.dashboard.view", "from rclpy.node import Node"),
+        ("dsse_ros.dashboard.view", "from std_msgs.msg import String"),
+        ("dsse_ros.dashboard.view", "from dsse_ros.nodes.dashboard import DashboardNode"),
         ("msg_adapters.poses", "from rclpy.time import Time"),
         ("msg_adapters.poses", "from dsse_ros.nodes import sim_node"),
         ("msg_adapters.poses", "import logging"),
