@@ -13,13 +13,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import conversion, goals, lockstep, memory, plot, seeding, speed, start_up
+from benchmarks import (
+    conversion,
+    goals,
+    lockstep,
+    memory,
+    plot,
+    recorded,
+    seeding,
+    speed,
+    start_up,
+)
 from benchmarks.processes import ROOT, BenchmarkError
 from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5
-SECTIONS = ("speed", "seeding", "start_up", "memory", "conversion", "lockstep")
+SECTIONS = ("speed", "seeding", "start_up", "memory", "conversion", "lockstep", "recorded")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -51,6 +61,9 @@ def main(arguments: list[str] | None = None) -> int:
         "conversion": lambda: conversion.measure(30 if quick else 300),
         "lockstep": lambda: lockstep.measure(
             rounds=2 if quick else 5, seconds=1.0 if quick else 2.5, log=_print
+        ),
+        "recorded": lambda: recorded.measure(
+            rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
         ),
     }
     for name in given.only or SECTIONS:

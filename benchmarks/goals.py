@@ -62,6 +62,14 @@ def _lockstep(figures: Figures) -> tuple[float, float] | None:
     return max(ours) / max(bare), median(ours) / median(bare)
 
 
+def _recorded(figures: Figures) -> tuple[float, float] | None:
+    rates = figures.get("recorded")
+    if not rates:
+        return None
+    with_it, without = rates["recorded"], rates["plain"]
+    return max(with_it) / max(without), median(with_it) / median(without)
+
+
 def _conversion(figures: Figures) -> tuple[float, float] | None:
     found = figures.get("conversion")
     if not found:
@@ -121,6 +129,7 @@ GOALS = (
     Goal("OccupancyGrid 1000 x 1000, world to message", "<=", 5, "x copying the bytes",
          _conversion),
     Goal("sim_node lockstep, 20 drones, all topics", ">=", 0.8, "x bare ping-pong", _lockstep),
+    Goal("sim_node lockstep, 20 drones, recorded", ">=", 0.8, "x not recorded", _recorded),
     # No Python object and no allocation is smaller than that.
     Goal("memory growth over 10^6 steps: none", "<=", 1, "bytes per step", _growth),
     Goal("import without compiler cache to first step", "<=", 15, "s",
