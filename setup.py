@@ -53,7 +53,7 @@ setup(
         "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
         # What `recorder` and `replay` write and read.
-        "record": ["mcap>=1.5"],
+        "record": ["mcap>=1.6"],
         "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
         "test": [
             "colcon-common-extensions>=0.3",
