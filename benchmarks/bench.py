@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
+    belief_step,
     conversion,
     goals,
     lockstep,
@@ -29,7 +30,17 @@ from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, in
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5
-SECTIONS = ("speed", "seeding", "start_up", "memory", "conversion", "lockstep", "recorded")
+SECTIONS = (
+    "speed",
+    "seeding",
+    "start_up",
+    "memory",
+    "conversion",
+    "lockstep",
+    "belief_over_ros",
+    "belief_step",
+    "recorded",
+)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -62,6 +73,10 @@ def main(arguments: list[str] | None = None) -> int:
         "lockstep": lambda: lockstep.measure(
             rounds=2 if quick else 5, seconds=1.0 if quick else 2.5, log=_print
         ),
+        "belief_over_ros": lambda: lockstep.measure_belief(
+            rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
+        ),
+        "belief_step": lambda: belief_step.measure(rounds=1 if quick else 3, log=_print),
         "recorded": lambda: recorded.measure(
             rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
         ),

@@ -54,20 +54,16 @@ def _speed(
     return lambda figures: ratio(figures["speed"], cell, of, to)
 
 
-def _lockstep(figures: Figures) -> tuple[float, float] | None:
-    rates = figures.get("lockstep", {}).get("20")
-    if not rates:
-        return None
-    ours, bare = rates["sim_node"], rates["ping_pong"]
-    return max(ours) / max(bare), median(ours) / median(bare)
+def _rates(
+    section: str, kind: str, of: str, to: str
+) -> Callable[[Figures], tuple[float, float] | None]:
+    def measured(figures: Figures) -> tuple[float, float] | None:
+        rates = figures.get(section, {}).get(kind)
+        if not rates:
+            return None
+        return max(rates[of]) / max(rates[to]), median(rates[of]) / median(rates[to])
 
-
-def _recorded(figures: Figures) -> tuple[float, float] | None:
-    rates = figures.get("recorded")
-    if not rates:
-        return None
-    with_it, without = rates["recorded"], rates["plain"]
-    return max(with_it) / max(without), median(with_it) / median(without)
+    return measured
 
 
 def _conversion(figures: Figures) -> tuple[float, float] | None:
@@ -128,8 +124,20 @@ GOALS = (
     Goal("seeding 100 000 worlds", "<=", 0.2, "s", _seconds("seeding", "seconds")),
     Goal("OccupancyGrid 1000 x 1000, world to message", "<=", 5, "x copying the bytes",
          _conversion),
-    Goal("sim_node lockstep, 20 drones, all topics", ">=", 0.8, "x bare ping-pong", _lockstep),
-    Goal("sim_node lockstep, 20 drones, recorded", ">=", 0.8, "x not recorded", _recorded),
+    Goal("sim_node lockstep, 20 drones, all topics", ">=", 0.8, "x bare ping-pong",
+         _rates("lockstep", "20", "sim_node", "ping_pong")),
+    *(
+        Goal(f"sim_node lockstep, 20 drones, belief, {rules}", ">=", 0.8, "x without",
+             _rates("belief_over_ros", rules, "published", "none"))
+        for rules in ("paper", "v2")
+    ),
+    *(
+        Goal(f"beliefs B 1024, G 40, {rules}, two cores", ">=", 20, "x NumPy",
+             _rates("belief_step", rules, "two_cores", "numpy"))
+        for rules in ("paper", "v2")
+    ),
+    Goal("sim_node lockstep, 20 drones, recorded", ">=", 0.8, "x not recorded",
+         _rates("recorded", "20", "recorded", "plain")),
     # No Python object and no allocation is smaller than that.
     Goal("memory growth over 10^6 steps: none", "<=", 1, "bytes per step", _growth),
     Goal("import without compiler cache to first step", "<=", 15, "s",

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.processes import ROOT, BenchmarkError, Process, last_line
 from benchmarks.workload import random_walks
@@ -24,6 +25,14 @@ GRID_SIZE = 40
 LIMIT = 100
 STEPS = LIMIT + 1
 CAPTURE_TIMEOUT_S = 120
+
+BELIEF_DRONES = 20
+# Nobody is found, yet each search is one to learn from.
+UNLIKELY = {"probability_of_detection": 1e-12}
+BELIEFS: dict[str, dict[str, Any]] = {
+    "none": {"compute_pos": "never", **UNLIKELY},
+    "published": {"publish_belief": "true", **UNLIKELY},
+}
 
 
 def measure(
@@ -50,11 +59,7 @@ def _measure(num_drones: int, rounds: int, seconds: float) -> dict[str, Any]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         workload, recording = folder / "walk.npz", folder / "recording.json"
-        starts, actions = random_walks(
-            GRID_SIZE, num_drones, profile("paper").actions, STEPS, worlds=1, seed=1
-        )
-        np.savez(workload, starts=starts, actions=actions)
-
+        starts = _write_walk(workload, "paper", num_drones)
         domains = {"sim_node": _environment(0), "ping_pong": _environment(1)}
         stack.enter_context(
             _node("dsse_ros.nodes.sim_node", _parameters(starts), domains["sim_node"])
@@ -75,15 +80,65 @@ def _measure(num_drones: int, rounds: int, seconds: float) -> dict[str, Any]:
             peers[name] = stack.enter_context(Process("lockstep", environment=domains[name]))
             peers[name].set_up({"node": node, "workload": str(workload)})
             peers[name].rate(seconds)
-        for turn in range(rounds):
-            for name in list(peers)[:: 1 if turn % 2 == 0 else -1]:
-                rates[name].append(peers[name].rate(seconds))
+        _take_turns(peers, rounds, seconds, rates)
         topics = json.loads(recording.read_text())
     return {
         **rates,
         "messages_per_step": float(sum(topic["per_step"] for topic in topics)),
         "bytes_per_step": sum(len(t["message"]) * 3 // 4 for t in topics if t["per_step"]),
     }
+
+
+def measure_belief(
+    *, rounds: int, seconds: float, log: Callable[[str], None]
+) -> dict[str, dict[str, list[float]]]:
+    """Return steps per second by rules, of missions without a belief and of one that goes out.
+
+    Both take turns, with as many drones as `BELIEF_DRONES`.
+    """
+    found = {}
+    for rules in ("paper", "v2"):
+        rates: dict[str, list[float]] = {name: [] for name in BELIEFS}
+        try:
+            with ExitStack() as stack:
+                workload = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "walk.npz"
+                starts = _write_walk(workload, rules, BELIEF_DRONES)
+                peers = {}
+                for offset, (name, parameters) in enumerate(BELIEFS.items()):
+                    domain = _environment(offset)
+                    given = _parameters(starts, rules=rules, **parameters)
+                    stack.enter_context(_node("dsse_ros.nodes.sim_node", given, domain))
+                    peers[name] = stack.enter_context(Process("lockstep", environment=domain))
+                    peers[name].set_up({"node": "dsse_sim", "workload": str(workload)})
+                    peers[name].rate(seconds)
+                _take_turns(peers, rounds, seconds, rates)
+        except (BenchmarkError, subprocess.SubprocessError) as error:
+            log(f"belief over ROS, {rules}: {error}")
+            continue
+        found[rules] = rates
+        log(
+            f"{rules:>7}{max(rates['none']):10.1f} without belief"
+            f"{max(rates['published']):10.1f} with belief   steps/s"
+        )
+    return found
+
+
+def _take_turns(
+    peers: dict[str, Process], rounds: int, seconds: float, rates: dict[str, list[float]]
+) -> None:
+    """Add the rates of each peer, in one order and then in the other."""
+    for turn in range(rounds):
+        for name in list(peers)[:: 1 if turn % 2 == 0 else -1]:
+            rates[name].append(peers[name].rate(seconds))
+
+
+def _write_walk(path: Path, rules: str, num_drones: int) -> NDArray[np.int64]:
+    """Write the actions of a mission, and return the cells (N, 2) where the drones start."""
+    starts, actions = random_walks(
+        GRID_SIZE, num_drones, profile(rules).actions, STEPS, worlds=1, seed=1
+    )
+    np.savez(path, starts=starts, actions=actions)
+    return starts
 
 
 def _environment(offset: int) -> dict[str, str]:
@@ -96,7 +151,7 @@ def _environment(offset: int) -> dict[str, str]:
     }
 
 
-def _parameters(starts: Any) -> list[str]:
+def _parameters(starts: NDArray[np.int64], **others: Any) -> list[str]:
     values = {
         "rules": "paper",
         "grid_size": GRID_SIZE,
@@ -105,6 +160,7 @@ def _parameters(starts: Any) -> list[str]:
         "probability_of_detection": 0.0,
         "auto_reset": "true",
         "seed": 1,
+        **others,
     }
     given = [part for name, value in values.items() for part in ("-p", f"{name}:={value}")]
     return ["--ros-args", "--log-level", "warn", *given]

@@ -96,6 +96,11 @@ def export_mission() -> int:
     return start("cli.export_mission")
 
 
+def report() -> int:
+    """`ros2 run dsse_ros report`."""
+    return start("cli.report")
+
+
 def recorder() -> int:
     """`ros2 run dsse_ros recorder`."""
     return start("nodes.recorder")

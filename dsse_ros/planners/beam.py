@@ -53,7 +53,7 @@ def roll(constants, area, chances, tables, directions, slots, offsets, rows, cel
         constants: (1,) of `kernels.CONSTANTS`.
         area: Of a `Forecast`.
         chances: (R, S S), of a `Forecast`.
-        tables: (R, S S, 9), of a `Forecast`.
+        tables: (R, 10, S S), of a `Forecast`.
         directions: (R, K), of a `Forecast`.
         slots: (H,) int64, where the forecast has the steps.
         offsets: (H,) float64 in [0, 1), of the draws.
@@ -61,7 +61,6 @@ def roll(constants, area, chances, tables, directions, slots, offsets, rows, cel
         cells: (H + 1, M) int64, the first row given, the others out.
     """
     c = constants[0]
-    side = c.grid_size + 2 * MARGIN
     row = np.empty(ROW)
     for h in range(len(slots)):
         slot = slots[h]
@@ -69,8 +68,7 @@ def roll(constants, area, chances, tables, directions, slots, offsets, rows, cel
         seen_cell, seen_direction = -1, -1
         for s in range(len(rows)):
             i, direction = now[s], directions[slot, rows[s] % directions.shape[1]]
-            x, y = i % side, i // side
-            if direction == STAND_STILL or x == 0 or y == 0 or x == side - 1 or y == side - 1:
+            if direction == STAND_STILL:
                 after[s] = i
                 continue
             if i != seen_cell or direction != seen_direction:
@@ -310,7 +308,7 @@ def exact_value(
         density: (C K, S S), of a `Belief`.
         pods: (C,), of a `Belief`.
         chances: (R, S S), of a `Forecast`.
-        tables: (R, S S, 9), of a `Forecast`.
+        tables: (R, 10, S S), of a `Forecast`.
         directions: (R, K), of a `Forecast`.
         slots: (H,) int64, where the forecast has the steps.
         plans: (N, H + 1) int64, the plans of all drones.

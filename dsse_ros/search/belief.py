@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from dsse_ros.search import belief_kernels, kernels
 from dsse_ros.search.actions import Cell
 from dsse_ros.search.observation import most_probable
-from dsse_ros.search.person_motion import MOTIONS, PERSONS, STEPS
+from dsse_ros.search.person_motion import CHANCES, MOTIONS, PERSONS
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import area_of, constants_of
@@ -50,7 +50,7 @@ class Forecast:
         first_step: Steps of the sea before a mission's first observation.
         side: S, columns and rows of the grid with its margins.
         chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
-        tables: (R, S S, 9) float64, see `belief_kernels.look_up`.
+        tables: (R, 10, S S) float64, see `belief_kernels.complete`.
         directions: (R, K) int64, see `belief_kernels.forecast_step`.
     """
 
@@ -63,15 +63,12 @@ class Forecast:
         self.constants = constants_of(resolved, rules)
         self.area, self._runs = area_of(resolved)
         self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
-        has_own_drift = MOTIONS[rules.person_motion].own_drift
-        drifts = drift_samples if has_own_drift else 1
+        drifts = drift_samples if MOTIONS[rules.person_motion].own_drift else 1
         g = resolved.grid_size
         self.side = g + 2 * belief_kernels.MARGIN
         cells = self.side**2
-        # In one cell, persons with drifts of their own step by different probabilities.
-        rows = 0 if has_own_drift else cells
         steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
-        if 8 * steps * (cells + STEPS * rows) > KEPT_BYTES:
+        if 8 * steps * cells * (1 + CHANCES) > KEPT_BYTES:
             # Beliefs that share it may be a step apart.
             steps = horizon + 2
         self._world = np.zeros(1, kernels.WORLDS)
@@ -82,7 +79,7 @@ class Forecast:
         self._tails = np.zeros((1, 2, g + 2))
         self._circle = np.zeros(g + 1, np.int64)
         self.chances = np.zeros((steps, cells))
-        self.tables = np.zeros((steps, rows, STEPS))
+        self.tables = np.zeros((steps, CHANCES, cells))
         self.directions = np.zeros((steps, drifts), np.int64)
         self._start()
 
@@ -107,7 +104,10 @@ class Forecast:
             )  # fmt: skip
             # Where the map stays as it was, what was computed for the step before holds again.
             stays = self._ready > 0 and np.array_equal(self.chances[slot], self.chances[before])
-            self.tables[slot] = self.tables[before] if stays else -1.0
+            if stays:
+                self.tables[slot] = self.tables[before]
+            else:
+                self.tables[slot, 0] = -1.0
             self._ready += 1
         return step % slots
 
@@ -219,7 +219,6 @@ class Belief:
             forecast.constants, forecast.area, self.density, forecast.chances[slot],
             forecast.tables[slot], forecast.directions[slot], self._scratch,
         )  # fmt: skip
-        belief_kernels.normalise(self.density)
         self.step += 1
 
     def observe_failed_searches(self, cells: Sequence[Cell]) -> None:

@@ -12,8 +12,9 @@ The sea is that of `sea_map`, and how probable a person's steps are says its mot
 
 from __future__ import annotations
 
-from dsse_ros.search.jit import kernel, part
+from dsse_ros.search.jit import inlined, kernel, part
 from dsse_ros.search.person_motion import (
+    CHANCES,
     DRIFT_RANGES,
     NO_STEP,
     SCRATCH,
@@ -23,12 +24,13 @@ from dsse_ros.search.person_motion import (
     own_drift,
     step_chances,
 )
-from dsse_ros.search.sea_map import cell_probability, drift_per_step, map_step
+from dsse_ros.search.sea_map import cell_probability, drift_per_step, map_step, step_within
 
-MARGIN = 2
-"""Cells around the grid: one that a person can come back from, one that it cannot."""
+MARGIN = 3
+"""Cells around the grid: one that a person can come back from, one that it cannot, and one where
+nobody ever is, so that every cell has neighbours."""
 
-ROW = 2 * STEPS + SCRATCH
+ROW = CHANCES + STEPS + SCRATCH
 """Length of what `transition` writes to."""
 
 NEGLIGIBLE = 1e-13
@@ -57,7 +59,7 @@ def is_lost(c, i):
     """Return whether a column is so far off the grid that no window reaches it any more."""
     side = c.grid_size + 2 * MARGIN
     x, y = i % side, i // side
-    return x == 0 or y == 0 or x == side - 1 or y == side - 1
+    return x <= 1 or y <= 1 or x >= side - 2 or y >= side - 2
 
 
 @kernel
@@ -116,52 +118,161 @@ def forecast_step(constants, worlds, gauss, tails, area, runs, circle, drifts, c
 
 
 @part
-def transition(c, area, chances, i, direction, row):
-    """Write the probabilities of a person's steps from a cell, by its motion.
+def step_of_drift(c, area, x, y, direction):
+    """Return the step that a drift in this direction adds to, from a cell of the grid."""
+    dx, dy = direction % 3 - 1, direction // 3 - 1
+    to_x, to_y = step_within(area, c.grid_size, x, y, dx, dy)
+    return 3 * (to_y - y + 1) + to_x - x + 1
+
+
+@part
+def transition(c, area, chances, i, row):
+    """Write what a table has of a cell, by the persons' motion.
 
     Args:
         c: The constants.
         area: Of `kernels.step_worlds`.
         chances: (S S,) of `forecast_step`.
         i: Column of the cell.
-        direction: Of `forecast_step`.
-        row: (`ROW`,) float64 out, the first 9; the rest is scratch.
+        row: (`ROW`,) float64 out, the first `CHANCES`; the rest is scratch.
     """
+    if is_lost(c, i):
+        row[:CHANCES] = 0.0
+        row[NO_STEP] = 1.0
+        return
     side = c.grid_size + 2 * MARGIN
-    window, scratch = row[STEPS : 2 * STEPS], row[2 * STEPS :]
+    window, scratch = row[CHANCES : CHANCES + STEPS], row[CHANCES + STEPS :]
     for step in range(STEPS):
         window[step] = chances[i + offset_of(c, step)]
     x, y = i % side - MARGIN, i // side - MARGIN
-    step_chances(c, area, x, y, direction, window, row[:STEPS], scratch)
+    step_chances(c, area, x, y, window, row[:CHANCES], scratch)
+
+
+@part
+def complete(c, area, chances, table, i, row):
+    """Have the column of a cell in a table.
+
+    Args:
+        c: The constants.
+        area: Of `kernels.step_worlds`.
+        chances: (S S,) of `forecast_step`.
+        table: (`CHANCES`, S S) float64; the first row is negative where nothing is known yet.
+        i: Column of the cell.
+        row: (`ROW`,) float64 scratch.
+    """
+    if table[0, i] < 0.0:
+        transition(c, area, chances, i, row)
+        for k in range(CHANCES):
+            table[k, i] = row[k]
 
 
 @part
 def look_up(c, area, chances, table, i, direction, row):
-    """Write the probabilities (9,) of the steps from a cell, from the table if there is one.
+    """Write the probabilities (9,) of the steps from a cell.
 
     Args:
         c: The constants.
         area: Of `kernels.step_worlds`.
         chances: (S S,) of `forecast_step`.
-        table: (S S, 9) float64, negative where nothing is known yet; (0, 9) for no table.
+        table: Of `complete`.
         i: Column of the cell.
         direction: Of `forecast_step`.
         row: (`ROW`,) float64 out, the rest is scratch.
     """
-    if len(table) == 0:
-        transition(c, area, chances, i, direction, row)
-    elif table[i, 0] < 0.0:
-        transition(c, area, chances, i, direction, row)
-        for step in range(STEPS):
-            table[i, step] = row[step]
-    else:
-        for step in range(STEPS):
-            row[step] = table[i, step]
+    complete(c, area, chances, table, i, row)
+    for step in range(STEPS):
+        row[step] = table[step, i]
+    if table[STEPS, i] > 0.0:
+        side = c.grid_size + 2 * MARGIN
+        x, y = i % side - MARGIN, i // side - MARGIN
+        row[step_of_drift(c, area, x, y, direction)] += table[STEPS, i]
+
+
+@inlined
+def add_products(out, a, ta, b, tb, c, tc, d, td, e, te, f, tf, g, tg, h, th, i, ti):
+    """Write the sum of nine products of arrays of one length: the compiler makes vectors of it."""
+    for j in range(len(out)):
+        out[j] = (
+            a[j] * ta[j] + b[j] * tb[j] + c[j] * tc[j]
+            + d[j] * td[j] + e[j] * te[j] + f[j] * tf[j]
+            + g[j] * tg[j] + h[j] * th[j] + i[j] * ti[j]
+        )  # fmt: skip
+
+
+@part
+def gather(now, table, after, low, high, side):
+    """Write what the steps from all cells bring to the cells low..high - 1."""
+    # The cells that the steps 8 to 0 come from.
+    a, b, c = low - side - 1, low - side, low - side + 1
+    d, e, f = low - 1, low, low + 1
+    g, h, i = low + side - 1, low + side, low + side + 1
+    n = high - low
+    add_products(
+        after[low:high],
+        now[a : a + n], table[8, a : a + n], now[b : b + n], table[7, b : b + n],
+        now[c : c + n], table[6, c : c + n], now[d : d + n], table[5, d : d + n],
+        now[e : e + n], table[4, e : e + n], now[f : f + n], table[3, f : f + n],
+        now[g : g + n], table[2, g : g + n], now[h : h + n], table[1, h : h + n],
+        now[i : i + n], table[0, i : i + n],
+    )  # fmt: skip
+
+
+@part
+def drop_negligible(now, known):
+    """Empty the negligible cells of a row; returns how many others are not in a table."""
+    unknown = 0
+    for i in range(len(now)):
+        here = now[i] if now[i] > NEGLIGIBLE else 0.0
+        now[i] = here
+        unknown += (here > 0.0) & (known[i] < 0.0)
+    return unknown
+
+
+@part
+def add_drift(c, area, y, now, added, direction, after):
+    """Add what the drift adds to a step from the cells of row y of the grid, see `complete`."""
+    start, end = index_of(c, 0, y), index_of(c, c.grid_size, y)
+    inner = 0
+    if area is None and 0 < y < c.grid_size - 1:
+        # All but the first and the last can step as the drift does.
+        inner = c.grid_size - 2
+        low = start + offset_of(c, direction) + 1
+        out, shares = after[low : low + inner], now[start + 1 : end - 1]
+        chances = added[start + 1 : end - 1]
+        for j in range(inner):
+            out[j] += shares[j] * chances[j]
+    for i in range(start, end, inner + 1):
+        if now[i] > 0.0:
+            step = step_of_drift(c, area, i - start, y, direction)
+            after[i + offset_of(c, step)] += now[i] * added[i]
+
+
+@part
+def move_row(c, area, now, chances, table, direction, after, row):
+    """Let the persons of one row of a belief take their step, see `predict`."""
+    count, side = len(now), c.grid_size + 2 * MARGIN
+    unknown = drop_negligible(now, table[0])
+    first, last = 0, count
+    while first < count and now[first] == 0.0:
+        first += 1
+    while last > first and now[last - 1] == 0.0:
+        last -= 1
+    if unknown > 0:
+        for i in range(first, last):
+            if now[i] > 0.0:
+                complete(c, area, chances, table, i, row)
+    low, high = max(first - side - 1, side + 1), min(last + side + 1, count - side - 1)
+    gather(now, table, after, low, high, side)
+    if c.own_drift:
+        for y in range(first // side - MARGIN, (last - 1) // side - MARGIN + 1):
+            add_drift(c, area, y, now, table[STEPS], direction, after)
+    for i in range(low, high):
+        now[i] = after[i]
 
 
 @kernel
 def predict(constants, area, belief, chances, table, directions, scratch):
-    """Let the persons of a belief take their step.
+    """Let the persons of a belief take their step; what it sums to stays as it is.
 
     Args:
         constants: (1,) of `kernels.CONSTANTS`.
@@ -169,30 +280,15 @@ def predict(constants, area, belief, chances, table, directions, scratch):
         belief: (C K, S S) float64.
         chances: (S S,) of `forecast_step`.
         directions: (K,) of `forecast_step`.
-        table: Of `look_up`.
+        table: Of `complete`.
         scratch: (S S + `ROW`,) float64.
     """
-    c = constants[0]
-    count, row = belief.shape[1], scratch[belief.shape[1] :]
+    c, count = constants[0], belief.shape[1]
+    after, row = scratch[:count], scratch[count:]
     for k in range(len(belief)):
         direction = directions[k % len(directions)]
-        if direction == STAND_STILL:
-            continue
-        now = belief[k]
-        for i in range(count):
-            scratch[i] = 0.0
-        for i in range(count):
-            here = now[i]
-            if here <= NEGLIGIBLE:
-                continue
-            if is_lost(c, i):
-                scratch[i] += here
-                continue
-            look_up(c, area, chances, table, i, direction, row)
-            for step in range(STEPS):
-                scratch[i + offset_of(c, step)] += here * row[step]
-        for i in range(count):
-            now[i] = scratch[i]
+        if direction != STAND_STILL:
+            move_row(c, area, belief[k], chances, table, direction, after, row)
 
 
 @kernel
@@ -222,6 +318,25 @@ def search(constants, belief, pods, x, y):
     return taken
 
 
+@part
+def total_of(shares):
+    """Return a sum, by eight sums at once: each addition waits for the one before."""
+    a = b = c = d = e = f = g = h = 0.0
+    eights = len(shares) // 8
+    for j in range(0, 8 * eights, 8):
+        a += shares[j]
+        b += shares[j + 1]
+        c += shares[j + 2]
+        d += shares[j + 3]
+        e += shares[j + 4]
+        f += shares[j + 5]
+        g += shares[j + 6]
+        h += shares[j + 7]
+    for j in range(8 * eights, len(shares)):
+        a += shares[j]
+    return ((a + b) + (c + d)) + ((e + f) + (g + h))
+
+
 @kernel
 def normalise(belief):
     """Scale a belief so that it sums to 1; returns what it summed to.
@@ -230,8 +345,7 @@ def normalise(belief):
     """
     total = 0.0
     for k in range(belief.shape[0]):
-        for i in range(belief.shape[1]):
-            total += belief[k, i]
+        total += total_of(belief[k])
     if total > 0.0:
         scale = 1.0 / total
         for k in range(belief.shape[0]):
@@ -307,7 +421,7 @@ def follow_worlds(
         start: (C K, S S) float64, the belief at a mission's first observation.
         pods: (C,) float64, probability of detection.
         chances: (R, S S) of `forecast_step`; that of step s of the sea is at s % R.
-        tables: (R, S S, 9) of `look_up`.
+        tables: (R, `CHANCES`, S S) of `complete`.
         directions: (R, K) of `forecast_step`.
         first_step: Steps of the sea before a mission's first observation.
         beliefs: (B, C K, S S) float64.
@@ -332,7 +446,6 @@ def follow_worlds(
                 pos[b],
             )  # fmt: skip
         predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
-        normalise(beliefs[b])
 
 
 @kernel

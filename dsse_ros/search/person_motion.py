@@ -44,6 +44,9 @@ NO_STEP = 4
 STAND_STILL = -1
 """The direction of a drift that has not gathered a cell: its persons do not step at all."""
 
+CHANCES = STEPS + 1
+"""What a belief knows of a cell: how probable each step is, and what a person's own drift adds."""
+
 SCRATCH = 100
 """Length of the scratch memory of `PersonMotion.chances`."""
 
@@ -58,10 +61,10 @@ class PersonMotion(NamedTuple):
         doc: What a person does, without a subject.
         move: move(c, w, gauss, area, person, direction) draws a step and does it. Every random draw
             is one of `draws`.
-        chances: chances(c, area, x, y, direction, window, out, scratch) writes the probability of
-            each step of a person in the cell (x, y) to out (9,). `window` (9,) has the
-            probabilities of the cells that the steps lead to; `scratch` (`SCRATCH`,) is free to
-            use.
+        chances: chances(c, area, x, y, window, out, scratch) writes the probability of each step of
+            a person in the cell (x, y) to out (`CHANCES`,), and last what is added to that of
+            `direction`, as `step_within` allows it. `window` (9,) has the probabilities of the
+            cells that the steps lead to; `scratch` (`SCRATCH`,) is free to use.
         own_drift: Whether each person has a drift of its own, drawn at reset, and steps only when
             it has gathered a cell.
     """
@@ -93,16 +96,16 @@ def move_to_best_cell(c, w, gauss, area, person, _direction):
 
 
 @part
-def best_cell_chances(c, area, x, y, _direction, window, out, scratch):
+def best_cell_chances(c, area, x, y, window, out, scratch):
     """Write the probabilities of the steps that can be the best one.
 
     A step is best if its weight times its factor exceeds those of all steps before it and is no
     less than those of all after it: for each factor, as many of the others' factors allow that.
     """
     candidates = 0
+    out[:] = 0.0
     for step in range(STEPS):
         candidates += window[step] > 0.0
-        out[step] = 0.0
     if candidates == 0:
         out[0 if walks_blind(c, area, x, y) else NO_STEP] = 1.0
         return
@@ -167,15 +170,14 @@ def move_with_drift(c, w, gauss, area, person, direction):
 
 
 @part
-def drift_chances(c, area, x, y, direction, window, out, _scratch):
+def drift_chances(_c, _area, _x, _y, window, out, _scratch):
     """Write the probabilities of the steps that `move_with_drift` draws."""
     total = DRIFT_WEIGHT
     for step in range(STEPS):
         total += window[step]
     for step in range(STEPS):
         out[step] = window[step] / total
-    to_x, to_y = step_within(area, c.grid_size, x, y, direction % 3 - 1, direction // 3 - 1)
-    out[3 * (to_y - y + 1) + to_x - x + 1] += DRIFT_WEIGHT / total
+    out[STEPS] = DRIFT_WEIGHT / total
 
 
 MOTIONS: dict[str, PersonMotion] = {

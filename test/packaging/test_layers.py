@@ -30,6 +30,16 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"dsse_ros.recording", "dsse_ros.mission", "msg_adapters", "dsse_ros.search"},
         {"mavlink"},
     ),
+    "dsse_ros.report": (
+        {
+            "dsse_ros.report",
+            "dsse_ros.recording",
+            "dsse_ros.mission",
+            "msg_adapters",
+            "dsse_ros.search",
+        },
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.flight": (
         {"dsse_ros.flight", "msg_adapters"},
         {"ros", "messages"},
@@ -137,6 +147,8 @@ def test_a_module_imports_only_from_below(module: str, file: Path) -> None:
         ("dsse_ros.mission.mission", "from ..nodes.settings import SimSettings"),
         ("dsse_ros.recording.bag", "from dsse_ros.nodes.recorder import RecorderNode"),
         ("dsse_ros.mission.mission", "from dsse_ros.recording.bag import read_bag"),
+        ("dsse_ros.report.bags", "from std_msgs.msg import String"),
+        ("dsse_ros.report.metrics", "from dsse_ros.nodes.settings import SimSettings"),
         ("dsse_ros.flight.link", "from rclpy.node import Node"),
         ("dsse_ros.flight.fence", "from dsse_ros.search.fields import FieldError"),
         ("dsse_ros.flight.fence", "from ..mission.mission import Mission"),
@@ -158,6 +170,7 @@ def test_an_import_from_above_is_seen(module: str, code: str) -> None:
             "import numpy as np\nfrom . import kernels\nfrom .rules import Rules",
         ),
         ("dsse_ros.planners.sweep", "from ..search.rules import Rules"),
+        ("dsse_ros.report.bags", "from dsse_ros.recording.bag import read_bag"),
         ("dsse_ros.flight.link", "from pymavlink import mavutil"),
         ("dsse_ros.flight.fence", "from msg_adapters.frames import GridFrame"),
         ("dsse_ros.flight.vehicle_follower", "from msg_adapters.track_missions import Leg"),

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The step of many beliefs, beside the same step in plain NumPy."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.processes import BenchmarkError
+from benchmarks.workload import random_walks
+from dsse_ros.search import belief_kernels
+from dsse_ros.search.belief import Forecast
+from dsse_ros.search.rules import ACTION_VECTORS
+from dsse_ros.search.scenario import scenario_and_rules
+from dsse_ros.search.world import World
+from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
+
+RULES = ("paper", "v2")
+WAYS = ("one_core", "two_cores", "numpy")
+GRID_SIZE, NUM_DRONES, BATCH, LIMIT = 40, 5, 1024, 100
+WALKS = 64
+POD = 0.8
+MEASURED = range(4, LIMIT, 10)
+"""Steps of a mission that are measured."""
+SHARES = 8
+"""Parts of the batch that two threads take one after the other."""
+TOLERANCE = 1e-12
+"""Cells of less than 1e-13 are empty in the compiled one."""
+
+Tables = Sequence[NDArray[np.float64] | None]
+
+
+def measure(
+    *, rounds: int, log: Callable[[str], None], batch: int = BATCH
+) -> dict[str, dict[str, list[float]]]:
+    """Return beliefs per second by rules, of a step with its failed searches, round by round.
+
+    A round is a mission, of which some steps are measured: by one thread, by two and by NumPy, all
+    from the same beliefs.
+
+    Args:
+        rounds: How many.
+        log: Gets a line for each of the rules.
+        batch: B, how many beliefs step at once.
+
+    Raises:
+        BenchmarkError: If NumPy's beliefs are others.
+    """
+    found = {}
+    for rules in RULES:
+        search = _Search(rules, batch)
+        rates: dict[str, list[float]] = {name: [] for name in WAYS}
+        # In the first round what all share is compiled and computed.
+        for turn in range(rounds + 1):
+            seconds = search.mission(reverse=turn % 2 == 1)
+            for name, taken in seconds.items():
+                if turn:
+                    rates[name].append(batch * len(MEASURED) / taken)
+        best = {name: max(measured) for name, measured in rates.items()}
+        log(
+            f"{rules:8}{best['one_core']:12.0f} one core{best['two_cores']:12.0f} two cores"
+            f"{best['numpy']:10.0f} NumPy   beliefs/s"
+        )
+        found[rules] = rates
+    return found
+
+
+def numpy_step(
+    belief: NDArray[np.float64],
+    searched: tuple[NDArray[np.int64], NDArray[np.int64]],
+    pod: float,
+    tables: Tables,
+) -> None:
+    """Let beliefs learn from failed searches and move on, in plain NumPy.
+
+    Args:
+        belief: (B, K, S, S) float64, S = G + 2 margins; in and out.
+        searched: Worlds and columns that were searched, each pair once.
+        pod: Probability of detection.
+        tables: Of each of the K drifts the probabilities (9, S, S) of the steps from each cell, see
+            `belief_kernels`; None where its persons stand still.
+    """
+    worlds, columns = searched
+    belief.reshape(*belief.shape[:2], -1)[worlds, :, columns] *= 1 - pod
+    belief /= belief.sum(axis=(1, 2, 3), keepdims=True)
+    after = np.empty((len(belief), *belief.shape[2:]))
+    inner = after.shape[1] - 2
+    product = np.empty((len(belief), inner, inner))
+    for k, table in enumerate(tables):
+        if table is None:
+            continue
+        after[:] = 0.0
+        for step, chances in enumerate(table):
+            row, col = divmod(step, 3)
+            np.multiply(belief[:, k, 1:-1, 1:-1], chances[1:-1, 1:-1], out=product)
+            after[:, row : row + inner, col : col + inner] += product
+        belief[:, k] = after
+
+
+def _seconds(do: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    do()
+    return time.perf_counter() - start
+
+
+class _Search:
+    """A batch of beliefs whose drones walk at random and search, and never find anybody.
+
+    The world does no step: it has what a belief reads of it, where the drones are.
+    """
+
+    def __init__(self, rules: str, batch: int) -> None:
+        chosen, self.rules = scenario_and_rules(rules=rules)
+        names = self.rules.actions
+        starts, walks = random_walks(GRID_SIZE, NUM_DRONES, names, LIMIT, WALKS, seed=1)
+        self.actions = np.tile(walks, (1, -(-batch // WALKS), 1))[:, :batch]
+        vectors = np.array([ACTION_VECTORS[name] for name in names])
+        self.cells = starts + np.cumsum(vectors[self.actions], axis=0)
+        scenario = chosen.override(
+            grid_size=GRID_SIZE, drones_positions=starts.tolist(), timestep_limit=LIMIT,
+            person_initial_position=(GRID_SIZE // 2, GRID_SIZE // 2), probability_of_detection=POD,
+        )  # fmt: skip
+        self.batch = batch
+        self.world = World(scenario, self.rules, batch, write_maps=False)
+        self.world.reset()
+        self.beliefs = WorldBeliefs(self.world)
+        self.forecast = Forecast(scenario, self.rules, drift_samples=DRIFT_SAMPLES)
+        self.table = cache(self._table)
+
+    def mission(self, *, reverse: bool) -> dict[str, float]:
+        """Return the seconds that each way took for the measured steps of a mission."""
+        taken = dict.fromkeys(WAYS, 0.0)
+        self.beliefs.reset()
+        with ThreadPoolExecutor(2) as pool:
+            ways = {"one_core": self.beliefs.after_step, "two_cores": partial(self._shared, pool)}
+            for step in range(LIMIT):
+                self._place(step)
+                if step not in MEASURED:
+                    self._shared(pool)
+                    continue
+                before = self.beliefs.density.copy()
+                for name in list(ways)[:: -1 if reverse else 1]:
+                    self.beliefs.density[:] = before
+                    taken[name] += _seconds(ways[name])
+                side = self.forecast.side
+                mine = before.reshape(self.batch, -1, side, side)
+                searched, tables = self._searched(step), self._tables(step)
+                taken["numpy"] += _seconds(partial(numpy_step, mine, searched, POD, tables))
+                self._compare(mine)
+        return taken
+
+    def _place(self, step: int) -> None:
+        """Have the drones do a step, and the beliefs know of it."""
+        world = self.world
+        self.beliefs.before_step(self.actions[step])
+        world.drones["x"], world.drones["y"] = np.moveaxis(self.cells[step], -1, 0)
+        world.worlds["t"] = step + 1
+
+    def _shared(self, pool: ThreadPoolExecutor) -> None:
+        """Have two threads do what `WorldBeliefs.after_step` does."""
+        size = self.batch // SHARES
+        list(pool.map(lambda b: self.beliefs.after_step(b, b + size), range(0, self.batch, size)))
+
+    def _searched(self, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return `searched` of `numpy_step`."""
+        worlds, drones = np.nonzero(self.actions[step] == self.rules.action_set.search)
+        col, row = (self.cells[step, worlds, drones] + belief_kernels.MARGIN).T
+        return worlds, row * self.forecast.side + col
+
+    def _tables(self, step: int) -> list[NDArray[np.float64] | None]:
+        """Return `tables` of `numpy_step`."""
+        slot = self.forecast.look(self.forecast.first_step + step)
+        directions = self.forecast.directions[slot].tolist()
+        return [
+            None if direction == belief_kernels.STAND_STILL else self.table(slot, direction)
+            for direction in directions
+        ]
+
+    def _table(self, slot: int, direction: int) -> NDArray[np.float64]:
+        """Return the probabilities (9, S, S) of the steps from each cell."""
+        forecast, side = self.forecast, self.forecast.side
+        # Each row is a person in one cell, and where it is after the step.
+        after = np.eye(side * side)
+        scratch = np.empty(side * side + belief_kernels.ROW)
+        belief_kernels.predict(
+            forecast.constants, forecast.area, after, forecast.chances[slot],
+            forecast.tables[slot], np.array([direction]), scratch,
+        )  # fmt: skip
+        table = np.zeros((belief_kernels.STEPS, side * side))
+        for step in range(belief_kernels.STEPS):
+            offset = (step // 3 - 1) * side + step % 3 - 1
+            table[step, max(-offset, 0) : side * side - max(offset, 0)] = after.diagonal(offset)
+        return table.reshape(-1, side, side)
+
+    def _compare(self, belief: NDArray[np.float64]) -> None:
+        shape = belief.shape[1:]
+        for mine, ours in zip(belief, self.beliefs.density, strict=True):
+            if not np.allclose(mine, ours.reshape(shape), rtol=1e-9, atol=TOLERANCE):
+                raise BenchmarkError("NumPy's belief is another one")
