@@ -54,7 +54,7 @@ setup(
         "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
         # What `recorder` and `replay` write and read.
-        "record": ["mcap>=1.5"],
+        "record": ["mcap>=1.6"],
         "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],
         # The program `dashboard`; `browser` drives one in its tests.
         "dashboard": ["nicegui>=3.18", "pillow>=10.2"],

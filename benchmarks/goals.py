@@ -136,6 +136,8 @@ GOALS = (
              _rates("belief_step", rules, "two_cores", "numpy"))
         for rules in ("paper", "v2")
     ),
+    Goal("sim_node lockstep, 20 drones, recorded", ">=", 0.8, "x not recorded",
+         _rates("recorded", "20", "recorded", "plain")),
     # No Python object and no allocation is smaller than that.
     Goal("memory growth over 10^6 steps: none", "<=", 1, "bytes per step", _growth),
     Goal("import without compiler cache to first step", "<=", 15, "s",
