@@ -29,6 +29,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
+from dsse_ros.dashboard.browser import open_browser
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.mission.mission_log import MissionRecord, last_pos, read_log
 from dsse_ros.nodes.exit_codes import BAD_INPUT, fail
@@ -194,7 +195,7 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[]
         return
     log: Path = arguments.out / "dashboard.log"
     ros = ros_for(DASHBOARD_PARAMETERS, arguments.ros)
-    parameters: dict[str, Any] = {"open_browser": True}
+    parameters: dict[str, Any] = {}
     if not any(value.startswith("port:=") for _, value in pairs(ros)) and not default_port_free():
         parameters["port"] = 0
     with process("dashboard", parameters, log, ros) as page:
@@ -207,6 +208,7 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[]
                 raise MissionFailed(f"no page within {SILENCE_S:g} s; see {log}")
             time.sleep(0.05)
         print(f"page at {served[1]}", flush=True)
+        open_browser(served[1])
 
         def keep() -> None:
             if sys.stdin.isatty():

@@ -6,10 +6,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
-import os
 import socket
 import threading
-import webbrowser
 from collections.abc import AsyncIterator
 
 import uvicorn
@@ -76,10 +74,8 @@ class PageServer:
         self._thread = threading.Thread(target=self._serve, name="page", daemon=True)
 
     def start(self) -> None:
-        """Serve from now on, and open a browser if that is wanted."""
+        """Serve from now on."""
         self._thread.start()
-        if self._settings.open_browser:
-            open_browser(self.url)
 
     def stop(self) -> None:
         """Close all connections; what does not end soon goes with the process."""
@@ -126,10 +122,3 @@ def bind(host: str, port: int) -> socket.socket:
         name, value = ("port", port) if error.errno in _OF_PORT else ("host", repr(host))
         raise FieldError(f"{name}: {value} cannot be bound: {error.strerror}") from None
     return bound
-
-
-def open_browser(url: str) -> bool:
-    """Open a page in a browser, if there is a display; returns whether it was."""
-    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        return False
-    return webbrowser.open(url)

@@ -39,9 +39,6 @@ class DashboardSettings:
         "names", "Names by which browsers may ask for the page, beside host and loopback's.", ()
     )
     frame_rate: float = field("float", "Pictures at most.", 8.0, low=1, high=20, unit="Hz")
-    open_browser: bool = field(
-        "bool", "Whether the page is opened in a browser, where there is a display.", False
-    )
 
     def __post_init__(self) -> None:
         check_all(self)

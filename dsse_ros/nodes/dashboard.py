@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -27,6 +28,8 @@ from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.search.fields import specs
 
+_NICENESS = 10
+"""Of the process: where cores are busy, the nodes of the missions come first."""
 _LOOK_S = 0.5
 """Wall time between looks for simulations and vehicles."""
 _COMMANDS_S = 0.05
@@ -224,6 +227,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run the node until it is interrupted; returns the exit code, 2 for bad input."""
 
     def make() -> DashboardNode:
+        # A mission does not wait for who looks at it.
+        os.nice(_NICENESS)
         node = DashboardNode()
         node.serve()
         return node

@@ -194,3 +194,15 @@ def test_missions_are_kept_apart_by_namespace(played: Played) -> None:
     assert list(missions.by_namespace) == ["", "/a", "/b"]
     lengths = [len(mission.history or ()) for mission in missions.by_namespace.values()]
     assert lengths == [2, 4, 3]
+
+
+def test_a_message_that_cannot_even_be_deserialized_is_named_too() -> None:
+    missions, mission = Missions(), Mission("")
+
+    def read() -> Any:
+        raise RuntimeError("not\nenough bytes")
+
+    mission.receive("agents", read)
+    assert mission.trouble == {"agents": "not enough bytes"}
+    missions.take([Received("", "agents", read), Received("", "publishers", lambda: 1)])
+    assert missions.by_namespace[""].publishers == 1
