@@ -52,6 +52,8 @@ setup(
         # What a scenario's fields of the same names need.
         "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
+        # It brings an ffmpeg with it.
+        "movie": ["imageio-ffmpeg>=0.5"],
         "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
         "test": [
             "colcon-common-extensions>=0.3",

@@ -26,6 +26,7 @@ from benchmarks import (
 )
 from benchmarks.processes import ROOT, BenchmarkError
 from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
+from dsse_ros.search.progress import progress, say
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5
@@ -76,7 +77,7 @@ def main(arguments: list[str] | None = None) -> int:
         ),
         "belief_step": lambda: belief_step.measure(rounds=1 if quick else 3, log=_print),
     }
-    for name in given.only or SECTIONS:
+    for name in progress(given.only or SECTIONS, "bench"):
         _print(f"\n{name.replace('_', '-')}")
         if name == "speed":
             _print(speed.heading())
@@ -173,7 +174,7 @@ def _baselines(folder: Path) -> tuple[dict[str, Path], dict[str, Path]]:
 
 
 def _print(line: str) -> None:
-    print(line, flush=True)
+    say(line)
 
 
 def _print_others(figures: dict[str, Any]) -> None:

@@ -20,6 +20,7 @@ from dsse_ros.search.mission_view import MissionView
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
+    from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -42,6 +43,14 @@ _MAP_PT = 324.0
 def drone_colour(number: int) -> str:
     """Return the colour of a drone."""
     return DRONE_COLOURS[number % len(DRONE_COLOURS)]
+
+
+def sea_colours() -> LinearSegmentedColormap:
+    """Return the colours of probabilities; the dark end of the blues is left to the tracks."""
+    from matplotlib import colormaps
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("sea", colormaps["Blues"](np.linspace(0, 0.75, 9)))
 
 
 class Picture:
@@ -81,9 +90,8 @@ class Picture:
         return self._list(view)
 
     def _build(self, view: MissionView) -> None:
-        from matplotlib import colormaps
         from matplotlib.collections import LineCollection
-        from matplotlib.colors import LinearSegmentedColormap, PowerNorm, to_rgb
+        from matplotlib.colors import PowerNorm, to_rgb
 
         grid, count = len(view.probability), len(view.tracks)
         self._grid, self._km = grid, view.cell_size_m / 1000.0
@@ -98,10 +106,8 @@ class Picture:
         for text in (self._title, self._status):
             text.set_parse_math(False)
 
-        # The dark end of the blues is left to the tracks; a root shows what is a little likely.
-        blues = LinearSegmentedColormap.from_list(
-            "sea", colormaps["Blues"](np.linspace(0, 0.75, 9))
-        )
+        # A root shows what is a little likely.
+        blues = sea_colours()
         self._sea = axes.imshow(
             view.probability, cmap=blues, norm=PowerNorm(0.5, 0, 1), extent=(0, side, 0, side),
             interpolation="nearest", zorder=0,
