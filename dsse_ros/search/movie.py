@@ -22,7 +22,7 @@ from dsse_ros.search.rendering import Camera
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-FPS = 10
+FPS = 5
 _LAST_S = 2.0
 """How long the end of the mission is shown."""
 _SUFFIXES = (".gif", ".mp4")

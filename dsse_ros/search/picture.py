@@ -137,7 +137,9 @@ class Picture:
         joined = {"capstyle": "round", "joinstyle": "round"}
         self._casing = lines(colors="white", linewidths=width + 1.2, zorder=2, **joined)
         self._lines = lines(colors=shades, linewidths=width, zorder=2.1, **joined)
-        self._flown = lines(colors=colours, linewidths=2.2, zorder=2.5, **joined)
+        # Vehicles fly where they fly: the lines above are thinner, so that those below still show.
+        widths = np.linspace(6.0, 1.5, count) if count > 1 else 2.5
+        self._flown = lines(colors=colours, linewidths=widths, zorder=2.5, **joined)
         lanes = min(count, _LANES)
         apart = max(min(0.2, 0.8 / lanes) * self._km, 0.0035 * side)
         self._lane = (np.arange(count) % _LANES - (lanes - 1) / 2) * apart
@@ -290,9 +292,9 @@ class Picture:
         ]
         self._lines.set_segments(parts)
         self._casing.set_segments(parts)
-        if view.flown:
-            self._lines.set_alpha(0.35)
-            self._flown.set_segments([np.asarray(flown) / 1000.0 for flown in view.flown])
+        self._flown.set_segments([np.asarray(flown) / 1000.0 for flown in view.flown])
+        for planned in (self._lines, self._casing, self._times):
+            planned.set_visible(not view.flown)
         times = lanes[:, self._every : last : self._every]
         colours = np.repeat(self._colours, times.shape[1], axis=0)
         self._put(self._times, times.reshape(-1, 2), "white", edges=colours)
@@ -317,7 +319,7 @@ class Picture:
             "lost": not view.alive.all(),
             "start": True,
             "flown": bool(view.flown),
-            "track": view.tracks.shape[1] > 1,
+            "track": view.tracks.shape[1] > 1 and not view.flown,
             "searched": view.searches is not None and bool(view.searches.any()),
             "datum": view.datum is not None,
             "circle": self._shows_circle(view),

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from rig import TIMEOUT_S, Process, free_domain
 
 from dsse_ros.cli import run_mission
@@ -65,7 +66,11 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     base = tmp_path_factory.mktemp("missions")
     outs = [base / name for name in ("first", "it's #2: [again]", "other")]
     seeds = ("3", "3", "4")
-    runs = [start(out, "--rate", "0", "--seed", s) for out, s in zip(outs, seeds, strict=True)]
+    movies = [["--movie", str(outs[0] / "movies" / "mission.gif")], [], []]
+    runs = [
+        start(out, "--rate", "0", "--seed", seed, *movie)
+        for out, seed, movie in zip(outs, seeds, movies, strict=True)
+    ]
     try:
         for run in runs:
             assert run.wait() == 0, run.output
@@ -117,6 +122,15 @@ def test_the_progress_line_ends_where_the_mission_does(flown: list[Path]) -> Non
         progress = re.findall(r"step (\d+)/180 .* (\d+ drones|over), POS ([\d.]+%)", lines)
         last = [row for row in rows(out) if row["agent"] == "drone0"][-1]
         assert progress[-1] == (last["step"], "over", f"{float(last['pos']):.1%}")
+
+
+def test_a_movie_has_the_start_and_each_step(flown: list[Path]) -> None:
+    path = flown[0] / "movies" / "mission.gif"
+    steps = int(rows(flown[0])[-1]["step"])
+    with Image.open(path) as movie:
+        # The last frame stays for two seconds.
+        assert movie.format == "GIF" and movie.n_frames == steps + 1
+    assert f"movie                {path}" in (flown[0] / "console.log").read_text()
 
 
 def test_the_picture_is_one(flown: list[Path]) -> None:
@@ -179,6 +193,8 @@ def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
         (["--planner", "oracle"], "expanding_square"),
         (["--rules", "v9"], "paper"),
         (["--out", "{file}"], "out: "),
+        (["--movie", "mission.avi"], "movie: 'mission.avi' is not allowed"),
+        (["--movie", "{file}/mission.gif"], "movie: "),
         (["--no-such"], "--no-such"),
         (["--ros-args", "-p", "num_dornes:=3"], "did you mean num_drones?"),
         (["--ros-args", "-p", "num_drones:=0"], "num_drones: 0 is not allowed"),

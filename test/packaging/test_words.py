@@ -72,7 +72,6 @@ ALLOWED = (
     ("dsse_ros/search/legend.py", "legend", "belongs to the picture"),
     ("dsse_ros/search/picture.py", "legend", "belongs to the picture"),
     ("test/search/test_rendering.py", "legend", "belongs to the picture"),
-    ("test/flight/sitl_demo.py", "legend", "belongs to the picture"),
     ("test/packaging/test_docs.py", "anchors", "are HTML's"),
     ("dsse_ros/flight/", r"settl\w+", "is what a transfer does until its line is quiet"),
     ("dsse_ros/nodes/mavlink_bridge.py", r"settle\w*", "is the wait for latched messages"),
