@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search.fields import FieldError
-from dsse_ros.search.legend import FOUND, LAND, PERSON
 from dsse_ros.search.mission_view import MissionView
 from dsse_ros.search.picture import DRONE_COLOURS, sea_colours
 from dsse_ros.search.progress import progress
 from dsse_ros.search.rendering import Camera
+from dsse_ros.search.signs import FOUND, LAND, PERSON
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search.chart import draw_chart, round_length
-from dsse_ros.search.legend import CIRCLE, DATUM, EDGE, FOUND, LAND, PERSON, STAR, legend_signs
 from dsse_ros.search.mission_view import MissionView
+from dsse_ros.search.signs import CIRCLE, DATUM, EDGE, FOUND, LAND, PERSON, STAR, legend_signs
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -449,7 +449,11 @@ def test_every_dependency_is_explained() -> None:
     extras = ast.literal_eval(given["extras_require"])
     requirements = [
         *ast.literal_eval(given["install_requires"]),
-        *(requirement for extra in ("area", "land", "viz") for requirement in extras[extra]),
+        *(
+            requirement
+            for extra in ("area", "land", "movie", "viz")
+            for requirement in extras[extra]
+        ),
     ]
     names = {re.split("[<>=]", requirement)[0] for requirement in requirements}
     assert set(table(README, "Dependencies", "Package")) == names

@@ -69,7 +69,7 @@ ALLOWED = (
     ("", r"\.tell", "is the position in a file"),
     ("", r"(?:mavlink|pymavlink)[ .']*dialects?", "is MAVLink's: a set of messages"),
     ("benchmarks/plot.py", "legend", "belongs to the picture"),
-    ("dsse_ros/search/legend.py", "legend", "belongs to the picture"),
+    ("dsse_ros/search/signs.py", "legend", "belongs to the picture"),
     ("dsse_ros/search/picture.py", "legend", "belongs to the picture"),
     ("test/search/test_rendering.py", "legend", "belongs to the picture"),
     ("test/packaging/test_docs.py", "anchors", "are HTML's"),
