@@ -7,12 +7,9 @@ Nothing is imported before the program is chosen, so that a failing import is re
 from __future__ import annotations
 
 import importlib
-import json
 import sys
-from importlib import metadata
-from pathlib import Path
-from urllib.parse import unquote, urlsplit
 
+from dsse_ros.extras import pip_install
 from dsse_ros.nodes.exit_codes import MISSING
 from dsse_ros.nodes.interrupts import leave_on_signals
 
@@ -60,21 +57,7 @@ def missing(error: ImportError) -> str | None:
         return f"ROS 2 not found ({reason}): source a ROS 2, or use `make sim`, which brings one"
     extra, target = _OF_EXTRAS.get(name, ("viz", "make sim"))
     use = f", or use `{target}`, which brings it" if target else ""
-    return f"{name} not found: pip install '{clone()}[{extra}]'{use}"
-
-
-def clone() -> str:
-    """Return the folder that pip has installed the package from, or one that says which it is.
-
-    Its name alone would be that of whatever somebody puts on PyPI.
-    """
-    try:
-        noted = metadata.distribution("dsse_ros").read_text("direct_url.json")
-        url = str(json.loads(noted or "{}")["url"])
-    except (metadata.PackageNotFoundError, KeyError, ValueError):
-        url = ""
-    folder = Path(unquote(urlsplit(url).path)) if url.startswith("file:") else None
-    return str(folder) if folder and (folder / "setup.py").is_file() else "/path/to/the/clone"
+    return f"{name} not found: {pip_install(extra)}{use}"
 
 
 def sim_node() -> int:

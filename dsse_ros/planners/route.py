@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dsse_ros.extras import pip_install
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
 from dsse_ros.planners.optimal_effort import allocate
@@ -21,7 +22,7 @@ from dsse_ros.search.belief import Belief, Forecast
 try:
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2
 except ImportError as error:
-    raise ImportError(f"{error}; pip install 'dsse_ros[routes]'") from error
+    raise ImportError(f"{error}; {pip_install('routes')}") from error
 
 MICRO = 1_000_000
 """The solver counts in whole numbers."""

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.extras import pip_install
 from dsse_ros.search.fields import FieldError, shown
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 10_000_000
 ALLOWED = "a GeoJSON file of a Polygon or MultiPolygon, or a list of three or more [lat, lon]"
-_NEEDED = "{0}: {1} is missing; pip install dsse_ros[{0}]"
 
 Point = tuple[float, float]
 """Latitude and longitude in degrees."""
@@ -81,7 +81,7 @@ class Area:
         try:
             import shapely
         except ModuleNotFoundError:
-            raise FieldError(_NEEDED.format("area", "Shapely")) from None
+            raise FieldError(f"area: Shapely is missing; {pip_install('area')}") from None
         inside = np.zeros(lat_deg.shape, np.bool_)
         for rings in self.polygons:
             shell, *holes = ([(lon, lat) for lat, lon in ring] for ring in rings)
@@ -162,7 +162,7 @@ def _is_land(lat_deg: NDArray[Any], lon_deg: NDArray[Any]) -> NDArray[np.bool_]:
     try:
         from global_land_mask import globe
     except ModuleNotFoundError:
-        raise FieldError(_NEEDED.format("land", "global-land-mask")) from None
+        raise FieldError(f"land: global-land-mask is missing; {pip_install('land')}") from None
     land: NDArray[np.bool_] = globe.is_land(lat_deg, lon_deg)
     return land
 

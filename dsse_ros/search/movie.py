@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.extras import pip_install
 from dsse_ros.search.fields import FieldError
 from dsse_ros.search.mission_view import MissionView
 from dsse_ros.search.picture import DRONE_COLOURS, sea_colours
@@ -39,8 +39,15 @@ def check_movie(path: str | os.PathLike[str]) -> None:
         raise FieldError(
             f"movie: {os.fspath(path)!r} is not allowed; a file that ends in .gif or .mp4"
         )
-    if suffix == ".mp4" and find_spec("imageio_ffmpeg") is None:
-        raise FieldError("movie: MP4 needs imageio-ffmpeg: pip install dsse_ros[movie]")
+    if suffix == ".mp4":
+        try:
+            import imageio_ffmpeg
+
+            imageio_ffmpeg.get_ffmpeg_exe()
+        except ModuleNotFoundError:
+            raise FieldError(f"movie: MP4 needs imageio-ffmpeg: {pip_install('movie')}") from None
+        except RuntimeError as error:
+            raise FieldError(f"movie: {' '.join(str(error).split())}") from None
 
 
 def save_movie(
@@ -123,6 +130,8 @@ def _write_mp4(
 ) -> None:
     import imageio_ffmpeg
 
+    # ffmpeg would not say in one line that it cannot.
+    Path(path).open("wb").close()
     height, width = first.shape[:2]
     writer = imageio_ffmpeg.write_frames(
         os.fspath(path), (width, height), fps=fps, macro_block_size=2, quality=7,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.extras import pip_install
 from dsse_ros.search.mission_view import MissionView, to_ansi
 from dsse_ros.search.picture import SIZE_IN, Picture
 
@@ -27,7 +28,7 @@ def new_figure() -> Figure:
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
-        raise ModuleNotFoundError("pictures need matplotlib: pip install dsse_ros[viz]") from None
+        raise ModuleNotFoundError(f"pictures need matplotlib: {pip_install('viz')}") from None
     return Figure(figsize=SIZE_IN, dpi=100)
 
 

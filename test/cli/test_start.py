@@ -16,6 +16,7 @@ import pytest
 from rig import ENVIRONMENT, TIMEOUT_S, free_domain
 
 from dsse_ros.cli import run_mission, start
+from dsse_ros.extras import pip_install
 from dsse_ros.search.compiler import COMPILING
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -182,7 +183,7 @@ def test_whatever_else_is_missing_is_named_on_one_line(
     (line,) = output.splitlines()
     assert line.startswith(f"run_mission: {says}")
     # A name on PyPI could be anybody's.
-    assert "install" not in line or f"pip install '{start.clone()}[viz]'" in line
+    assert "install" not in line or pip_install("viz") in line
     assert child.returncode == start.MISSING
 
 
@@ -191,7 +192,7 @@ def test_the_page_names_the_extra_that_it_needs(tmp_path: Path) -> None:
     output, _ = child.communicate(timeout=TIMEOUT_S)
     (line,) = output.splitlines()
     assert line.startswith("dashboard: nicegui not found: pip install")
-    assert f"'{start.clone()}[dashboard]'" in line and "make sim VIEW=1" in line
+    assert pip_install("dashboard") in line and "make sim VIEW=1" in line
     assert child.returncode == start.MISSING
 
 
@@ -214,7 +215,7 @@ def test_a_defect_of_the_package_itself_is_not_taken_for_something_missing() -> 
 
 
 def test_what_to_install_is_named_by_the_folder_it_was_installed_from() -> None:
-    assert start.clone() == str(ROOT)
+    assert pip_install("viz") == f"pip install '{ROOT}[viz]'"
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

@@ -15,9 +15,10 @@ OURS = ("dsse_ros", "msg_adapters")
 # world.
 LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros": (set(), {"ros", "messages", "mavlink"}),
-    "dsse_ros.search": ({"dsse_ros.search"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.extras": (set(), {"ros", "messages", "mavlink"}),
+    "dsse_ros.search": ({"dsse_ros.search", "dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.planners": (
-        {"dsse_ros.planners", "dsse_ros.search"},
+        {"dsse_ros.planners", "dsse_ros.search", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
     ),
     "msg_adapters": ({"msg_adapters", "dsse_ros.search"}, {"effects", "ros"}),
