@@ -63,7 +63,17 @@ include_patterns = [
     f"{page}.{kind}" for pages in NAVIGATION.values() for page in pages for kind in ("md", "rst")
 ] + ["docs/index.md"]
 # Only what may hold pages is walked through.
-exclude_patterns = [".*", "build", "dist", "docs/_build", "env", "install", "log", "missions", "out"]
+exclude_patterns = [
+    ".*",
+    "build",
+    "dist",
+    "docs/_build",
+    "env",
+    "install",
+    "log",
+    "missions",
+    "out",
+]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 templates_path = ["_templates"]
 
