@@ -118,12 +118,12 @@ $(BASE):
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz,area
 $(VENV)/.view: EXTRAS := viz,area,dashboard
-$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record,dashboard,browser
+$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record,dashboard,browser,docs
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
-$(VENV)/.sim $(VENV)/.view $(VENV)/.test $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)
+$(VENV)/.sim $(VENV)/.view $(VENV)/.test $(VENV)/.docs $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
 	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg
