@@ -77,7 +77,7 @@ exclude_patterns = [
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 templates_path = ["_templates"]
 
-# As many levels as the pages have, with the anchors that repositories on the web give headings.
+# As many levels as the pages have, so that links lead to headings as they do in a repository.
 myst_heading_anchors = 4
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
