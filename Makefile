@@ -37,6 +37,7 @@ TESTS_OF_CHECK := $(addprefix test/,dashboard flight mission msg_adapters packag
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
+MOVIE_OF = $(if $(MOVIE),--movie '$(MOVIE)')
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
@@ -54,8 +55,8 @@ help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
 		printf 'make %-11s %s\n' "$$target" "$$text"; done
 
-sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder VIEW=1
-	@$(BIN)/run_mission $(MISSION) $(if $(VIEW),--view)
+sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder MOVIE=file VIEW=1
+	@$(BIN)/run_mission $(MISSION) $(MOVIE_OF) $(if $(VIEW),--view)
 
 sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
@@ -116,9 +117,9 @@ $(BASE):
 
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
-$(VENV)/.sim: EXTRAS := viz,area
-$(VENV)/.view: EXTRAS := viz,area,dashboard
-$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record,dashboard,browser,docs
+$(VENV)/.sim: EXTRAS := viz,area,movie
+$(VENV)/.view: EXTRAS := viz,area,movie,dashboard
+$(VENV)/.test: EXTRAS := viz,area,movie,test,sitl,routes,record,dashboard,browser,docs
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt

@@ -57,6 +57,8 @@ setup(
         "record": ["mcap>=1.6"],
         # The site of `make docs`.
         "docs": ["furo>=2024.8", "myst-parser>=4", "sphinx>=8.1"],
+        # It brings an ffmpeg with it.
+        "movie": ["imageio-ffmpeg>=0.5"],
         "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],
         # The program `dashboard`; `browser` drives one in its tests.
         "dashboard": ["nicegui>=3.18", "pillow>=10.2"],

@@ -27,6 +27,7 @@ from benchmarks import (
 )
 from benchmarks.processes import ROOT, BenchmarkError
 from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
+from dsse_ros.search.progress import progress, say
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5
@@ -81,7 +82,7 @@ def main(arguments: list[str] | None = None) -> int:
             rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
         ),
     }
-    for name in given.only or SECTIONS:
+    for name in progress(given.only or SECTIONS, "bench"):
         _print(f"\n{name.replace('_', '-')}")
         if name == "speed":
             _print(speed.heading())
@@ -178,7 +179,7 @@ def _baselines(folder: Path) -> tuple[dict[str, Path], dict[str, Path]]:
 
 
 def _print(line: str) -> None:
-    print(line, flush=True)
+    say(line)
 
 
 def _print_others(figures: dict[str, Any]) -> None:

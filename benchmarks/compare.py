@@ -32,6 +32,7 @@ from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
 from dsse_ros.planners import load_planner
 from dsse_ros.planners.batch import Missions, play_missions
 from dsse_ros.search import FieldError, Rules, Scenario
+from dsse_ros.search.progress import progress, say
 from dsse_ros.search.scenario import scenario_and_rules
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -293,13 +294,12 @@ def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, A
                 kinds = {case.disturbance, *(DISTURBANCES if key in DISTURBED_CASES else ())}
                 for kind in sorted(kinds):
                     jobs[pool.submit(fly, name, key, count, kind)] = (key, kind, name)
-        for job in as_completed(jobs):
+        for job in progress(as_completed(jobs), "compare", total=len(jobs)):
             key, kind, name = jobs[job]
             done[jobs[job]] = missions = job.result()
-            print(
+            say(
                 f"{len(done)}/{len(jobs)} {key}, {kind}, {name}: {missions.found.mean():.2%}, "
-                f"{missions.steps.mean():.2f} steps",
-                flush=True,
+                f"{missions.steps.mean():.2f} steps"
             )
     cases: dict[str, Any] = {}
     curves: dict[str, dict[str, Any]] = {}

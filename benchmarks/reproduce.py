@@ -25,6 +25,7 @@ from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.greedy_batch import TIES, GreedyBatch
 from benchmarks.intervals import contains, of_mean, of_share
 from benchmarks.reference_values import GREEDY, SWEEP, Source
+from dsse_ros.search.progress import progress
 from dsse_ros.search.scenario import scenario_and_rules
 from dsse_ros.search.world import World
 
@@ -119,7 +120,7 @@ def play(world: World, policy: Any) -> Episodes:
 def in_batches(play_batch: Any, count: int, batch: int) -> Episodes:
     """Return `count` episodes, played so many at a time with seeds of their own."""
     parts = []
-    for first in range(0, count, batch):
+    for first in progress(range(0, count, batch), "missions"):
         parts.append(play_batch(min(batch, count - first), SEED + first))
     return Episodes(
         *(

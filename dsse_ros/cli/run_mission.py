@@ -2,12 +2,13 @@
 """`make sim`: one mission from start to end, `sim_node` and `planner_node` as two processes.
 
 It watches the topics as any listener would, stops both at the end of the mission, and leaves a
-summary, a picture and the CSV of its steps.
+summary, a picture, a movie if one is wanted, and the CSV of its steps.
 """
 
 from __future__ import annotations
 
 import argparse
+import collections
 import contextlib
 import json
 import re
@@ -32,6 +33,7 @@ from dsse_ros.cli.command_line import Parser, make_folder, search_of
 from dsse_ros.dashboard.browser import open_browser
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.mission.mission_log import MissionRecord, last_pos, read_log
+from dsse_ros.mission.mission_views import mission_views
 from dsse_ros.nodes.exit_codes import BAD_INPUT, fail
 from dsse_ros.nodes.interrupts import Stop, on_signals
 from dsse_ros.nodes.qos import LATCHED
@@ -41,6 +43,7 @@ from dsse_ros.nodes.settings import PlannerSettings, SimSettings
 from dsse_ros.search import FieldError, Rules, Scenario
 from dsse_ros.search.compiler import COMPILING
 from dsse_ros.search.fields import specs
+from dsse_ros.search.movie import check_movie, save_movie
 from dsse_ros.search.rendering import MissionView, save_picture
 from dsse_ros.search.scenario import ResolvedScenario
 from msg_adapters.images import image_to_probability
@@ -76,14 +79,12 @@ class Watcher(Node):
         num_active: Drones in flight.
         done: Whether the mission is over and its last map is here.
         probability: The last belief (G, G), or the last map if no belief goes out.
-        belief: The argument.
     """
 
     def __init__(self, log: Path, *, belief: bool) -> None:
         super().__init__("dsse_watcher")
         self.step = -1
         self.num_active = 0
-        self.belief = belief
         self.probability: NDArray[np.float32] | None = None
         self._log = log
         self._map_stamp = -1
@@ -232,8 +233,8 @@ def default_port_free() -> bool:
 
 def fly(
     arguments: argparse.Namespace, path: Path, scenario: ResolvedScenario, rules: Rules, stop: Stop
-) -> Watcher:
-    """Run the mission to its end, with a progress line; returns what was seen.
+) -> None:
+    """Run the mission to its end, with a progress line.
 
     Raises:
         MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
@@ -291,7 +292,6 @@ def fly(
                 watch("sim_node", sim_process, sim_log)
                 check_running(planner_process, "planner_node", planner_log)
         bar.refresh()
-    return watcher
 
 
 def summary(record: MissionRecord, scenario: Scenario) -> str:
@@ -326,25 +326,35 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
     return "\n".join([title, *(f"  {name:<20} {value}" for name, value in rows.items())])
 
 
-def picture(record: MissionRecord, watcher: Watcher, scenario: ResolvedScenario) -> MissionView:
-    """Return the mission as it stood at its end."""
-    assert watcher.probability is not None
-    found = bool(record.person_found.all())
-    return MissionView(
-        probability=watcher.probability,
-        tracks=record.tracks,
-        alive=record.alive | record.truncated | found,
-        persons=record.persons,
-        found=record.person_found,
-        datum=None,
-        step=record.tracks.shape[1] - 1,
-        timestep_limit=scenario.timestep_limit,
-        cell_size_m=scenario.cell_size,
-        title=scenario.name,
-        pos=record.pos,
-        belief=watcher.belief,
-        area=scenario.area_mask,
-    )
+def draw(
+    record: MissionRecord, scenario: ResolvedScenario, rules: Rules, arguments: argparse.Namespace
+) -> dict[str, Path]:
+    """Draw the mission; returns what was written: nothing if somebody has reset the mission.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    belief = SimSettings(compute_pos=arguments.compute_pos).has_belief(scenario.grid_size)
+    views = mission_views(record, scenario, rules, seed=arguments.seed, belief=belief)
+    written = {"picture": arguments.out / "mission.png"}
+    last: list[MissionView] = []
+
+    def noted() -> Iterator[MissionView]:
+        for view in views:
+            last[:] = [view]
+            yield view
+
+    try:
+        if arguments.movie is not None:
+            save_movie(noted(), arguments.movie, total=record.tracks.shape[1])
+            written["movie"] = arguments.movie
+        else:
+            collections.deque(noted(), maxlen=0)
+    except ValueError as error:
+        fail("run_mission", f"no picture: {error}")
+        return {}
+    save_picture(last[0], written["picture"])
+    return written
 
 
 def parse(argv: list[str] | None) -> argparse.Namespace:
@@ -356,6 +366,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add_search("santos")
     parser.add("--rate", type=float, default=20.0, help="steps/s at most, 0: no limit")
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
+    parser.add("--movie", type=Path, help="write a movie of the mission too, .gif or .mp4")
     parser.add("--view", action="store_true", help="show the mission live in the browser")
     parser.set_defaults(compute_pos="auto")
     of_sim = {"step_rate": "rate", "compute_pos": "compute_pos"}
@@ -373,6 +384,9 @@ def main(argv: list[str] | None = None) -> int:
         specs(SimSettings)["step_rate"].check("rate", arguments.rate)
         path, scenario, rules = search_of(arguments)
         make_folder("out", arguments.out)
+        if arguments.movie is not None:
+            check_movie(arguments.movie)
+            make_folder("movie", arguments.movie.parent)
     except FieldError as error:
         return fail("run_mission", error)
     stop = Stop()
@@ -381,12 +395,12 @@ def main(argv: list[str] | None = None) -> int:
     try:
         init_ros(["run_mission", "--ros-args", *arguments.ros])
         with live_page(arguments, stop) as keep_page:
-            watcher = fly(arguments, path, scenario, rules, stop)
+            fly(arguments, path, scenario, rules, stop)
             record = read_log(arguments.out / "mission.csv")
-            save_picture(picture(record, watcher, scenario), arguments.out / "mission.png")
+            written = draw(record, scenario, rules, arguments)
             print(summary(record, scenario))
-            print(f"  {'picture':<20} {arguments.out / 'mission.png'}")
-            print(f"  {'steps':<20} {arguments.out / 'mission.csv'}")
+            for name, file in {**written, "steps": arguments.out / "mission.csv"}.items():
+                print(f"  {name:<20} {file}")
             keep_page()
     except FieldError as error:
         return fail("run_mission", error)

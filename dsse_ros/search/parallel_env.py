@@ -15,6 +15,7 @@ from pettingzoo import ParallelEnv
 
 from dsse_ros.search import rendering
 from dsse_ros.search.fields import FieldError, Spec, shown
+from dsse_ros.search.mission_view import Past, view_of
 from dsse_ros.search.observation import AgentObservation
 from dsse_ros.search.options import OBSERVED, check_options, check_seed
 from dsse_ros.search.rules import Rules
@@ -99,7 +100,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         self._live: list[int] = []
         self._no_flags: dict[str, bool] = {}
         self._known_actions = bytes(range(len(rules.actions)))
-        self._track: list[NDArray[np.int64]] = []
+        self._past: Past | None = None
         self._bind()
 
     def _bind(self) -> None:
@@ -161,7 +162,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         self.world.reset()
         self._note_belief()
         self._note_live()
-        self._start_track()
+        self._start_past()
         result = self._observe(self.agents, self._live)
         self._show()
         return result
@@ -255,7 +256,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             self._beliefs.restore(snapshot)
         self._note_belief()
         self._note_live()
-        self._start_track()
+        self._start_past()
 
     @property
     def flags(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -306,24 +307,9 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         return state
 
     def view(self) -> rendering.MissionView:
-        """Return what a picture of the mission shows; tracks are kept in a render mode only."""
-        world, s = self.world, self.scenario
-        return rendering.MissionView(
-            probability=self.probability,
-            tracks=np.stack(self._track or [self.positions], axis=1),
-            # A drone that the find of all persons or the time has ended is still in the air.
-            alive=self._alive | self._truncated | (self._num_missing[0] == 0),
-            persons=np.stack([world.persons["x"][0], world.persons["y"][0]], axis=1),
-            found=world.persons["found"][0].copy(),
-            datum=(int(world.worlds["datum_x"][0]), int(world.worlds["datum_y"][0])),
-            step=int(world.worlds["t"][0]),
-            timestep_limit=s.timestep_limit,
-            cell_size_m=s.cell_size,
-            title=s.name,
-            pos=None if self._beliefs is None else float(self._beliefs.pos[0]),
-            belief=self._beliefs is not None,
-            area=s.area_mask,
-        )
+        """Return what a picture of the mission shows; the past is kept in a render mode only."""
+        pos = None if self._beliefs is None else float(self._beliefs.pos[0])
+        return view_of(self.world, self.probability, self._past or Past(self.world), pos)
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the mission as text (ansi) or image (H, W, 3) uint8 (rgb_array), or show it.
@@ -356,8 +342,8 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         if self.render_mode == "human":
             self.render()
 
-    def _start_track(self) -> None:
-        self._track = [] if self.render_mode is None else [self.positions]
+    def _start_past(self) -> None:
+        self._past = None if self.render_mode is None else Past(self.world)
 
     def _note_belief(self) -> None:
         """Take the belief as it is now, if it is what is observed."""
@@ -365,12 +351,16 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
 
     def _advance(self) -> None:
         """Advance the world by the actions taken."""
+        if self.render_mode is None:
+            self._past = None
+        elif self._past is None:
+            self._past = Past(self.world)
+        if self._past is not None:
+            self._past.before_step(self._actions[0])
         (self._beliefs or self.world).step(self._actions)
         self._note_belief()
-        if self.render_mode is not None:
-            self._track.append(self.positions)
-        elif self._track:
-            self._track = []
+        if self._past is not None:
+            self._past.after_step()
         if self._done[0] or self._num_active[0] < len(self.agents):
             self._note_live()
 

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from rig import TIMEOUT_S, Process, free_domain
 
 from dsse_ros.cli import run_mission
@@ -64,7 +65,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Two missions of the same seed and one of another with a page, in awkward folders."""
     base = tmp_path_factory.mktemp("missions")
     outs = [base / name for name in ("first", "it's #2: [again]", "other")]
-    options = (("3",), ("3",), ("4", "--view"))
+    options = (("3", "--movie", str(outs[0] / "movies" / "mission.gif")), ("3",), ("4", "--view"))
     runs = [start(out, "--rate", "0", "--seed", *o) for out, o in zip(outs, options, strict=True)]
     try:
         for run in runs:
@@ -127,6 +128,15 @@ def test_a_mission_with_a_page_says_where_it_is_and_takes_it_along(flown: list[P
     assert not any((out / "dashboard.log").exists() for out in flown[:2])
 
 
+def test_a_movie_has_the_start_and_each_step(flown: list[Path]) -> None:
+    path = flown[0] / "movies" / "mission.gif"
+    steps = int(rows(flown[0])[-1]["step"])
+    with Image.open(path) as movie:
+        # The last frame stays for two seconds.
+        assert movie.format == "GIF" and movie.n_frames == steps + 1
+    assert f"movie                {path}" in (flown[0] / "console.log").read_text()
+
+
 def test_the_picture_is_one(flown: list[Path]) -> None:
     for out in flown:
         data = (out / "mission.png").read_bytes()
@@ -187,6 +197,8 @@ def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
         (["--planner", "oracle"], "expanding_square"),
         (["--rules", "v9"], "paper"),
         (["--out", "{file}"], "out: "),
+        (["--movie", "mission.avi"], "movie: 'mission.avi' is not allowed"),
+        (["--movie", "{file}/mission.gif"], "movie: "),
         (["--no-such"], "--no-such"),
         (["--ros-args", "-p", "num_dornes:=3"], "did you mean num_drones?"),
         (["--ros-args", "-p", "num_drones:=0"], "num_drones: 0 is not allowed"),

@@ -13,7 +13,7 @@ import contextlib
 import os
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,19 +31,22 @@ from geometry_msgs.msg import PoseStamped  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.signals import SignalHandlerOptions  # noqa: E402
-from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
+from sensor_msgs.msg import PointCloud2  # noqa: E402
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of  # noqa: E402
 from dsse_ros.cli.run_mission import MissionFailed, check_running, process  # noqa: E402
+from dsse_ros.mission.mission_log import read_log  # noqa: E402
+from dsse_ros.mission.mission_views import mission_views  # noqa: E402
 from dsse_ros.mission.vehicle_missions import FlightSettings  # noqa: E402
 from dsse_ros.nodes.exit_codes import fail  # noqa: E402
-from dsse_ros.nodes.qos import COMPLETE, LATCHED  # noqa: E402
+from dsse_ros.nodes.qos import COMPLETE  # noqa: E402
 from dsse_ros.nodes.runtime import new_executor  # noqa: E402
+from dsse_ros.nodes.settings import SimSettings  # noqa: E402
 from dsse_ros.search import FieldError  # noqa: E402
 from dsse_ros.search.fields import specs  # noqa: E402
+from dsse_ros.search.rendering import save_picture  # noqa: E402
 from msg_adapters.frames import GridFrame, cell_to_map, scenario_frame  # noqa: E402
 from msg_adapters.geodesy import map_to_geodetic  # noqa: E402
-from msg_adapters.images import image_to_probability  # noqa: E402
 from msg_adapters.step_report import step_report_from_message  # noqa: E402
 
 RADIUS_M = 10.0
@@ -76,10 +79,8 @@ class Witness(Node):
         self.flights = [Flight() for _ in range(drones)]
         self.step = -1
         self.over = self.found = False
-        self.probability: Any = None
         self._search = search_action
         self.create_subscription(PointCloud2, "step_report", self._on_report, COMPLETE)
-        self.create_subscription(Image, "probability", self._on_map, LATCHED)
         for i in range(drones):
             name = f"drone{i}"
             self.create_subscription(
@@ -88,9 +89,6 @@ class Witness(Node):
             self.create_subscription(
                 DiagnosticArray, f"{name}/vehicle_state", partial(self._on_state, i), MANY
             )
-
-    def _on_map(self, message: Image) -> None:
-        self.probability = image_to_probability(message)
 
     def _on_report(self, message: PointCloud2) -> None:
         report = step_report_from_message(message)
@@ -135,39 +133,15 @@ def nearest_m(flight: Flight, frame: GridFrame) -> list[tuple[tuple[int, int], f
     return found
 
 
-def picture(witness: Witness, frame: GridFrame, path: Path, title: str) -> None:
-    """Draw the places of the vehicles over the cells of their drones."""
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Circle
-
-    figure = Figure(figsize=(7.5, 7), dpi=110, layout="constrained")
-    axes = figure.add_subplot()
-    side = frame.grid_size * frame.cell_size_m
-    if witness.probability is not None:
-        axes.imshow(witness.probability, cmap="Greys", alpha=0.5, extent=(0, side, 0, side))
-    for edge in range(frame.grid_size + 1):
-        axes.axhline(edge * frame.cell_size_m, color="0.8", linewidth=0.5)
-        axes.axvline(edge * frame.cell_size_m, color="0.8", linewidth=0.5)
-    for i, flight in enumerate(witness.flights):
-        colour = f"C{i}"
-        for cell in dict.fromkeys(flight.cells):
-            axes.add_patch(
-                Circle(cell_to_map(frame, *cell), RADIUS_M, fill=False, color=colour, zorder=3)
-            )
-        for number, cell in enumerate(dict.fromkeys(flight.searched)):
-            axes.plot(
-                *cell_to_map(frame, *cell), "x", color=colour, markersize=9,
-                label=f"drone{i} searched" if number == 0 else None,
-            )  # fmt: skip
-        x, y, _ = np.array(flight.places).T
-        axes.plot(x, y, color=colour, linewidth=1.0, label=f"drone{i}'s vehicle")
-        axes.plot(x[0], y[0], "s", color=colour, markersize=5)
-    axes.set_xlabel("east (m)")
-    axes.set_ylabel("north (m)")
-    axes.set_aspect("equal")
-    axes.set_title(title, fontsize=10)
-    axes.legend(fontsize=8, loc="upper right")
-    figure.savefig(path)
+def save_flight(
+    witness: Witness, arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path
+) -> None:
+    """Draw the places of the vehicles over the mission of their drones."""
+    record = read_log(arguments.out / "mission.csv")
+    belief = SimSettings().has_belief(scenario.grid_size)
+    *_, view = mission_views(record, scenario, rules, seed=arguments.seed, belief=belief)
+    flown = tuple(np.array(flight.places)[:, :2] for flight in witness.flights)
+    save_picture(replace(view, flown=flown), path)
 
 
 def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) -> int:
@@ -234,7 +208,7 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
                 raise MissionFailed(f"nothing happens for {PATIENCE_S:g} s; see {out}")
         took_s = time.monotonic() - began
     title = f"{scenario.name}: {witness.step} steps, {'found' if witness.found else 'not found'}"
-    picture(witness, frame, out / "flight.png", title)
+    save_flight(witness, arguments, scenario, rules, out / "flight.png")
     worst = 0.0
     for i, flight in enumerate(witness.flights):
         near = nearest_m(flight, frame)

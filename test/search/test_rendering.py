@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,10 @@ from matplotlib import colormaps, image
 from numpy.typing import NDArray
 from play import put_person, started, step
 
-from dsse_ros.search import SearchEnv, parallel_env, rendering
+from dsse_ros.search import SearchEnv, chart, mission_view, parallel_env, rendering, signs
+from dsse_ros.search.picture import DRONE_COLOURS
 
-RED, GREEN = (255, 0, 0), (50, 205, 50)
+AT_SEA, FOUND = (240, 228, 66), (50, 205, 50)
 FAR: dict[str, Any] = {"vector": (0.0, 0.0), "grid_size": 8}
 
 
@@ -31,14 +34,19 @@ def field_of(text: str) -> list[str]:
     return [row[1:-1] for row in rows]
 
 
+def rgb(colour: str) -> tuple[int, ...]:
+    """Parts of a colour like #d8cba8."""
+    return tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))
+
+
 def drone_colour(number: int) -> tuple[int, ...]:
-    """Colour of a drone among at most ten; that of drone0 is one of the map's, too."""
-    return tuple(round(255 * part) for part in colormaps["tab10"](number)[:3])
+    """Colour of a drone among at most six."""
+    return rgb(DRONE_COLOURS[number])
 
 
 def pixels(picture: NDArray[np.uint8], colour: tuple[int, ...]) -> NDArray[np.int64]:
     """Places (n, 2) as (row, column) of the pixels of about this colour, without the legend."""
-    sea = picture[:, : picture.shape[1] * 3 // 4]
+    sea = picture[:, : picture.shape[1] * 16 // 25]
     distance = np.abs(sea.astype(int) - np.array(colour)).max(axis=2)
     return np.argwhere(distance <= 24)
 
@@ -107,7 +115,7 @@ def test_the_pictures_show_what_is_not_searched() -> None:
     env.render_mode = "rgb_array"
     image = env.render()
     assert isinstance(image, np.ndarray)
-    land = tuple(int(rendering.LAND[i : i + 2], 16) for i in (1, 3, 5))
+    land = rgb(signs.LAND)
     share = (image == land).all(axis=2).sum() / image[..., 0].size
     assert share > 0.05
     plain = started(render_mode="rgb_array", person_initial_position=(4, 7)).render()
@@ -126,7 +134,7 @@ def test_the_text_shows_who_was_found_and_where_the_probability_is() -> None:
     assert isinstance(text, str)
     rows = field_of(text)
     assert rows[0][0] == "F" and rows[7][7] == "P"
-    shades = rendering.SHADES
+    shades = mission_view.SHADES
     assert rows[4][4] == shades[-1]
     assert 0 < shades.index(rows[4][5]) < len(shades) - 1
     assert rows[0][4] == shades[0]
@@ -149,7 +157,7 @@ def test_the_image_shows_drones_and_person_where_they_are() -> None:
     before = picture_of(env)
     for number in (1, 2):
         assert len(pixels(before, drone_colour(number))) > 20
-    assert len(pixels(before, RED)) > 20
+    assert len(pixels(before, AT_SEA)) > 20
     for _ in range(3):
         step(env, 4, 1, 3)
     put_person(env, (6, 6))
@@ -157,7 +165,11 @@ def test_the_image_shows_drones_and_person_where_they_are() -> None:
     assert before.shape == after.shape
     shifts = {
         name: pixels(after, colour).mean(axis=0) - pixels(before, colour).mean(axis=0)
-        for name, colour in {"east": drone_colour(1), "south": drone_colour(2), "both": RED}.items()
+        for name, colour in {
+            "east": drone_colour(1),
+            "south": drone_colour(2),
+            "both": AT_SEA,
+        }.items()
     }
     # Rows of pixels grow downward, as those of the grid do.
     assert shifts["east"][1] > 10 and abs(shifts["east"][0]) < 10
@@ -181,16 +193,16 @@ def test_the_image_shows_a_person_found_otherwise_than_one_still_at_sea() -> Non
     env = started(drones_positions=[(2, 2)], person_amount=2, render_mode="rgb_array", **FAR)
     put_person(env, (2, 2), 0)
     put_person(env, (6, 6), 1)
-    assert len(pixels(picture_of(env), GREEN)) == 0
+    assert len(pixels(picture_of(env), FOUND)) == 0
     step(env, 4)
     picture = picture_of(env)
-    assert len(pixels(picture, GREEN)) > 20
-    assert len(pixels(picture, RED)) > 20
+    assert len(pixels(picture, FOUND)) > 20
+    assert len(pixels(picture, AT_SEA)) > 20
 
 
 def test_the_image_follows_the_map() -> None:
     def blue(env: SearchEnv) -> NDArray[np.float64]:
-        dark = tuple(round(255 * part) for part in colormaps["Blues"](1.0)[:3])
+        dark = tuple(round(255 * part) for part in colormaps["Blues"](0.75)[:3])
         return pixels(picture_of(env), dark).mean(axis=0)
 
     fields: dict[str, Any] = {"drones_positions": [(0, 0)], "grid_size": 8}
@@ -213,7 +225,7 @@ def test_an_image_shows_nothing_of_those_before_it() -> None:
     put_person(env, (5, 5), 1)
 
     def marks(picture: NDArray[np.uint8]) -> list[Any]:
-        colours = [RED, GREEN, *map(drone_colour, (1, 2))]
+        colours = [AT_SEA, FOUND, *map(drone_colour, (1, 2))]
         found = [pixels(picture, colour) for colour in colours]
         return [(len(places) > 0, places.mean(axis=0) if len(places) else 0) for places in found]
 
@@ -226,7 +238,7 @@ def test_an_image_shows_nothing_of_those_before_it() -> None:
             # The margins may differ by the width of a digit.
             assert np.abs(np.subtract(where, there)).max() < 10
     env.reset(options={"drones_positions": [(7, 7), (0, 7), (7, 0)]})
-    assert len(pixels(picture_of(env), GREEN)) == 0
+    assert len(pixels(picture_of(env), FOUND)) == 0
 
 
 def test_an_image_that_was_returned_stays_as_it_is() -> None:
@@ -236,6 +248,95 @@ def test_an_image_that_was_returned_stays_as_it_is() -> None:
     step(env, 1)
     assert (picture_of(env) != picture).any()
     assert (picture == before).all()
+
+
+def test_a_view_counts_the_searches_of_each_cell() -> None:
+    """Those of drones that were still in the search, in steps that did something."""
+    env = started(
+        drones_positions=[(1, 1), (4, 4)],
+        render_mode="ansi",
+        timestep_limit=4,
+        collision=0.0,
+        **FAR,
+    )
+    put_person(env, (7, 7))
+    for actions in ((4, 4), (4, 1), (1, 4)):
+        step(env, *actions)
+    env.withdraw(1)
+    step(env, 4, 4)
+    while env.agents:
+        step(env, *[4] * len(env.agents))
+    searches = env.view().searches
+    assert searches is not None and searches.sum() == 5
+    assert [searches[1, 1], searches[4, 4], searches[4, 5], searches[1, 2]] == [2, 1, 1, 1]
+    env.reset()
+    assert env.view().searches is not None and not env.view().searches.any()
+
+
+def test_the_image_shows_how_often_a_cell_was_searched() -> None:
+    env = started(drones_positions=[(0, 0)], render_mode="ansi", **FAR)
+    view, pictures = env.view(), []
+    for searches in range(5):
+        counts = np.zeros((8, 8), int)
+        counts[5, 5] = searches
+        pictures.append(rendering.Camera().rgb_array(replace(view, searches=counts)))
+    sea = [picture[:, : picture.shape[1] * 16 // 25] for picture in pictures]
+    ink = [int((picture != sea[0]).any(axis=2).sum()) for picture in sea]
+    assert all(more > less + 20 for less, more in itertools.pairwise(ink))
+
+
+def test_tracks_through_the_same_cells_do_not_hide_each_other() -> None:
+    env = started(drones_positions=[(0, 3), (0, 4)], render_mode="rgb_array", collision=0.0, **FAR)
+    put_person(env, (7, 7))
+    # One after the other through row 3, then both away to the south.
+    step(env, 1, 4)
+    for actions in ((1, 2), (1, 1), (1, 1), (3, 1), (3, 1), (3, 4), (3, 4)):
+        step(env, *actions)
+    picture = picture_of(env)
+    first, second = (pixels(picture, drone_colour(number)) for number in (0, 1))
+    assert len(first) > 100 and len(second) > 100
+
+
+def test_drones_keep_colours_that_differ_in_lightness_or_hue_to_the_colour_blind() -> None:
+    """Deuteranopes and protanopes see the two axes of CIELAB's lightness and of blue and yellow."""
+    linear = ((np.array([rgb(colour) for colour in DRONE_COLOURS]) / 255) ** 2.2).astype(float)
+    luminance = linear @ (0.2126, 0.7152, 0.0722)
+    seen = np.stack([np.cbrt(luminance), np.cbrt(linear[:, 2])], axis=1)
+    apart = np.linalg.norm(seen[:, np.newaxis] - seen[np.newaxis], axis=2)
+    assert apart[~np.eye(len(seen), dtype=bool)].min() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "top", "right"),
+    [
+        (-24.04, -46.17, ["46°10.0′W", "46°09.5′W", "46°09.0′W"], "24°02.0′S 24°01.5′S 24°01.0′S"),
+        (0.0, 179.99, ["179°59.5′E", "180°00.0′W", "179°59.5′W"], "0°00.0′N 0°00.5′N 0°01.0′N"),
+    ],
+)  # fmt: skip
+def test_the_edges_of_a_picture_have_latitude_and_longitude(
+    lat: float, lon: float, top: list[str], right: str
+) -> None:
+    env = started(grid_size=20, origin_lat=lat, origin_lon=lon)
+    figure = rendering.new_figure()
+    rendering.Picture(figure).draw(env.view())
+    east, north = figure.axes[0].child_axes
+    assert [label.get_text() for label in east.get_xticklabels()] == top
+    assert [label.get_text() for label in north.get_yticklabels()] == right.split()
+
+
+def test_marks_of_degrees_are_where_they_say() -> None:
+    along = np.linspace(0.0, 10.0, 65)
+    places, labels = chart.degree_marks(along, 59.9 + 0.02 * along, "NS")
+    assert labels == ["59°55′N", "60°00′N", "60°05′N"]
+    np.testing.assert_allclose(
+        places, [(59 + 55 / 60 - 59.9) / 0.02, 5.0, (60 + 5 / 60 - 59.9) / 0.02]
+    )
+    assert chart.degree_marks(along, np.cos(along), "NS") == ([], [])
+
+
+@pytest.mark.parametrize(("most", "length"), [(0.78, 0.5), (1.0, 1.0), (2.2, 2.0), (99.0, 50.0)])
+def test_scales_have_round_lengths(most: float, length: float) -> None:
+    assert chart.round_length(most) == pytest.approx(length)
 
 
 def test_hundreds_of_drones_fit_into_a_picture() -> None:
