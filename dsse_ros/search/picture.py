@@ -2,7 +2,7 @@
 """The one drawing of a mission, on a matplotlib figure.
 
 Colours of the drones are those of Okabe and Ito ("Color Universal Design", 2008), which the
-colour-blind tell apart, without the two that are lost on the blue or the white of the sea. The
+colour-blind can distinguish, without the two that are lost on the blue or the white of the sea. The
 drones have numbers too, and persons, datum and searches differ in shape.
 """
 
