@@ -49,7 +49,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim sitl-demo check test test-oldest lint format bench reproduce compare clean
+.PHONY: help sim sitl-demo check test test-oldest lint format docs docs-check bench reproduce compare clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
@@ -83,6 +83,13 @@ format: $(VENV)/.test ## Format the code and mend what the linter can
 	@$(BIN)/ruff check --fix
 	@$(BIN)/ruff format
 
+docs: $(VENV)/.docs ## Build the documentation site in docs/_build; a warning is an error
+	@$(BIN)/sphinx-build -q --fail-on-warning --keep-going --conf-dir docs . docs/_build
+	@echo docs/_build/index.html
+
+docs-check: ## Run the commands of README and docs in a scratch clone, for an hour: DOCS='page ...'
+	@$(PYTHON) docs/check.py $(DOCS)
+
 bench: $(VENV)/.test ## Measure beside the published packages and a C baseline: BENCH=--quick
 	@$(BIN)/python -m benchmarks.bench $(BENCH)
 
@@ -93,7 +100,7 @@ compare: $(VENV)/.test ## Compare all planners on the same missions: MISSIONS=n 
 	@$(BIN)/python -m benchmarks.compare --missions '$(or $(MISSIONS),2000)'
 
 clean: ## Remove the environment and everything built
-	rm -rf $(VENV) $(VENV)-oldest build dist install log *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(VENV)-oldest build dist docs/_build install log *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(BASE):
@@ -112,11 +119,12 @@ $(BASE):
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz,area,movie
 $(VENV)/.view: EXTRAS := viz,area,movie,dashboard
-$(VENV)/.test: EXTRAS := viz,area,movie,test,sitl,routes,record,dashboard,browser
+$(VENV)/.test: EXTRAS := viz,area,movie,test,sitl,routes,record,dashboard,browser,docs
+$(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
-$(VENV)/.sim $(VENV)/.view $(VENV)/.test $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)
+$(VENV)/.sim $(VENV)/.view $(VENV)/.test $(VENV)/.docs $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
 	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg

@@ -55,6 +55,8 @@ setup(
         "land": ["global-land-mask>=1.0"],
         # What `recorder` and `replay` write and read.
         "record": ["mcap>=1.6"],
+        # The site of `make docs`.
+        "docs": ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8.1"],
         # It brings an ffmpeg with it.
         "movie": ["imageio-ffmpeg>=0.5"],
         "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],

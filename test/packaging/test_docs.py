@@ -39,7 +39,7 @@ DASHBOARD, FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS = (
     DOCS / f"{name}.md"
     for name in ("dashboard", "flight", "parameters", "recording", "ros", "rules", "topics")
 )
-PAGES = [README, CONTRIBUTING, *sorted(DOCS.glob("*.md"))]
+PAGES = [README, CONTRIBUTING, *sorted(DOCS.rglob("*.md"))]
 README_LINES = 200
 """At most; a table is in docs."""
 SCENARIO = ROOT / "config" / "paper_zone.yaml"

@@ -74,6 +74,7 @@ ALLOWED = (
     ("dsse_ros/search/picture.py", "legend", "belongs to the picture"),
     ("test/search/test_rendering.py", "legend", "belongs to the picture"),
     ("test/packaging/test_docs.py", "anchors", "are HTML's"),
+    ("docs/conf.py", "myst_heading_anchors", "is the name of an option"),
     ("dsse_ros/flight/", r"settl\w+", "is what a transfer does until its line is quiet"),
     ("dsse_ros/nodes/mavlink_bridge.py", r"settle\w*", "is the wait for latched messages"),
     ("test/flight/", r"settl\w+", "is what a transfer does until its line is quiet"),

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The documentation site, the runner of the commands on its pages, and the examples they show."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tree import by_name, files
+
+ROOT = Path(__file__).resolve().parents[2]
+# `docs/check.py` imports nothing but the standard library.
+CHECK: dict[str, Any] = runpy.run_path(str(ROOT / "docs" / "check.py"))
+
+
+def commands(text: str) -> list[tuple[int, str, str, str]]:
+    """Blocks of a page with this text: line, commands, how they are run, and what goes with it."""
+    return [(one.line, one.code, one.how, one.text) for one in CHECK["blocks"]("page.md", text)]
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "dummy", "-c", "docs",
+         "-d", tmp_path / "doctrees", ".", tmp_path / "site"],
+        cwd=ROOT, capture_output=True, text=True, timeout=600,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_page_of_docs_is_in_the_side_bar() -> None:
+    pytest.importorskip("sphinx")
+    conf = runpy.run_path(str(ROOT / "docs" / "conf.py"))
+    pages = [name for names in conf["NAVIGATION"].values() for name in names]
+    assert len(pages) == len(set(pages))
+    written = {
+        name.rpartition(".")[0] for name in by_name(files())
+        if name.startswith("docs/") and name.endswith((".md", ".rst"))
+    }  # fmt: skip
+    assert written - {conf["root_doc"]} <= set(pages)
+
+
+def test_every_block_of_commands_is_run_or_says_why_not() -> None:
+    found = CHECK["all_blocks"]()
+    assert {"README.md", "docs/install.md", "docs/tutorials/first_mission.md"} <= {
+        block.page for block in found if block.how != "skip"
+    }
+    assert all(block.text for block in found if block.how == "skip")
+
+
+def test_blocks_are_found_with_their_comments() -> None:
+    text = textwrap.dedent("""\
+        ```sh
+        one
+        ```
+        <!-- docs-check: background -->
+        ```sh
+        two
+        ```
+
+        1. In a list:
+
+           <!-- docs-check: until it is over -->
+           ```sh
+           three
+           ```
+        <!-- docs-check: skip, needs a ship -->
+        ```sh
+        four
+        ```
+        ```text
+        five
+        ```
+        """)
+    assert commands(text) == [
+        (2, "one\n", "", ""),
+        (6, "two\n", "background", ""),
+        (13, "   three\n", "until", "it is over"),
+        (17, "four\n", "skip", "needs a ship"),
+    ]
+
+
+@pytest.mark.parametrize("comment", ["skip", "until", "background, why", "perhaps"])
+def test_a_comment_that_is_none_is_refused(comment: str) -> None:
+    with pytest.raises(ValueError, match=r"page\.md"):
+        commands(f"<!-- docs-check: {comment} -->\n```sh\ntrue\n```\n")
+
+
+def test_the_cpp_on_the_page_is_in_the_example() -> None:
+    source = (ROOT / "examples/cpp_planner/src/cpp_planner.cpp").read_text(encoding="utf-8")
+    lines = [line.strip() for line in source.splitlines()]
+    page = (ROOT / "docs/tutorials/cpp_planner.md").read_text(encoding="utf-8")
+    shown = [block.split("```")[0] for block in page.split("```cpp\n")[1:]]
+    assert shown
+    for block in shown:
+        part = [line.strip() for line in block.splitlines()]
+        assert any(lines[i : i + len(part)] == part for i in range(len(lines))), block
+
+
+def test_the_trained_agent_of_the_page_finds_sooner_than_a_random_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(ROOT)
+    example = runpy.run_path("examples/train.py")
+    drawn = example["train"](generations=1, policies=4, missions=2)
+    page = (ROOT / "docs/tutorials/training.md").read_text(encoding="utf-8")
+    (printed,) = re.findall(r"^weights \[(.+)\]$", page, re.MULTILINE)
+    trained = np.array(printed.split(), dtype=float)
+    assert trained.shape == drawn.shape == (4,)
+    steps = example["Searches"](2, 40).mean_steps(np.stack([0 * trained, trained]), seed=10**6)
+    assert steps[1] < 0.6 * steps[0]
