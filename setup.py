@@ -52,13 +52,17 @@ setup(
         # What a scenario's fields of the same names need.
         "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
+        # What `recorder` and `replay` write and read.
+        "record": ["mcap>=1.5"],
         "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
         "test": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",
+            "mcap-ros2-support>=0.6",
             "mypy>=1.15",
             "pytest==8.3.*",
             "pytest-xdist>=3.8",
+            "rosbags>=0.11",
             "ruff>=0.9",
             "setuptools>=70.1",
             "types-PyYAML",

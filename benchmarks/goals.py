@@ -66,6 +66,14 @@ def _rates(
     return measured
 
 
+def _recorded(figures: Figures) -> tuple[float, float] | None:
+    rates = figures.get("recorded")
+    if not rates:
+        return None
+    with_it, without = rates["recorded"], rates["plain"]
+    return max(with_it) / max(without), median(with_it) / median(without)
+
+
 def _conversion(figures: Figures) -> tuple[float, float] | None:
     found = figures.get("conversion")
     if not found:
@@ -137,6 +145,7 @@ GOALS = (
         for rules in ("paper", "v2")
         for cores in ("one_core", "two_cores")
     ),
+    Goal("sim_node lockstep, 20 drones, recorded", ">=", 0.8, "x not recorded", _recorded),
     # No Python object and no allocation is smaller than that.
     Goal("memory growth over 10^6 steps: none", "<=", 1, "bytes per step", _growth),
     Goal("import without compiler cache to first step", "<=", 15, "s",

@@ -18,7 +18,13 @@ from rcl_interfaces.msg import ParameterType
 
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.parameters import descriptor
-from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, BridgeSettings, PlannerSettings, SimSettings
+from dsse_ros.nodes.settings import (
+    RUN_TIME_SETTINGS,
+    BridgeSettings,
+    PlannerSettings,
+    RecorderSettings,
+    SimSettings,
+)
 from dsse_ros.search import PROFILES, Rules, Scenario
 from dsse_ros.search.fields import Spec, specs
 from dsse_ros.search.rules import GROUPS
@@ -164,10 +170,11 @@ TABLES = {
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
     "mavlink_bridge": lambda: settings_table(BridgeSettings),
+    "recorder": lambda: settings_table(RecorderSettings),
     "scenario": scenario_table,
     "rules": rules_table,
 }
-PAGES = ("docs/flight.md", "docs/parameters.md", "docs/ros.md")
+PAGES = ("docs/flight.md", "docs/parameters.md", "docs/recording.md", "docs/ros.md")
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
 

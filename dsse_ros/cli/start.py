@@ -17,6 +17,8 @@ from dsse_ros.nodes.exit_codes import MISSING
 from dsse_ros.nodes.interrupts import leave_on_signals
 
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
+_EXTRAS = {"mcap": "record"}
+"""The extra that brings a module; `viz` for the others."""
 
 
 def start(module: str) -> int:
@@ -49,6 +51,9 @@ def missing(error: ImportError) -> str | None:
         return f"an import has failed in Python {sys.version.partition(' ')[0]}: {reason}"
     if name in _ROS or name.endswith(("_msgs", "_srvs", "_interfaces")):
         return f"ROS 2 not found ({reason}): source a ROS 2, or use `make sim`, which brings one"
+    extra = _EXTRAS.get(name)
+    if extra is not None:
+        return f"{name} not found: pip install '{clone()}[{extra}]'"
     return f"{name} not found: pip install '{clone()}[viz]', or use `make sim`, which brings it"
 
 
@@ -89,3 +94,13 @@ def mavlink_bridge() -> int:
 def export_mission() -> int:
     """`ros2 run dsse_ros export_mission`."""
     return start("cli.export_mission")
+
+
+def recorder() -> int:
+    """`ros2 run dsse_ros recorder`."""
+    return start("nodes.recorder")
+
+
+def replay() -> int:
+    """`ros2 run dsse_ros replay`."""
+    return start("cli.replay")

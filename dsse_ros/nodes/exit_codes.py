@@ -9,6 +9,8 @@ MISSING = 1
 """Exit code where something that the program needs is not installed."""
 BAD_INPUT = 2
 """Exit code after an input that is not allowed."""
+FAILED = 3
+"""Exit code where a file could not be written to its end, or a check has failed."""
 
 
 def fail(name: str, error: object) -> int:

@@ -21,6 +21,7 @@ from msg_adapters.mission_items import FIRMWARES
 Kind = Literal["bool", "int", "float", "str", "ints", "names"]
 
 NODES = {
+    "recorder": "dsse_recorder",
     "sim_node": "dsse_sim",
     "planner_node": "dsse_planner",
     "mavlink_bridge": "dsse_bridge",
@@ -179,6 +180,11 @@ MISSION: Mapping[str, Argument] = {
     "log_level": Argument(
         "str", "What the nodes log.", "info", choices=("debug", "info", "warn", "error", "fatal")
     ),
+    "record": Argument("bool", "Whether to record the mission to a bag.", "false"),
+    "bag": Argument(
+        "str", "MCAP file of the recording, a new one; by default with date and time in its name.",
+        "", ("recorder",),
+    ),
     "rviz": Argument("bool", "Whether to show the mission in RViz.", "false"),
 }  # fmt: skip
 """The arguments of mission.launch.py."""
@@ -293,7 +299,12 @@ def starts(
         return ["--ros-args", "--log-level", f"{logger}:={values['log_level']}"]
 
     fixed_frame = "".join(in_force(name, "sim_node") for name in ("frame_prefix", "map_frame"))
-    executables = ["sim_node", "planner_node", *(["mavlink_bridge"] if flight else [])]
+    # The recorder first: what is not latched is lost before it is there.
+    executables = [
+        *(["recorder"] if values["record"] else []),
+        *("sim_node", "planner_node"),
+        *(["mavlink_bridge"] if flight else []),
+    ]
     made = {}
     for executable in executables:
         before: dict[str, Any] = {}

@@ -15,6 +15,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from dsse_ros.nodes.launch_arguments import Argument, Start, starts
 
+_WATCHERS = ("recorder", "rviz2")
+
 
 def describe(arguments: Mapping[str, Argument]) -> LaunchDescription:
     """Return the description of `MISSION` or `FLIGHT`: arguments, then nodes."""
@@ -59,8 +61,8 @@ def _node(executable: str, start: Start, namespace: str) -> Node:
         output="screen",
         # A bridge that is interrupted has its vehicles hold first, and DDS takes its time.
         sigterm_timeout="20",
-        # No node works without the others; RViz may be closed.
-        on_exit=None if executable == "rviz2" else Shutdown(reason=f"{executable} has ended"),
+        # The others go on without what only watches: RViz is closed, the disk of a bag is full.
+        on_exit=None if executable in _WATCHERS else Shutdown(reason=f"{executable} has ended"),
     )
 
 

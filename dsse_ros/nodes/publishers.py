@@ -20,6 +20,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.status import Health, Level
+from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
 from dsse_ros.search import SearchDefinition, sea_map
@@ -41,7 +42,7 @@ from msg_adapters.poses import (
     yaw_of,
 )
 from msg_adapters.stamps import clock_message
-from msg_adapters.step_report import make_step_report, step_report_message
+from msg_adapters.step_report import step_report_message
 
 _LEVELS = {
     Level.OK: DiagnosticStatus.OK,
@@ -193,25 +194,12 @@ class MissionPublishers:
         self._publish_fixes(result, stamp)
         self._before = self._cells if result.step else result.cells
         self._cells = result.cells
-        self.publish_report(result, stamp)
+        self.publish_report(stamp)
 
-    def publish_report(self, result: StepResult, stamp: Time) -> None:
-        """Publish the report of a step."""
-        frame, env = self._frame, self._mission.env
-        report = make_step_report(
-            frame,
-            run_id=self.run_id,
-            mission=self._mission.number,
-            step=result.step,
-            cells=result.cells,
-            actions=result.actions,
-            rewards=result.rewards,
-            terminated=result.terminated,
-            truncated=result.truncated,
-            found=result.found,
-            held=result.held,
-            action_mask=env.action_masks(),
-        )
+    def publish_report(self, stamp: Time) -> None:
+        """Publish the report of the last step."""
+        frame = self._frame
+        report = step_report_of(self._mission, frame, self.run_id)
         self._report.publish(step_report_message(frame, report, stamp, self._report_of_step))
 
     def publish_mission_report(self, stamp: Time) -> None:

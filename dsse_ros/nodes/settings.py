@@ -193,6 +193,26 @@ class PlannerSettings:
         check_all(self)
 
 
+@dataclass(frozen=True, kw_only=True)
+class RecorderSettings:
+    """Settings of `recorder`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    bag: str = field(
+        "str", "MCAP file that the topics are written to, a new one; by default mission_ with date "
+        "and time in the name, in the working directory.", "",
+    )  # fmt: skip
+    exclude: tuple[str, ...] = field(
+        "names", "Patterns of topics that are left out, such as */odom.", ()
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self)
+
+
 MODES = ("guided", "mission", "export")
 """What `mavlink_bridge` does with the steps of a search."""
 ENDS = ("return", "land", "hold")

@@ -385,7 +385,7 @@ class SimNode(AlarmNode):
         self.get_logger().warning(f"drone{drone} is lost: {' '.join(reason.split())[:200]}")
         if self.mission.done:
             self._record()
-        self.publishers_.publish_report(self.mission.result, self._report_stamp)
+        self.publishers_.publish_report(self._report_stamp)
         if self.mission.done:
             self._end_between_steps()
 

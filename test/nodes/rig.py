@@ -215,6 +215,13 @@ class Rig:
         self.processes.append(process)
         return process
 
+    def run(self, script: Path, *arguments: str) -> Process:
+        """Start a script."""
+        log = self.folder / f"{len(self.processes)}_{script.stem}.log"
+        process = Process([str(script), *arguments], log, self.domain)
+        self.processes.append(process)
+        return process
+
     def sim(
         self, parameters: Mapping[str, Any] | None = None, *arguments: str, namespace: str = ""
     ) -> Sim:

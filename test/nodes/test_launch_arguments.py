@@ -14,7 +14,12 @@ import pytest
 
 from dsse_ros.cli.run_mission import PLANNER_PARAMETERS, SIM_PARAMETERS
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, NODES, Argument, Start, starts
-from dsse_ros.nodes.settings import BridgeSettings, PlannerSettings, SimSettings
+from dsse_ros.nodes.settings import (
+    BridgeSettings,
+    PlannerSettings,
+    RecorderSettings,
+    SimSettings,
+)
 from dsse_ros.search import Rules, Scenario
 from dsse_ros.search.fields import Spec, specs
 
@@ -24,6 +29,7 @@ SETTINGS = {
     "sim_node": (SimSettings, Rules, Scenario),
     "planner_node": (PlannerSettings,),
     "mavlink_bridge": (BridgeSettings,),
+    "recorder": (RecorderSettings,),
 }
 SPECS: dict[str, dict[str, Spec]] = {
     node: {name: spec for cls in classes for name, spec in specs(cls).items()}
@@ -96,6 +102,7 @@ def test_the_names_of_the_nodes_are_theirs() -> None:
         ("auto_reset", "true", True),
         ("auto_reset", "False", False),
         ("record_file", "123", "123"),
+        ("bag", "123", "123"),
         ("map_frame", "no", "no"),
         ("connections", "[udpin:127.0.0.1:14550, '/dev/ttyUSB0,57600']",
          ["udpin:127.0.0.1:14550", "/dev/ttyUSB0,57600"]),
@@ -110,7 +117,7 @@ def test_a_text_becomes_a_value_of_the_type_of_the_parameter(
     for arguments in (a for a in FILES.values() if name in a):
         got = {}
         for node in arguments[name].to:
-            start = made(arguments, **{name: text, "rviz": "true"})[node]
+            start = made(arguments, **{name: text, "record": "true", "rviz": "true"})[node]
             got[node] = start.after[arguments[name].renamed.get(node, name)]
             assert got[node] == value and type(got[node]) is type(value)
         assert got
@@ -217,6 +224,12 @@ def test_who_takes_the_time_from_the_clock_does_so_only_if_there_is_one(tmp_path
             assert parameters(start[node])["use_sim_time"] is uses
 
 
+def test_a_recorder_is_started_where_it_is_wanted_and_before_what_it_records() -> None:
+    for arguments in FILES.values():
+        assert "recorder" not in made(arguments)
+        assert next(iter(made(arguments, record="true"))) == "recorder"
+
+
 def test_a_drawn_seed_is_the_simulation_s_alone() -> None:
     start = made(MISSION, seed="-1")
     assert start["sim_node"].after["seed"] == -1
@@ -238,12 +251,13 @@ def test_the_nodes_know_all_that_they_get(arguments: Mapping[str, Argument]) -> 
         "sim_node": {*SIM_PARAMETERS},
         "planner_node": {*PLANNER_PARAMETERS},
         "mavlink_bridge": {*SPECS["mavlink_bridge"]},
+        "recorder": {*SPECS["recorder"]},
     }
     every = {
         name: one.default or {"int": "2", "names": "[a, b]", "ints": "[1, 2]"}.get(one.kind, "")
         for name, one in arguments.items()
     }
-    for executable, start in made(arguments, **every).items():
+    for executable, start in made(arguments, **every | {"record": "true"}).items():
         assert parameters(start).keys() <= known[executable]
 
 

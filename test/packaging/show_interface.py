@@ -15,6 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from dsse_ros.nodes.mavlink_bridge import BridgeNode
 from dsse_ros.nodes.planner_node import PlannerNode
+from dsse_ros.nodes.recorder import RecorderNode
 from dsse_ros.nodes.sim_node import SimNode
 
 
@@ -88,5 +89,7 @@ if __name__ == "__main__":
         "sim_node": started(SimNode, *options),
         "planner_node": started(PlannerNode),
         "mavlink_bridge": started(BridgeNode, *of_bridge),
+        # What has no value has no type.
+        "recorder": started(RecorderNode, "-p", "exclude:=['*/odom']"),
     }
     print(json.dumps(nodes))

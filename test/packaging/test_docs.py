@@ -34,8 +34,8 @@ from msg_adapters.step_report import step_report_dtype
 ROOT = Path(__file__).resolve().parents[2]
 README, CONTRIBUTING = ROOT / "README.md", ROOT / "CONTRIBUTING.md"
 DOCS = ROOT / "docs"
-FLIGHT, PARAMETERS, ROS, RULES, TOPICS = (
-    DOCS / f"{name}.md" for name in ("flight", "parameters", "ros", "rules", "topics")
+FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS = (
+    DOCS / f"{name}.md" for name in ("flight", "parameters", "recording", "ros", "rules", "topics")
 )
 PAGES = [README, CONTRIBUTING, *sorted(DOCS.glob("*.md"))]
 README_LINES = 200
@@ -265,6 +265,7 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
         ),
         ("planner_node", [(PARAMETERS, "Of the planner")]),
         ("mavlink_bridge", [(FLIGHT, "Parameters")]),
+        ("recorder", [(RECORDING, "Recording")]),
     ],
 )
 def test_the_parameters_are_those_of_the_tables(
@@ -448,7 +449,11 @@ def test_every_dependency_is_explained() -> None:
     extras = ast.literal_eval(given["extras_require"])
     requirements = [
         *ast.literal_eval(given["install_requires"]),
-        *(requirement for extra in ("area", "land", "viz") for requirement in extras[extra]),
+        *(
+            requirement
+            for extra in ("area", "land", "record", "viz")
+            for requirement in extras[extra]
+        ),
     ]
     names = {re.split("[<>=]", requirement)[0] for requirement in requirements}
     assert set(table(README, "Dependencies", "Package")) == names

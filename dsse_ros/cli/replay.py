@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dsse_ros replay`: says whether the missions of a bag repeat, or publishes it again."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from dsse_ros.cli.command_line import Parser
+from dsse_ros.mission.status import counted
+from dsse_ros.nodes.bag_player import play
+from dsse_ros.nodes.exit_codes import FAILED, fail
+from dsse_ros.nodes.ros_arguments import split_ros_arguments
+from dsse_ros.recording.bag import read_bag
+from dsse_ros.recording.replay import ReplayedMission, replay
+from dsse_ros.search import FieldError
+from dsse_ros.search.compiler import announced
+
+
+def line(mission: ReplayedMission) -> str:
+    """Return how the replay of a mission has gone, on one line."""
+    of = "" if mission.namespace == "/" else f" in {mission.namespace.rstrip('/')}"
+    head = f"mission {mission.number} of run {mission.run_id}{of}"
+    if mission.seed is not None:
+        head += f", seed {mission.seed}"
+    steps = counted(mission.steps, "step")
+    if mission.difference is not None:
+        return f"{head}: DIFFERS: {mission.difference}"
+    parts = [f"{steps} repeat byte for byte"] if mission.steps or not mission.incomplete else []
+    if mission.incomplete:
+        parts.append(f"not replayed {'any further' if mission.steps else ''}".rstrip())
+        parts[-1] += f": {mission.incomplete}"
+    if mission.uncommanded:
+        actions = counted(mission.uncommanded, "action")
+        parts.append(f"{actions} without a command in the bag taken from the reports")
+    if mission.refused:
+        refused = ", ".join(f"{n} {code}" for code, n in sorted(mission.refused.items()))
+        parts.append(f"refused: {refused}")
+    if mission.lost:
+        parts.append(f"lost: {', '.join(mission.lost)}")
+    return f"{head}: {'; '.join(parts)}"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit code.
+
+    It is 0 if all missions repeat as far as they are recorded, 2 for bad input, 3 if one differs.
+    """
+    own, ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
+    parser = Parser(prog="replay", description=__doc__.partition(": ")[2])
+    parser.add_argument("bag", type=Path, help="MCAP file, or folder of rosbag2 with some")
+    parser.add_argument(
+        "--play",
+        nargs="?",
+        type=float,
+        const=1.0,
+        metavar="RATE",
+        help="publish it again, at so many times the speed (default: 1)",
+    )
+    arguments = parser.parse_args(own)
+    if arguments.play is not None:
+        return play(arguments.bag, arguments.play, ros)
+    if ros:
+        return fail("replay", "--ros-args is allowed with --play only")
+    replayed = different = 0
+    try:
+        with announced(lambda text: print(text, file=sys.stderr, flush=True)):
+            for mission in replay(read_bag(arguments.bag)):
+                print(line(mission), flush=True)
+                replayed += mission.steps > 0 or not mission.incomplete
+                different += mission.difference is not None
+    except FieldError as error:
+        return fail("replay", error)
+    if different:
+        return FAILED
+    if not replayed:
+        return fail("replay", "no mission in the bag can be replayed")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

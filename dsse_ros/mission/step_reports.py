@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of a mission's last step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from dsse_ros.mission.mission import Mission
+from msg_adapters.frames import GridFrame
+from msg_adapters.step_report import make_step_report
+
+
+def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[Any]:
+    """Return what `step_report` says of the last step, (N,) of a `step_report_dtype`.
+
+    Args:
+        mission: The mission.
+        frame: Where its grid lies.
+        run_id: Identity of the simulation.
+    """
+    result = mission.result
+    return make_step_report(
+        frame,
+        run_id=run_id,
+        mission=mission.number,
+        step=result.step,
+        cells=result.cells,
+        actions=result.actions,
+        rewards=result.rewards,
+        terminated=result.terminated,
+        truncated=result.truncated,
+        found=result.found,
+        held=result.held,
+        action_mask=mission.env.action_masks(),
+    )

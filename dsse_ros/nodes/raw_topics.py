@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All topics of a mission as bytes: found as they appear, taken in batches."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+
+from dsse_ros.recording.offered_qos import common
+from dsse_ros.recording.schemas import definition, message_class
+from dsse_ros.search import FieldError
+
+OF_ALL = ("/clock", "/diagnostics", "/tf", "/tf_static")
+"""Topics that all missions of a domain share."""
+NOT_OF_A_MISSION = ("/parameter_events", "/rosout")
+_DEPTH = 1000
+"""Messages of a topic that may wait to be taken."""
+
+
+class RawMessage(NamedTuple):
+    """A message as it came.
+
+    Attributes:
+        topic: Its topic.
+        data: The message in CDR.
+        received_ns: Wall time at which it was received.
+        published_ns: Wall time at which it was published.
+        sequence: Its number among those of its publisher.
+    """
+
+    topic: str
+    data: bytes
+    received_ns: int
+    published_ns: int
+    sequence: int
+
+
+class RawTopics:
+    """Subscribes all topics of a namespace, and those that all missions share.
+
+    The subscriptions are in a node of their own that no executor spins: messages wait until they
+    are taken. To wake up for each of them would cost several times as much.
+
+    Args:
+        node: Whose namespace it is, and who logs; in the root namespace all topics count.
+        warn: Logs a line of a kind.
+        exclude: Patterns of topics that are left out.
+
+    Attributes:
+        types: Names of the types of the topics subscribed so far, by topic.
+    """
+
+    def __init__(
+        self, node: Node, warn: Callable[[str, str], None], exclude: Sequence[str] = ()
+    ) -> None:
+        self._node = Node(
+            f"_{node.get_name()}_topics",
+            namespace=node.get_namespace(),
+            context=node.context,
+            # Neither arguments of the command line nor parameters: they are the other's.
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._prefix = node.get_namespace().rstrip("/") + "/"
+        self._warn = warn
+        self._exclude = exclude
+        self.types: dict[str, str] = {}
+        self._subscriptions: dict[str, Subscription] = {}
+        # Subscribed with the QoS of other listeners, as nobody had published yet.
+        self._without_publisher: set[str] = set()
+        self._refused: set[str] = set()
+        self._waiting: list[RawMessage] = []
+
+    def discover(self) -> list[str]:
+        """Subscribe topics that are new, and return their names."""
+        new = []
+        for topic, types in self._node.get_topic_names_and_types():
+            if topic in self._subscriptions:
+                if topic in self._without_publisher and self._node.count_publishers(topic):
+                    self._subscribe_anew(topic)
+            elif self._is_wanted(topic) and self._subscribe(topic, types[0]):
+                new.append(topic)
+        return new
+
+    def offers(self, topic: str) -> list[Any]:
+        """Return what is known of the publishers of a topic, rclpy's TopicEndpointInfo each."""
+        return list(self._node.get_publishers_info_by_topic(topic))
+
+    def take(self) -> list[RawMessage]:
+        """Return what has come since, in the order in which it was received."""
+        # What comes meanwhile, on a topic that had its turn or on one that has not, is for later.
+        until_ns = time.time_ns()
+        for topic, subscription in self._subscriptions.items():
+            self._take_from(topic, subscription)
+        self._waiting.sort(key=lambda message: message.received_ns)
+        ready = len(self._waiting)
+        while ready and self._waiting[ready - 1].received_ns > until_ns:
+            ready -= 1
+        taken, self._waiting = self._waiting[:ready], self._waiting[ready:]
+        return taken
+
+    def destroy(self) -> None:
+        """End all subscriptions."""
+        self._subscriptions.clear()
+        self._node.destroy_node()
+
+    def _is_wanted(self, topic: str) -> bool:
+        if topic in NOT_OF_A_MISSION or topic in self._refused or "/_" in topic:
+            return False
+        if any(fnmatchcase(topic, pattern) for pattern in self._exclude):
+            return False
+        return topic.startswith(self._prefix) or topic in OF_ALL
+
+    def _subscribe(self, topic: str, type_name: str) -> bool:
+        profiles = self._profiles(topic)
+        if not profiles:
+            return False
+        try:
+            kind = message_class(type_name)
+            # Who gets the bytes needs to know what they are.
+            definition(type_name)
+        except FieldError as error:
+            self._refused.add(topic)
+            self._warn(topic, f"{topic} is left out: {error}")
+            return False
+        self.types[topic] = type_name
+        self._subscriptions[topic] = self._node.create_subscription(
+            kind, topic, _spun_by_nobody, common(profiles, _DEPTH), raw=True
+        )
+        return True
+
+    def _subscribe_anew(self, topic: str) -> None:
+        """Subscribe with what the publishers offer, if that is something else."""
+        profiles = self._profiles(topic)
+        self._without_publisher.discard(topic)
+        subscription = self._subscriptions[topic]
+        if common(profiles, _DEPTH) != subscription.qos_profile:
+            self._take_from(topic, subscription)
+            self._node.destroy_subscription(subscription)
+            self._subscribe(topic, self.types[topic])
+
+    def _profiles(self, topic: str) -> list[QoSProfile]:
+        """Return what publishers offer, or what others ask for where nobody publishes."""
+        offered = [info.qos_profile for info in self.offers(topic)]
+        if not offered:
+            self._without_publisher.add(topic)
+        listeners = self._node.get_subscriptions_info_by_topic(topic)
+        own = self._node.get_name()
+        return offered or [one.qos_profile for one in listeners if one.node_name != own]
+
+    def _take_from(self, topic: str, subscription: Subscription) -> None:
+        handle, kind = subscription.handle, subscription.msg_type
+        with handle:
+            while (taken := handle.take_message(kind, True)) is not None:
+                data, info = taken
+                self._waiting.append(
+                    RawMessage(
+                        topic,
+                        data,
+                        info["received_timestamp"] or time.time_ns(),
+                        info["source_timestamp"],
+                        info["publication_sequence_number"] or 0,
+                    )
+                )
+
+
+def _spun_by_nobody(message: bytes) -> None:
+    raise AssertionError("a subscription whose messages are taken")

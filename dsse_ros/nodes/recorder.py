@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dsse_ros recorder`: writes all topics of a mission to a bag."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+
+from dsse_ros.nodes.exit_codes import FAILED
+from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.qos import Endpoints
+from dsse_ros.nodes.raw_topics import RawMessage, RawTopics
+from dsse_ros.nodes.runtime import AlarmNode, run_node
+from dsse_ros.nodes.settings import RecorderSettings
+from dsse_ros.recording.bag import BagWriter
+from dsse_ros.recording.offered_qos import to_yaml
+from dsse_ros.search.fields import specs
+
+DISCOVERY_PERIOD_S = 0.2
+TAKE_PERIOD_S = 0.05
+FLUSH_PERIOD_S = 1.0
+"""Wall time after which what was received outlasts the end of the process."""
+
+
+class RecorderNode(AlarmNode):
+    """Writes what is published in its namespace to a bag, until it ends.
+
+    Attributes:
+        failed: Whether the bag could not be written to its end.
+
+    Raises:
+        FieldError: If a parameter is not allowed, or the file cannot be written.
+    """
+
+    failed = False
+    # Here, as a node that could not be made is destroyed too.
+    _topics: RawTopics | None = None
+    _bag: BagWriter | None = None
+
+    def __init__(self) -> None:
+        super().__init__("dsse_recorder")
+        known = specs(RecorderSettings)
+        given, qos = take_overrides(self, known)
+        self.settings = RecorderSettings(**given)
+        declare(self, known, vars(self.settings))
+        Endpoints(self, qos).check_all_used()
+        name = self.settings.bag or time.strftime("mission_%Y_%m_%d-%H_%M_%S.mcap")
+        self.path = os.path.abspath(name)
+        self._bag = BagWriter(self.path)
+        self._topics = RawTopics(self, self.warn, self.settings.exclude)
+        self._channels: dict[str, int] = {}
+        self.messages = 0
+        self.get_logger().info(f"recording {self.get_namespace()} to {self.path}")
+        self.alarms.make(self._discover).repeat(DISCOVERY_PERIOD_S)
+        self.alarms.make(self._take).repeat(TAKE_PERIOD_S)
+        self.alarms.make(self._flush).repeat(FLUSH_PERIOD_S)
+        self._discover()
+
+    def _discover(self) -> None:
+        if self._topics is not None:
+            for topic in self._topics.discover():
+                self.debug(lambda topic=topic: f"recording {topic}")  # type: ignore[misc]
+
+    def _take(self) -> None:
+        """Write what has come since."""
+        if self._bag is None or self._topics is None:
+            return
+        try:
+            for message in self._topics.take():
+                self._write(self._bag, self._topics, message)
+        except OSError as error:
+            self._fail(error)
+
+    def _write(self, bag: BagWriter, topics: RawTopics, message: RawMessage) -> None:
+        channel = self._channels.get(message.topic)
+        if channel is None:
+            # Only now that there is a message it is known what its publisher offers.
+            offers = topics.offers(message.topic)
+            channel = self._channels[message.topic] = bag.add_topic(
+                message.topic,
+                topics.types[message.topic],
+                to_yaml([offer.qos_profile for offer in offers]),
+                str(offers[0].topic_type_hash) if offers else "",
+            )
+        bag.write(
+            channel,
+            message.data,
+            log_time_ns=message.received_ns,
+            publish_time_ns=message.published_ns,
+            sequence=message.sequence,
+        )
+        self.messages += 1
+
+    def _flush(self) -> None:
+        if self._bag is not None:
+            try:
+                self._bag.flush()
+            except OSError as error:
+                self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        """End the recording, not what is recorded."""
+        assert self._bag is not None
+        self._bag.abandon()
+        self._bag = None
+        self.failed = self.finished = True
+        self.get_logger().error(
+            f"the recording has ended: {self.path}: {error.strerror}; "
+            "what was written before can be read"
+        )
+
+    def destroy_node(self) -> None:
+        """Write what is left, close the bag and the node."""
+        try:
+            self._take()
+        finally:
+            self._close()
+            if self._topics is not None:
+                self._topics.destroy()
+                self._topics = None
+            super().destroy_node()
+
+    def _close(self) -> None:
+        bag = self._bag
+        if bag is None:
+            return
+        try:
+            bag.close()
+        except OSError as error:
+            self._fail(error)
+        else:
+            self._bag = None
+            self.get_logger().info(
+                f"{self.messages} messages on {len(self._channels)} topics in {self.path}"
+            )
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node until it is interrupted; returns the exit code.
+
+    It is 2 for bad input, 3 where the bag could not be written to its end.
+    """
+    nodes: list[RecorderNode] = []
+
+    def make() -> RecorderNode:
+        nodes.append(RecorderNode())
+        return nodes[0]
+
+    code = run_node("recorder", make, argv)
+    return FAILED if nodes and nodes[0].failed else code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions in MCAP files: written, read back and flown again by their commands; no node."""

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags: MCAP files with the profile `ros2`, as rosbag2 writes and reads them."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.exceptions import InvalidMagic, RecordLengthLimitExceeded
+from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from rclpy.serialization import deserialize_message
+
+from dsse_ros.recording.offered_qos import KEY
+from dsse_ros.recording.schemas import definition, message_class
+from dsse_ros.search import FieldError
+
+_OF_A_MISSION = ("agents", "step_report", "mission_report")
+"""Last parts of the names of topics, one of which is in each bag of a mission."""
+_CHUNK_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A message in a bag.
+
+    Attributes:
+        topic: Its topic.
+        type_name: Type of the message, such as `std_msgs/msg/String`.
+        log_time_ns: Wall time at which it was received.
+        publish_time_ns: Wall time at which it was published.
+        data: The message in CDR.
+        offered_qos: YAML of the quality of service that the publishers offered; see `offered_qos`.
+    """
+
+    topic: str
+    type_name: str
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+    offered_qos: str = ""
+
+    @cached_property
+    def message(self) -> Any:
+        """The message as rclpy has it.
+
+        Raises:
+            FieldError: If its type is not installed, or the bytes are none of it.
+        """
+        kind = message_class(self.type_name)
+        try:
+            return deserialize_message(self.data, kind)
+        except Exception as error:
+            # The classes of rclpy's errors are not public.
+            reason = " ".join(str(error).split())
+            raise FieldError(f"{self.topic}: no {self.type_name}: {reason}") from None
+
+
+class BagWriter:
+    """Writes a bag.
+
+    What is flushed outlasts the process: the file can be read without having been closed.
+
+    Args:
+        path: The file, which must not exist.
+
+    Raises:
+        FieldError: If it exists or cannot be written.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        try:
+            self._file: BinaryIO = Path(path).open("xb")  # noqa: SIM115
+        except FileExistsError:
+            raise FieldError(f"bag: {os.fspath(path)!r} exists; a new file is allowed") from None
+        except OSError as error:
+            raise FieldError(f"bag: {os.fspath(path)!r}: {error.strerror}") from None
+        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="ros2", library="dsse_ros")
+        self._schemas: dict[str, int] = {}
+
+    def add_topic(
+        self, topic: str, type_name: str, offered_qos: str = "", type_hash: str = ""
+    ) -> int:
+        """Return the number of a topic for `write`.
+
+        Args:
+            topic: Name of the topic.
+            type_name: Type of its messages.
+            offered_qos: YAML of what its publishers offer.
+            type_hash: Hash of the type (REP-2016), if it is known.
+
+        Raises:
+            FieldError: If the type is not installed.
+        """
+        schema = self._schemas.get(type_name)
+        if schema is None:
+            text = definition(type_name).encode()
+            schema = self._writer.register_schema(type_name, "ros2msg", text)
+            self._schemas[type_name] = schema
+        # What rosbag2 of Jazzy writes.
+        metadata = {KEY: offered_qos, "topic_type_hash": type_hash}
+        return self._writer.register_channel(topic, "cdr", schema, metadata)
+
+    def write(
+        self, topic: int, data: bytes, *, log_time_ns: int, publish_time_ns: int, sequence: int = 0
+    ) -> None:
+        """Add a message; times are wall time.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        self._writer.add_message(topic, log_time_ns, data, publish_time_ns, sequence)
+
+    def flush(self) -> None:
+        """End the chunk that is being filled, and hand all of it to the system.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        self._writer.flush()
+
+    def close(self) -> None:
+        """End the file with its index.
+
+        Raises:
+            OSError: If it cannot be written; what was flushed can be read.
+        """
+        try:
+            self._writer.finish()
+        finally:
+            self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is, after an error."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+
+def read_bag(path: str | os.PathLike[str]) -> Iterator[Recorded]:
+    """Yield the messages of a mission's bag in the order in which they were recorded.
+
+    A bag that is cut off is read to the end of its last whole chunk.
+
+    Args:
+        path: An MCAP file, or a folder of rosbag2 with some.
+
+    Raises:
+        FieldError: If it cannot be read, is no MCAP file, is damaged, or has no mission in it.
+    """
+    of_mission = False
+    for file in _files(Path(path)):
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        for record in _records(file):
+            match record:
+                case Schema():
+                    schemas[record.id] = record
+                case Channel():
+                    channels[record.id] = record
+                    of_mission |= record.topic.rpartition("/")[2] in _OF_A_MISSION
+                case Message():
+                    channel = channels[record.channel_id]
+                    yield Recorded(
+                        channel.topic,
+                        schemas[channel.schema_id].name if channel.schema_id in schemas else "",
+                        record.log_time,
+                        record.publish_time,
+                        record.data,
+                        channel.metadata.get(KEY, ""),
+                    )
+    if not of_mission:
+        raise FieldError(
+            f"bag: {os.fspath(path)!r} has none of the topics {', '.join(_OF_A_MISSION)}"
+        )
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    files = sorted(path.glob("*.mcap"))
+    if not files:
+        raise FieldError(f"bag: {str(path)!r} is a folder without an MCAP file")
+    return files
+
+
+def _records(path: Path) -> Iterator[McapRecord]:
+    """Yield the records of a file up to its end, or to where it is cut off.
+
+    Raises:
+        FieldError: If it cannot be read, is no MCAP file or is damaged.
+    """
+    try:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(size - len(MCAP0_MAGIC), 0))
+            ended = file.read() == MCAP0_MAGIC
+            file.seek(0)
+            records = StreamReader(file, emit_chunks=True, record_size_limit=size).records
+            while True:
+                try:
+                    record = next(records)
+                    parts = (
+                        breakup_chunk(record, validate_crc=True)
+                        if isinstance(record, Chunk)
+                        else [record]
+                    )
+                except InvalidMagic:
+                    raise FieldError(f"bag: {str(path)!r} is no MCAP file") from None
+                except Exception as error:
+                    # Of struct, of the decompressors, of mcap: a record that is not whole. In a
+                    # file that is cut off it is the last one, and would end behind the file's end.
+                    last = file.tell() == size or isinstance(error, RecordLengthLimitExceeded)
+                    if last and not ended:
+                        return
+                    at = file.tell()
+                    raise FieldError(f"bag: {str(path)!r} is damaged before byte {at}") from None
+                if isinstance(record, DataEnd):
+                    return
+                yield from parts
+    except OSError as error:
+        raise FieldError(f"bag: {str(path)!r}: {error.strerror}") from None

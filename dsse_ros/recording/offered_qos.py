@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The quality of service that the publishers of a topic offer, as rosbag2 keeps it in bags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
+from rclpy.duration import Duration
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+
+KEY = "offered_qos_profiles"
+"""Of a channel's metadata."""
+
+_POLICIES = {
+    "history": HistoryPolicy,
+    "reliability": ReliabilityPolicy,
+    "durability": DurabilityPolicy,
+    "liveliness": LivelinessPolicy,
+}
+_DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
+_ORDER = (
+    "history", "depth", "reliability", "durability", "deadline", "lifespan", "liveliness",
+    "liveliness_lease_duration", "avoid_ros_namespace_conventions",
+)  # fmt: skip
+
+
+def to_yaml(profiles: Sequence[QoSProfile]) -> str:
+    """Return profiles as YAML, as rosbag2 of Jazzy writes it."""
+    return yaml.safe_dump([_plain(profile) for profile in profiles], sort_keys=False).rstrip()
+
+
+def from_yaml(text: str) -> list[QoSProfile]:
+    """Return the profiles in such a text: the inverse of `to_yaml` up to what is no policy of ours.
+
+    Raises:
+        ValueError: If the text is none.
+    """
+    try:
+        return [_profile(values) for values in yaml.safe_load(text) or []]
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{KEY}: {reason}") from None
+
+
+def common(profiles: Sequence[QoSProfile], depth: int) -> QoSProfile:
+    """Return the strictest quality of service that all of these offer, none: the laxest."""
+    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+    latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    return QoSProfile(
+        depth=depth,
+        reliability=(
+            ReliabilityPolicy.RELIABLE if profiles and reliable else ReliabilityPolicy.BEST_EFFORT
+        ),
+        durability=(
+            DurabilityPolicy.TRANSIENT_LOCAL if profiles and latched else DurabilityPolicy.VOLATILE
+        ),
+    )
+
+
+def _plain(profile: QoSProfile) -> dict[str, Any]:
+    values: dict[str, Any] = {
+        "depth": profile.depth,
+        "avoid_ros_namespace_conventions": bool(profile.avoid_ros_namespace_conventions),
+    }
+    values |= {name: getattr(profile, name).name.lower() for name in _POLICIES}
+    for name in _DURATIONS:
+        sec, nsec = divmod(getattr(profile, name).nanoseconds, 10**9)
+        values[name] = {"sec": sec, "nsec": nsec}
+    return {name: values[name] for name in _ORDER}
+
+
+def _profile(values: dict[str, Any]) -> QoSProfile:
+    chosen: dict[str, Any] = {}
+    for name, policy in _POLICIES.items():
+        # Before Jazzy rosbag2 wrote numbers.
+        value = values[name]
+        chosen[name] = policy(value) if isinstance(value, int) else policy[value.upper()]
+    for name in _DURATIONS:
+        of = values[name]
+        chosen[name] = Duration(nanoseconds=int(of["sec"]) * 10**9 + int(of["nsec"]))
+    return QoSProfile(depth=int(values["depth"]), **chosen)

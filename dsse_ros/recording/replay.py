@@ -1,0 +1,498 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Flies the missions of a bag again: its commands go through a fresh world, without a node.
+
+What is compared are the step reports. What is no command is taken from them: which drones were lost
+with their vehicles, and what a drone did that had no command.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
+
+from dsse_ros.mission.command_intake import CommandIntake
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.recording.bag import Recorded
+from dsse_ros.search import HOLD, FieldError, SearchEnv
+from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.stamps import to_nanoseconds, to_stamp
+from msg_adapters.step_report import step_report_from_message, step_report_message
+
+_TOPIC = re.compile(
+    r"(?P<namespace>.*/)(?:(?P<drone>drone\d+)/(?P<command>cmd_action|cmd_action_name|command_pose"
+    r"|command_path)|(?P<name>agents|step_report|joint_action))"
+)
+_TAKE: dict[str, Callable[[CommandIntake, int, Any], bool]] = {
+    "cmd_action": CommandIntake.action,
+    "cmd_action_name": CommandIntake.action_name,
+    "command_pose": CommandIntake.goal,
+    "command_path": CommandIntake.path,
+}
+_TYPES = {
+    "agents": "std_msgs/msg/String",
+    "step_report": "sensor_msgs/msg/PointCloud2",
+    "joint_action": "std_msgs/msg/Int32MultiArray",
+    "cmd_action": "std_msgs/msg/Int8",
+    "cmd_action_name": "std_msgs/msg/String",
+    "command_pose": "geometry_msgs/msg/PoseStamped",
+    "command_path": "nav_msgs/msg/Path",
+}
+_DIAGNOSTICS = "/diagnostics"
+
+_FIRST = ("action", "held", "col", "row")
+"""Fields of a drone that are compared first: the others follow from them."""
+
+LATENCY_NS = 100_000_000
+"""On its way for as long as that, a command may have missed the step that it was published
+before."""
+_SURE_NS = 500_000_000
+"""What was published that long before the diagnostics is counted in them."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first thing that is not the same.
+
+    Attributes:
+        step: Step of the mission.
+        drone: Name of the drone, "" where it is not of one.
+        field: What differs: a field of the step report, or a topic of commands.
+        recorded, replayed: What it is in the bag and in the replay.
+    """
+
+    step: int
+    drone: str
+    field: str
+    recorded: str
+    replayed: str
+
+    def __str__(self) -> str:
+        of = f", {self.drone}" if self.drone else ""
+        return (
+            f"step {self.step}{of}: {self.field} is {self.recorded} in the bag, "
+            f"{self.replayed} in the replay"
+        )
+
+
+@dataclass
+class ReplayedMission:
+    """How the replay of a mission has gone.
+
+    Attributes:
+        namespace: Of its topics, with a slash at the end.
+        run_id, number: Which mission it is.
+        seed: Its seed.
+        steps: Steps that were replayed.
+        uncommanded: Actions of drones that had no command in the bag for a step.
+        refused: Commands that were refused, by code.
+        lost: Names of the drones that were lost with their vehicles.
+        difference: The first difference; nothing is replayed after it.
+        incomplete: Why it cannot be replayed, or not on; "" if it can.
+    """
+
+    namespace: str
+    run_id: int
+    number: int
+    seed: int | None = None
+    steps: int = 0
+    uncommanded: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    lost: list[str] = field(default_factory=list)
+    difference: Difference | None = None
+    incomplete: str = ""
+
+
+@dataclass(frozen=True)
+class _Command:
+    time_ns: int
+    name: str
+    drone: str
+    topic: str
+    message: Any
+
+
+@dataclass(frozen=True)
+class _Report:
+    time_ns: int
+    message: PointCloud2
+    points: NDArray[Any]
+
+    @property
+    def search(self) -> tuple[int, int]:
+        """run_id and number of the mission."""
+        return int(self.points["run_id"][0]), int(self.points["mission"][0])
+
+    @property
+    def step(self) -> int:
+        return int(self.points["step"][0])
+
+
+@dataclass(frozen=True)
+class _Status:
+    """What the diagnostics of a run contain."""
+
+    time_ns: int
+    run_id: int
+    step_mode: str
+    rejected: dict[str, int]
+
+
+@dataclass(frozen=True)
+class _Refusal:
+    time_ns: int
+    code: str
+    reason: str
+    topic: str
+    drone: str
+    mission: ReplayedMission
+    step: int
+
+
+@dataclass
+class _Recording:
+    """What a bag has of one namespace."""
+
+    infos: dict[tuple[int, int], AgentsInfo] = field(default_factory=dict)
+    events: list[_Command | _Report] = field(default_factory=list)
+
+
+def replay(messages: Iterable[Recorded]) -> Iterator[ReplayedMission]:
+    """Replay all missions of a bag, and yield each when it is done.
+
+    Messages are ordered by the time at which they were published: of one machine, and where they
+    caused each other, that is the order in which they were taken.
+
+    Args:
+        messages: Of a bag, as `read_bag` yields them.
+
+    Raises:
+        FieldError: If `agents` or a report cannot be read, or there is no mission in the bag.
+    """
+    recordings, statuses = _collect(messages)
+    for namespace, recording in sorted(recordings.items()):
+        recording.events.sort(key=lambda event: event.time_ns)
+        reports = [event for event in recording.events if isinstance(event, _Report)]
+        for run_id in dict.fromkeys(report.search[0] for report in reports):
+            of_run = [status for status in statuses if status.run_id == run_id]
+            yield from _Run(namespace, run_id, recording.infos, of_run).replay(recording.events)
+
+
+def _collect(messages: Iterable[Recorded]) -> tuple[dict[str, _Recording], list[_Status]]:
+    recordings: defaultdict[str, _Recording] = defaultdict(_Recording)
+    statuses: list[_Status] = []
+    seen: set[tuple[str, int]] = set()
+    for one in messages:
+        time_ns = one.publish_time_ns or one.log_time_ns
+        if one.topic == _DIAGNOSTICS:
+            statuses += _statuses(time_ns, one.message)
+            continue
+        match = _TOPIC.fullmatch(one.topic)
+        if match is None:
+            continue
+        name = match["name"] or match["command"]
+        # A latched message comes again to a subscription that is made anew.
+        if one.type_name != _TYPES[name] or (one.topic, time_ns) in seen:
+            continue
+        seen.add((one.topic, time_ns))
+        recording = recordings[match["namespace"]]
+        try:
+            if name == "agents":
+                info = agents_from_message(one.message)
+                recording.infos[info.run_id, info.mission] = info
+            elif name == "step_report":
+                points = step_report_from_message(one.message)
+                if len(points):
+                    recording.events.append(_Report(time_ns, one.message, points))
+            else:
+                drone = match["drone"] or ""
+                recording.events.append(_Command(time_ns, name, drone, one.topic, one.message))
+        except ValueError as error:
+            raise FieldError(f"{one.topic}: {error}") from None
+    if not any(recording.infos for recording in recordings.values()):
+        raise FieldError("the bag has no message on agents: it says what was searched")
+    return recordings, statuses
+
+
+def _statuses(time_ns: int, message: Any) -> Iterator[_Status]:
+    for status in message.status:
+        values = {pair.key: pair.value for pair in status.values}
+        if values.get("run_id", "").isdigit() and "step_mode" in values:
+            rejected = {
+                key.removeprefix("rejected."): int(value)
+                for key, value in values.items()
+                if key.startswith("rejected.") and value.isdigit()
+            }
+            yield _Status(time_ns, int(values["run_id"]), values["step_mode"], rejected)
+
+
+class _Run:
+    """Replays the missions of one start of a simulation, one after the other."""
+
+    def __init__(
+        self,
+        namespace: str,
+        run_id: int,
+        infos: dict[tuple[int, int], AgentsInfo],
+        statuses: list[_Status],
+    ) -> None:
+        self._namespace = namespace
+        self._run_id = run_id
+        self._infos = infos
+        self._statuses = sorted(statuses, key=lambda status: status.time_ns)
+        self._refusals: list[_Refusal] = []
+        self._outcomes: list[ReplayedMission] = []
+        self._pending: list[_Command] = []
+
+    def replay(self, events: Sequence[_Command | _Report]) -> list[ReplayedMission]:
+        """Return how all missions have gone."""
+        flight: _Flight | None = None
+        outcome: ReplayedMission | None = None
+        for event in events:
+            if isinstance(event, _Command):
+                self._pending.append(event)
+                continue
+            run_id, number = event.search
+            if run_id != self._run_id:
+                continue
+            if outcome is None or number != outcome.number:
+                if flight is not None:
+                    self._feed(flight, self._pending)
+                self._pending.clear()
+                outcome = ReplayedMission(self._namespace, run_id, number)
+                self._outcomes.append(outcome)
+                flight = self._begin(outcome, event, flight)
+            elif flight is not None and not (outcome.difference or outcome.incomplete):
+                self._go_on(flight, event)
+            if flight is not None and not (outcome.difference or outcome.incomplete):
+                outcome.difference = flight.compare(event)
+        self._check_refusals()
+        return self._outcomes
+
+    def _begin(
+        self, outcome: ReplayedMission, report: _Report, last: _Flight | None
+    ) -> _Flight | None:
+        """Return a mission at its start, None if it cannot be replayed."""
+        info = self._infos.get(report.search)
+        if info is None:
+            outcome.incomplete = "the bag has no message on agents of it"
+            return last
+        outcome.seed = info.seed
+        if info.definition is None or info.seed is None:
+            outcome.incomplete = "agents does not contain its definition and seed"
+        elif report.step:
+            outcome.incomplete = f"it was recorded from step {report.step} on"
+        elif len(report.points) != len(info.agents):
+            outcome.incomplete = "agents and step_report are not of the same drones"
+        else:
+            return _Flight(info, outcome, last)
+        return last
+
+    def _go_on(self, flight: _Flight, report: _Report) -> None:
+        """Bring the mission to the step of a report."""
+        outcome, step = flight.outcome, flight.mission.result.step
+        if report.step == step:
+            flight.repeat(report)
+        elif report.step == step + 1:
+            if flight.mission.done:
+                outcome.difference = Difference(
+                    report.step, "", "the mission", "under way", "over before"
+                )
+                return
+            taken = self._taken(flight, report)
+            self._feed(flight, self._pending[:taken])
+            del self._pending[:taken]
+            flight.advance(report)
+        elif report.step > step:
+            outcome.incomplete = (
+                f"it is replayed to step {step}: the bag has no report of step {step + 1}"
+            )
+
+    def _taken(self, flight: _Flight, report: _Report) -> int:
+        """Return how many of the commands were taken before the step of a report.
+
+        All that were published before, unless the step came to something else with them, and the
+        last ones may have been on their way still: in lockstep a step is due as soon as every drone
+        has a command, in real time at any time.
+        """
+        count = len(self._pending)
+        if flight.leads_to(report, self._pending)[0]:
+            return count
+        realtime = self._step_mode(report.time_ns) == "realtime"
+        for fewer in range(count - 1, -1, -1):
+            if report.time_ns - self._pending[fewer].time_ns > LATENCY_NS:
+                break
+            same, complete = flight.leads_to(report, self._pending[:fewer])
+            if same and (complete or realtime):
+                return fewer
+        return count
+
+    def _step_mode(self, time_ns: int) -> str:
+        """Return the mode at a time, as far as the diagnostics say it."""
+        before = [status for status in self._statuses if status.time_ns <= time_ns]
+        known = before[-1:] or self._statuses[:1]
+        return known[0].step_mode if known else "lockstep"
+
+    def _feed(self, flight: _Flight, commands: Sequence[_Command]) -> None:
+        for command in commands:
+            refused = flight.take(command)
+            if refused is not None:
+                code, reason = refused
+                flight.outcome.refused[code] += 1
+                self._refusals.append(
+                    _Refusal(
+                        command.time_ns, code, reason, command.topic, command.drone,
+                        flight.outcome, flight.mission.result.step,
+                    )
+                )  # fmt: skip
+
+    def _check_refusals(self) -> None:
+        """Note a command that was refused more often than the simulation counted."""
+        if not self._statuses:
+            return
+        last = self._statuses[-1]
+        by_code: defaultdict[str, list[_Refusal]] = defaultdict(list)
+        for refusal in self._refusals:
+            if refusal.time_ns < last.time_ns - _SURE_NS:
+                by_code[refusal.code].append(refusal)
+        for code, refusals in by_code.items():
+            first = refusals[0]
+            step = first.step + 1
+            known = first.mission.difference
+            if len(refusals) > last.rejected.get(code, 0) and not (known and known.step <= step):
+                first.mission.difference = Difference(
+                    step, first.drone, first.topic, "taken", f"refused: {first.reason}"
+                )
+
+
+class _Flight:
+    """A mission that is flown again."""
+
+    def __init__(self, info: AgentsInfo, outcome: ReplayedMission, last: _Flight | None) -> None:
+        assert info.definition is not None and info.seed is not None
+        self.info = info
+        self.outcome = outcome
+        self._reasons: list[str] = []
+        if last is not None and last.info.definition == info.definition:
+            self.mission: Mission = last.mission
+            self.mission.reset(info.seed)
+            # It knows which joint action was the last one, and came once more.
+            self._intake: CommandIntake = last._intake
+            self._reasons = last._reasons
+        else:
+            env = SearchEnv(info.definition.scenario, info.definition.rules)
+            self.mission = Mission(env, info.seed, belief=False)
+            self._intake = self._new_intake()
+        self.mission.number = outcome.number
+        # Stamps are mission time, as far as is known.
+        self._first_stamp: tuple[int, int] | None = None
+        self._mission_time = True
+
+    def _new_intake(self) -> CommandIntake:
+        def note(_: str, text: str) -> None:
+            # Without the topic.
+            self._reasons.append(text.partition(": ")[2])
+
+        return CommandIntake(self.mission, self.info.frame, note, lambda _: None)
+
+    def take(self, command: _Command) -> tuple[str, str] | None:
+        """Give the mission a command; returns code and reason if it is refused."""
+        return self._take(self._intake, command)
+
+    def _take(self, intake: CommandIntake, command: _Command) -> tuple[str, str] | None:
+        before = intake.rejected.copy()
+        self._reasons.clear()
+        if command.name == "joint_action":
+            intake.joint_action(command.message)
+        elif command.drone in self.info.agents:
+            _TAKE[command.name](intake, self.info.agents.index(command.drone), command.message)
+        refused = list((intake.rejected - before).elements())
+        return (refused[0], " ".join(self._reasons) or refused[0]) if refused else None
+
+    def leads_to(self, report: _Report, commands: Sequence[_Command]) -> tuple[bool, bool]:
+        """Return whether these commands lead to the actions of a report, and are complete."""
+        mission = self.mission
+        state = mission.commands.state()
+        intake = self._new_intake()
+        for command in commands:
+            self._take(intake, command)
+        complete = not mission.missing
+        self._fill_up(report)
+        joint = mission.commands.take(mission.live, mission.result.cells, "hold")
+        mission.commands.restore(state)
+        return bool(np.array_equal(joint, report.points["action"])), complete
+
+    def _fill_up(self, report: _Report) -> int:
+        """Give drones without a command the action of the report; returns how many those are."""
+        missing = self.mission.missing
+        for drone in missing:
+            action = int(report.points["action"][drone])
+            known = HOLD <= action < len(self.info.actions)
+            self.mission.commands.set_action(drone, action if known else HOLD)
+        return len(missing)
+
+    def advance(self, report: _Report) -> None:
+        """Do the step of a report with the commands that were taken."""
+        self.outcome.uncommanded += self._fill_up(report)
+        self.mission.advance("hold")
+        self.outcome.steps += 1
+
+    def repeat(self, report: _Report) -> None:
+        """Take out the drones that were lost since; their report comes again."""
+        for drone in np.flatnonzero(report.points["terminated"]).tolist():
+            if not self.mission.result.terminated[drone] and self.mission.lose(drone):
+                self.outcome.lost.append(self.info.agents[drone])
+        # Mission time may have started anew.
+        self._first_stamp = None
+
+    def compare(self, report: _Report) -> Difference | None:
+        """Return the first difference of the last step to its report."""
+        mission = self.mission
+        if len(report.points) != len(self.info.agents):
+            return Difference(report.step, "", "drones", str(len(report.points)), "others")
+        stamp = self._stamp(report)
+        own = step_report_of(mission, self.info.frame, self.outcome.run_id)
+        message = step_report_message(self.info.frame, own, stamp)
+        # Not the bytes of the whole message: rclpy leaves those between two fields as they are.
+        if message == report.message:
+            return None
+        if own.dtype != report.points.dtype:
+            return Difference(report.step, "", "fields", str(report.points.dtype), str(own.dtype))
+        names = own.dtype.names or ()
+        for i, drone in enumerate(self.info.agents):
+            for name in (*_FIRST, *(name for name in names if name not in _FIRST)):
+                recorded, replayed = report.points[name][i], own[name][i]
+                if recorded.tobytes() != replayed.tobytes():
+                    return Difference(
+                        report.step, drone, name, self._shown(name, recorded),
+                        self._shown(name, replayed),
+                    )  # fmt: skip
+        for name in message.get_fields_and_field_types():
+            recorded, replayed = getattr(report.message, name), getattr(message, name)
+            if recorded != replayed:
+                return Difference(report.step, "", name, str(recorded), str(replayed))
+        return None
+
+    def _stamp(self, report: _Report) -> Any:
+        """Return the stamp that a report must have; any where stamps are no mission time."""
+        stamp_ns = to_nanoseconds(report.message.header.stamp)
+        if self._first_stamp is None:
+            self._first_stamp = (report.step, stamp_ns)
+        step, first_ns = self._first_stamp
+        step_ns = max(round(self.info.step_duration_s * 1e9), 1)
+        expected_ns = first_ns + (report.step - step) * step_ns
+        if report.step == step + 1 and expected_ns != stamp_ns:
+            self._mission_time = False
+        return to_stamp(expected_ns if self._mission_time else stamp_ns)
+
+    def _shown(self, name: str, value: Any) -> str:
+        if name == "action" and 0 <= value < len(self.info.actions):
+            return f"{value} ({self.info.actions[value]})"
+        return str(value)

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission of real nodes in a bag: recorded whole, read by others, replayed, published again."""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from rig import ALL, LATCHED, Rig
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Int8, String
+
+from dsse_ros.nodes.exit_codes import FAILED
+from dsse_ros.recording.bag import Recorded, read_bag
+from dsse_ros.recording.offered_qos import from_yaml
+from dsse_ros.recording.replay import replay
+from dsse_ros.search import FieldError
+
+DRONES, STEPS = 20, 300
+MISSION = {
+    "num_drones": DRONES, "grid_size": 20, "timestep_limit": STEPS, "seed": 6, "rules": "v2",
+    "probability_of_detection": 0.0, "person_pod_multipliers": [0.0], "exit_at_end": True,
+}  # fmt: skip
+# A file that may have that many bytes stands for a disk that is full.
+LIMITED = """\
+import resource, sys
+from dsse_ros.nodes.recorder import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
+sys.exit(main())
+"""
+
+
+@dataclass
+class Bag:
+    """A recorded mission.
+
+    Attributes:
+        path: The bag.
+        killed: That of a recorder that was killed in the midst of it.
+        limited: Log of a recorder with too small a disk, and its exit code.
+    """
+
+    path: Path
+    killed: Path
+    limited: tuple[str, int]
+
+
+def count(path: Path, topic: str) -> int:
+    """Messages of a topic in a bag that may still be written."""
+    try:
+        return sum(one.topic == topic for one in read_bag(path))
+    except FieldError:
+        return 0
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bag]:
+    """A mission of 20 drones over 300 steps, with three recorders."""
+    folder = tmp_path_factory.mktemp("recorder")
+    rig = Rig(folder)
+    script = folder / "limited.py"
+    script.write_text(LIMITED, encoding="utf-8")
+    try:
+        recorder = rig.start("recorder", {"bag": str(folder / "mission.mcap")})
+        killed = rig.start("recorder", {"bag": str(folder / "killed.mcap")})
+        limited = rig.run(script, "--ros-args", "-p", f"bag:={folder / 'limited.mcap'}")
+        for process in (recorder, killed, limited):
+            rig.until(lambda p=process: "recording /" in p.output, "a recorder")  # type: ignore[misc]
+        sim = rig.start("sim_node", MISSION)
+        planner = rig.start("planner_node", {"planner": "sweep"})
+        rig.until(lambda: count(folder / "killed.mcap", "/step_report"), "a report in the bag")
+        killed.kill()
+        assert sim.wait() == 0, sim.output
+        path = folder / "mission.mcap"
+        for topic, number in (("/step_report", STEPS + 1), ("/joint_action", STEPS)):
+            rig.until(lambda t=topic, n=number: count(path, t) > n, f"all of {topic}")  # type: ignore[misc]
+        planner.stop()
+        recorder.stop()
+        yield Bag(path, folder / "killed.mcap", (limited.output, limited.wait()))
+    finally:
+        rig.close()
+
+
+@pytest.fixture(scope="module")
+def messages(bag: Bag) -> list[Recorded]:
+    return list(read_bag(bag.path))
+
+
+def test_every_topic_and_command_of_the_mission_is_in_the_bag(messages: list[Recorded]) -> None:
+    counted = Counter(one.topic for one in messages)
+    each_step = [
+        "/probability", "/probability_grid", "/drones", "/step_report",
+        *(f"/drone{i}/{name}" for i in range(DRONES) for name in ("pose", "odom", "fix")),
+    ]  # fmt: skip
+    others = ["/agents", "/mission_report", "/markers", "/joint_action", "/clock", "/diagnostics"]
+    others += [f"/drone{i}/path" for i in range(DRONES)]
+    # The transforms are there where tf2_msgs is.
+    assert counted.keys() - {"/tf"} == {*each_step, *others}
+    assert counted["/step_report"] == STEPS + 2
+    assert counted["/agents"] == counted["/mission_report"] == 1
+
+
+def test_messages_are_in_the_order_of_their_times(messages: list[Recorded]) -> None:
+    times = [one.log_time_ns for one in messages]
+    assert times == sorted(times)
+    assert all(0 < one.publish_time_ns <= one.log_time_ns for one in messages)
+
+
+def test_the_bag_has_the_quality_of_service_of_the_publishers(messages: list[Recorded]) -> None:
+    policies = {
+        topic: [(one.reliability.name, one.durability.name) for one in from_yaml(offered)]
+        for topic, offered in {one.topic: one.offered_qos for one in messages}.items()
+    }
+    assert policies["/step_report"] == [("RELIABLE", "TRANSIENT_LOCAL")]
+    assert policies["/clock"] == [("RELIABLE", "VOLATILE")]
+    assert policies["/drone3/fix"] == [("BEST_EFFORT", "VOLATILE")]
+
+
+def test_rosbags_and_mcap_read_all_of_it(bag: Bag, messages: list[Recorded]) -> None:
+    counted = Counter(one.topic for one in messages)
+    with AnyReader([bag.path]) as reader:
+        assert {t: info.msgcount for t, info in reader.topics.items()} == counted
+        for connection in reader.connections:
+            _, _, data = next(reader.messages([connection]))
+            reader.deserialize(data, connection.msgtype)
+    with bag.path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None and summary.statistics is not None
+    assert summary.statistics.message_count == len(messages)
+
+
+def test_the_mission_repeats_byte_for_byte(messages: list[Recorded]) -> None:
+    (mission,) = replay(messages)
+    assert not (mission.difference or mission.incomplete), mission
+    assert (mission.steps, mission.seed, mission.uncommanded) == (STEPS + 1, 6, 0)
+    assert not mission.refused
+
+
+@pytest.mark.parametrize(("step", "drone"), [(0, 0), (123, 19)])
+def test_one_changed_byte_in_a_command_is_found_and_named(
+    messages: list[Recorded], step: int, drone: int
+) -> None:
+    changed = list(messages)
+    # A command that was sent again has the same bytes.
+    for i, one in enumerate(messages):
+        if one.topic == "/joint_action" and one.message.data[1] == step:
+            data = bytearray(one.data)
+            place = len(data) - 4 * (DRONES - drone)
+            data[place] = (data[place] + 1) % 9
+            changed[i] = dataclasses.replace(one, data=bytes(data))
+    (mission,) = replay(changed)
+    found = mission.difference
+    assert found is not None
+    assert (found.step, found.drone, found.field) == (step + 1, f"drone{drone}", "action")
+
+
+def test_a_recorder_that_is_killed_leaves_a_bag_that_can_be_read(
+    bag: Bag, messages: list[Recorded]
+) -> None:
+    reports = [one.data for one in read_bag(bag.killed) if one.topic == "/step_report"]
+    assert reports == [one.data for one in messages if one.topic == "/step_report"][: len(reports)]
+    assert reports
+
+
+def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(bag: Bag) -> None:
+    output, code = bag.limited
+    assert code == FAILED
+    assert output.count("the recording has ended") == 1 and "File too large" in output
+    assert "Traceback" not in output
+
+
+def test_a_recorder_ends_its_bag_on_sigterm(rig: Rig, tmp_path: Path) -> None:
+    path = tmp_path / "commands.mcap"
+    recorder = rig.start(
+        "recorder", {"bag": str(path), "exclude": ["*/left_out"]}, "-r", "__ns:=/a"
+    )
+    topics: dict[str, Callable[[], None]] = {}
+    for topic, kind in (("/a/latched", String), ("/a/left_out", String), ("/elsewhere", Int8)):
+        publisher = rig.node.create_publisher(kind, topic, LATCHED)
+        message = kind()
+        topics[topic] = lambda p=publisher, m=message: p.publish(m)
+        topics[topic]()
+    rig.until(lambda: path.exists() and any(m.topic == "/a/latched" for m in all_of(path)))
+    recorder.signal(signal.SIGTERM)
+    assert recorder.wait() == 0, recorder.output
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert {channel.topic for channel in summary.channels.values()} == {"/a/latched"}
+
+
+def all_of(path: Path) -> list[Recorded]:
+    """What a bag has so far, of a mission or not."""
+    found: list[Recorded] = []
+    try:
+        for one in read_bag(path):
+            found.append(one)
+    except FieldError:
+        pass
+    return found
+
+
+def test_a_bag_is_published_again_with_its_quality_of_service(
+    bag: Bag, messages: list[Recorded], rig: Rig
+) -> None:
+    agents = rig.listen(String, "/agents", LATCHED)
+    reports = rig.listen(PointCloud2, "/step_report", ALL)
+    script = rig.folder / "replay.py"
+    script.write_text(
+        "import sys\nfrom dsse_ros.cli.replay import main\nsys.exit(main())\n", encoding="utf-8"
+    )
+    # So slowly that there is something left to be published when it is discovered.
+    player = rig.run(script, str(bag.path), "--play", "0.1")
+    rig.until(lambda: agents and len(reports) > 3, "a bag that is published")
+    player.stop()
+    recorded = [one.message for one in messages if one.topic == "/step_report"]
+    first = recorded.index(reports[0])
+    assert recorded[first : first + len(reports)] == reports
+    assert agents.last == next(one.message for one in messages if one.topic == "/agents")

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions as a recorder hears them, without DDS: what is commanded, and what comes of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.serialization import serialize_message
+
+from dsse_ros.mission.command_intake import CommandIntake
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.recording.bag import BagWriter, Recorded
+from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
+from msg_adapters.agents import AgentsInfo, Origin, agents_message
+from msg_adapters.commands import action_message, joint_action_message
+from msg_adapters.frames import scenario_frame
+from msg_adapters.stamps import to_stamp
+from msg_adapters.step_report import step_report_message
+
+MS = 1_000_000
+START_NS = 1_700_000_000 * 10**9
+
+
+class Flown:
+    """A simulation in lockstep whose messages are all kept.
+
+    Attributes:
+        messages: All messages in the order in which they were published, a millisecond apart.
+    """
+
+    def __init__(
+        self, *, run_id: int = 7, namespace: str = "/", seed: int = 1, rules: str = "v2",
+        start_ns: int = START_NS, **fields: Any,
+    ) -> None:  # fmt: skip
+        scenario = {"grid_size": 8, "num_drones": 3, "probability_of_detection": 0.0} | fields
+        env = SearchEnv(Scenario(**scenario), profile(rules))
+        self.mission = Mission(env, seed, belief=False)
+        self.frame = scenario_frame(env.scenario)
+        self.run_id, self.namespace = run_id, namespace
+        self.intake = CommandIntake(self.mission, self.frame, lambda *_: None, lambda _: None)
+        self.messages: list[Recorded] = []
+        self.time_ns = start_ns
+        self._begin()
+
+    def publish(self, topic: str, message: Any) -> Any:
+        """Keep a message, and return it."""
+        self.time_ns += MS
+        name = topic if topic.startswith("/") else self.namespace + topic
+        kind = f"{type(message).__module__.split('.')[0]}/msg/{type(message).__name__}"
+        data = bytes(serialize_message(message))
+        self.messages.append(Recorded(name, kind, self.time_ns, self.time_ns, data))
+        return message
+
+    def _begin(self) -> None:
+        env, frame, mission = self.mission.env, self.frame, self.mission
+        info = AgentsInfo(
+            agents=tuple(env.possible_agents), actions=env.rules.actions,
+            rules=env.rules.profile, seed=mission.seed, grid_size=frame.grid_size,
+            cell_size_m=frame.cell_size_m, timestep_limit=int(env.scenario.timestep_limit or 0),
+            step_duration_s=env.scenario.step_duration_s, map_frame=frame.map_frame,
+            frame_prefix="", alt_m=frame.alt_m, mission=mission.number, run_id=self.run_id,
+            origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
+            definition=SearchDefinition(env.rules, env.mission_scenario),
+        )  # fmt: skip
+        self.publish("agents", agents_message(info))
+        self.report()
+
+    def report(self) -> None:
+        """Publish the report of the last step."""
+        report = step_report_of(self.mission, self.frame, self.run_id)
+        stamp = to_stamp(self.mission.result.stamp_ns)
+        self.publish("step_report", step_report_message(self.frame, report, stamp))
+
+    def reset(self, seed: int) -> None:
+        """Start another mission."""
+        self.mission.reset(seed)
+        self._begin()
+
+    def joint(self, *actions: int, step: int | None = None) -> None:
+        """Command all drones at once."""
+        mission = self.mission
+        number = mission.result.step if step is None else step
+        message = joint_action_message(number, actions, mission.number)
+        self.intake.joint_action(self.publish("joint_action", message))
+
+    def action(self, drone: int, action: int) -> None:
+        """Command one drone."""
+        message = self.publish(f"drone{drone}/cmd_action", action_message(action))
+        self.intake.action(drone, message)
+
+    def step(self, missing: str = "search") -> None:
+        """Do a step and publish it."""
+        self.mission.advance(missing)
+        self.report()
+
+    def fly(self, steps: int) -> None:
+        """Do steps with a joint action each, of all actions in turn that stay on the grid."""
+        for _ in range(steps):
+            if self.mission.done:
+                return
+            step = self.mission.result.step
+            allowed = [np.flatnonzero(mask) for mask in self.mission.env.action_masks()]
+            self.joint(*[int(one[(step + i) % len(one)]) for i, one in enumerate(allowed)])
+            self.step()
+
+    def diagnose(self, step_mode: str = "lockstep") -> None:
+        """Publish diagnostics, a second later."""
+        self.time_ns += 1000 * MS
+        values = {"run_id": str(self.run_id), "step_mode": step_mode}
+        values |= {f"rejected.{code}": str(n) for code, n in self.intake.rejected.items()}
+        pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+        self.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(values=pairs)]))
+
+    def find(self, topic: str, number: int = 0) -> int:
+        """Return the index of a topic's message of this number."""
+        found = [i for i, one in enumerate(self.messages) if one.topic.endswith(topic)]
+        return found[number]
+
+
+def moved(message: Recorded, by_ns: int) -> Recorded:
+    """Return a message that was published at another time."""
+    return dataclasses.replace(message, publish_time_ns=message.publish_time_ns + by_ns)
+
+
+def with_byte(message: Recorded, place: int, value: int) -> Recorded:
+    """Return a message with another byte in a place."""
+    data = bytearray(message.data)
+    assert data[place] != value
+    data[place] = value
+    return dataclasses.replace(message, data=bytes(data))
+
+
+def write(path: Path, messages: Sequence[Recorded], *, per_chunk: int = 10**9) -> Path:
+    """Write messages to a bag, a chunk for so many each."""
+    bag = BagWriter(path)
+    topics: dict[str, int] = {}
+    for number, one in enumerate(messages, start=1):
+        if one.topic not in topics:
+            topics[one.topic] = bag.add_topic(one.topic, one.type_name, one.offered_qos)
+        bag.write(
+            topics[one.topic], one.data,
+            log_time_ns=one.log_time_ns, publish_time_ns=one.publish_time_ns,
+        )  # fmt: skip
+        if number % per_chunk == 0:
+            bag.flush()
+    bag.close()
+    return path

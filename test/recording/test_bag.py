@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags as other readers see them, cut off bags, and files that are none."""
+
+from __future__ import annotations
+
+import io
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from flown import Flown, write
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+from dsse_ros.recording.bag import BagWriter, Recorded, read_bag
+from dsse_ros.search import FieldError
+from msg_adapters.step_report import step_report_from_message
+
+PER_CHUNK = 7
+
+
+@pytest.fixture(scope="module")
+def messages() -> list[Recorded]:
+    of = Flown()
+    of.fly(40)
+    of.diagnose()
+    return of.messages
+
+
+@pytest.fixture(scope="module")
+def bag(messages: list[Recorded], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bag")
+    return write(folder / "bag.mcap", messages, per_chunk=PER_CHUNK)
+
+
+def test_what_is_written_is_read(bag: Path, messages: list[Recorded]) -> None:
+    assert list(read_bag(bag)) == messages
+
+
+def test_a_folder_of_rosbag2_is_read(bag: Path, messages: list[Recorded]) -> None:
+    assert list(read_bag(bag.parent)) == messages
+
+
+def test_rosbags_reads_the_same(bag: Path, messages: list[Recorded]) -> None:
+    with AnyReader([bag]) as reader:
+        assert reader.message_count == len(messages)
+        read = [
+            (connection.topic, connection.msgtype, time_ns, bytes(data))
+            for connection, time_ns, data in reader.messages()
+        ]
+        reports = [
+            bytes(reader.deserialize(data, connection.msgtype).data)  # type: ignore[attr-defined]
+            for connection, _, data in reader.messages()
+            if connection.topic == "/step_report"
+        ]
+    assert read == [(m.topic, m.type_name, m.log_time_ns, m.data) for m in messages]
+    own = [step_report_from_message(m.message) for m in messages if m.topic == "/step_report"]
+    assert reports == [report.tobytes() for report in own]
+
+
+def test_mcap_reads_the_same_by_its_index(bag: Path, messages: list[Recorded]) -> None:
+    with bag.open("rb") as file:
+        reader = make_reader(file)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        assert summary is not None and summary.statistics is not None
+        assert summary.statistics.message_count == len(messages)
+        assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+        assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
+        assert [
+            (channel.topic, message.data, message.publish_time)
+            for _, channel, message in reader.iter_messages()
+        ] == [(m.topic, m.data, m.publish_time_ns) for m in messages]
+
+
+def test_the_schemas_decode_every_message(bag: Path, messages: list[Recorded]) -> None:
+    with bag.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        decoded = [message for *_, message in reader.iter_decoded_messages()]
+    for found, recorded in zip(decoded, messages, strict=True):
+        for name in recorded.message.get_fields_and_field_types():
+            value = getattr(recorded.message, name)
+            if isinstance(value, str | int | float):
+                assert getattr(found, name) == value
+
+
+def test_a_bag_cut_off_anywhere_is_read_to_its_last_whole_chunk(
+    bag: Path, messages: list[Recorded], tmp_path: Path
+) -> None:
+    whole = bag.read_bytes()
+    with bag.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    first = summary.chunk_indexes[0]
+    begin = first.chunk_start_offset + first.chunk_length
+    cut = tmp_path / "cut.mcap"
+    lengths = set()
+    places = random.Random(1).sample(range(begin, len(whole)), 100)
+    for place in sorted(places):
+        cut.write_bytes(whole[:place])
+        read = list(read_bag(cut))
+        assert read == messages[: len(read)]
+        assert len(read) % PER_CHUNK == 0 or len(read) == len(messages)
+        lengths.add(len(read))
+    assert len(lengths) > 8
+
+
+def test_what_is_flushed_can_be_read_before_the_bag_is_closed(
+    messages: list[Recorded], tmp_path: Path
+) -> None:
+    path = tmp_path / "open.mcap"
+    writer = BagWriter(path)
+    topic = writer.add_topic("/agents", "std_msgs/msg/String")
+    agents = messages[0]
+    times = {"log_time_ns": agents.log_time_ns, "publish_time_ns": agents.publish_time_ns}
+    writer.write(topic, agents.data, **times)
+    writer.flush()
+    writer.write(topic, agents.data, **times)
+    assert [one.message for one in read_bag(path)] == [agents.message]
+    writer.close()
+    assert len(list(read_bag(path))) == 2
+
+
+def test_a_file_that_exists_is_kept(bag: Path) -> None:
+    before = bag.read_bytes()
+    with pytest.raises(FieldError, match=r"bag: .* exists; a new file is allowed"):
+        BagWriter(bag)
+    assert bag.read_bytes() == before
+
+
+def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FieldError, match="No such file or directory"):
+        BagWriter(tmp_path / "no" / "bag.mcap")
+
+
+def test_a_full_disk_is_an_error_and_what_was_flushed_can_be_read(
+    messages: list[Recorded], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "full.mcap"
+    writer = BagWriter(path)
+    topic = writer.add_topic("/agents", "std_msgs/msg/String")
+    agents = messages[0]
+    times = {"log_time_ns": agents.log_time_ns, "publish_time_ns": agents.publish_time_ns}
+    writer.write(topic, agents.data, **times)
+    writer.flush()
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("no device that is always full")
+    device = full.open("wb")
+    monkeypatch.setattr(writer._writer, "_Writer__stream", device)
+    writer.write(topic, agents.data, **times)
+    with pytest.raises(OSError, match="No space left"):
+        writer.flush()
+    with pytest.raises(OSError, match="No space left"):
+        device.close()
+    writer.abandon()
+    assert len(list(read_bag(path))) == 1
+
+
+@pytest.mark.parametrize("name", ["nothing/msg/Such", "std_msgs/msg/Nothing", "String", ""])
+def test_a_type_that_is_not_known_is_named_when_the_message_is_wanted(
+    name: str, messages: list[Recorded]
+) -> None:
+    with pytest.raises(FieldError, match="type: '"):
+        _ = replace(messages[0], type_name=name).message
+
+
+def test_bytes_that_are_no_message_are_refused(messages: list[Recorded]) -> None:
+    report = next(one for one in messages if one.topic == "/step_report")
+    with pytest.raises(FieldError, match="/step_report: no sensor_msgs/msg/PointCloud2"):
+        _ = replace(report, data=report.data[:20]).message
+
+
+def test_an_end_in_the_midst_of_the_magic_bytes_is_no_bag(bag: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(io.BytesIO(bag.read_bytes()).read(5))
+    with pytest.raises(FieldError, match="none of the topics"):
+        list(read_bag(cut))

@@ -1,0 +1,372 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded missions that are flown again: what repeats, what differs, what cannot be replayed."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from flown import MS, Flown, moved, with_byte, write
+from geometry_msgs.msg import PoseStamped
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from nav_msgs.msg import Path as PathMessage
+from std_msgs.msg import String
+
+from dsse_ros.cli.replay import main
+from dsse_ros.recording.bag import Recorded
+from dsse_ros.recording.replay import ReplayedMission, replay
+from dsse_ros.search import FieldError
+from msg_adapters.frames import cell_to_map
+
+SEARCH = 4
+
+
+def one(messages: Sequence[Recorded]) -> ReplayedMission:
+    """The only mission of a bag, replayed."""
+    (mission,) = replay(messages)
+    return mission
+
+
+def repeats(mission: ReplayedMission) -> bool:
+    return not (mission.difference or mission.incomplete)
+
+
+@settings(max_examples=25)
+@given(
+    rules=st.sampled_from(["paper", "v1", "v2"]),
+    seed=st.integers(0, 2**62),
+    plan=st.lists(st.sampled_from(["joint", "each", "goal", "late", "refused"]), max_size=12),
+    drift=st.booleans(),
+)
+def test_a_mission_repeats_byte_for_byte(
+    rules: str, seed: int, plan: list[str], drift: bool
+) -> None:
+    of = Flown(rules=rules, seed=seed, probability_of_detection=0.7, run_id=seed % 2**32 or 1)
+    for number, what in enumerate(plan):
+        if of.mission.done:
+            break
+        match what:
+            case "joint":
+                of.joint(number % 5, SEARCH, 0)
+            case "each":
+                for drone in of.mission.live:
+                    of.action(drone, (number + drone) % 5)
+            case "goal":
+                x, y = cell_to_map(of.frame, number % 8, 3)
+                pose = PoseStamped()
+                pose.header.frame_id = "map"
+                pose.pose.position.x, pose.pose.position.y = float(x), float(y)
+                of.intake.goal(1, of.publish("drone1/command_pose", pose))
+                path = PathMessage(poses=[pose])
+                path.header.frame_id = "map"
+                of.intake.path(2, of.publish("drone2/command_path", path))
+                name = of.publish("drone0/cmd_action_name", String(data="search"))
+                of.intake.action_name(0, name)
+            case "refused":
+                of.action(0, 77)
+                of.joint(1, 1, 1, step=99)
+                of.joint(SEARCH, SEARCH, SEARCH)
+        of.step("hold" if drift else "search")
+    of.diagnose()
+    mission = one(of.messages)
+    assert repeats(mission), mission
+    assert mission.steps == of.mission.result.step
+    assert mission.refused == of.intake.rejected
+
+
+def test_each_mission_of_each_run_and_namespace_is_replayed() -> None:
+    first = Flown(run_id=1, seed=4)
+    first.fly(5)
+    # Reset in the midst of it, and at the same seed.
+    for seed in (5, 5):
+        first.reset(seed)
+        first.fly(4)
+    second = Flown(run_id=2, start_ns=first.time_ns)
+    second.fly(3)
+    other = Flown(run_id=3, namespace="/other/")
+    other.fly(2)
+    found = list(replay([*other.messages, *first.messages, *second.messages]))
+    assert all(repeats(mission) for mission in found)
+    assert [(m.namespace, m.run_id, m.number, m.seed, m.steps) for m in found] == [
+        ("/", 1, 1, 4, 5), ("/", 1, 2, 5, 4), ("/", 1, 3, 5, 4), ("/", 2, 1, 1, 3),
+        ("/other/", 3, 1, 1, 2),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("step", "drone"), [(0, 0), (5, 2), (9, 1)])
+def test_one_changed_byte_in_a_command_is_found_and_named(step: int, drone: int) -> None:
+    of = Flown()
+    of.fly(10)
+    at = of.find("joint_action", step)
+    # [mission, step, a0, a1, a2], four bytes each, at the end.
+    place = len(of.messages[at].data) - 4 * (3 - drone)
+    action = of.messages[at].data[place]
+    of.messages[at] = with_byte(of.messages[at], place, (action + 1) % 5)
+    mission = one(of.messages)
+    assert mission.difference is not None
+    found = mission.difference
+    assert (found.step, found.drone, found.field) == (step + 1, f"drone{drone}", "action")
+    names = of.mission.env.rules.actions
+    assert found.recorded == f"{action} ({names[action]})"
+    assert found.replayed == f"{(action + 1) % 5} ({names[(action + 1) % 5]})"
+
+
+def test_a_command_that_is_refused_now_is_found_though_its_drones_search_anyway() -> None:
+    of = Flown()
+    for _ in range(4):
+        of.joint(SEARCH, SEARCH, SEARCH)
+        of.step("search")
+    of.diagnose()
+    at = of.find("joint_action", 2)
+    # It is of another step now.
+    of.messages[at] = with_byte(of.messages[at], len(of.messages[at].data) - 16, 9)
+    found = one(of.messages).difference
+    assert found is not None
+    assert (found.step, found.field) == (3, "/joint_action")
+    assert found.replayed.startswith("refused: data[1]: step 9 is not allowed; 2 is")
+
+
+@pytest.mark.parametrize(
+    ("field", "offset", "size"), [("reward", 24, 8), ("col", 32, 2), ("found", 39, 1)]
+)
+def test_one_changed_byte_in_a_report_is_found_and_named(
+    field: str, offset: int, size: int
+) -> None:
+    of = Flown()
+    of.fly(6)
+    at = of.find("step_report", 4)
+    message = of.messages[at]
+    points = bytes(message.message.data)
+    begin = message.data.index(points)
+    width = message.message.point_step
+    place = begin + width + offset + size - 1
+    of.messages[at] = with_byte(message, place, message.data[place] ^ 1)
+    found = one(of.messages).difference
+    assert found is not None
+    assert (found.step, found.drone, found.field) == (4, "drone1", field)
+
+
+def test_a_changed_stamp_is_found_unless_stamps_are_wall_time() -> None:
+    of = Flown()
+    of.fly(6)
+    for step in (3, 1):
+        at = of.find("step_report", step)
+        # The seconds of the header's stamp stand behind the four bytes of the encapsulation.
+        of.messages[at] = with_byte(of.messages[at], 4, 1)
+        found = one(of.messages).difference
+        assert (found.step, found.field) == (3, "header") if step == 3 and found else not found
+
+
+def test_what_drones_without_a_command_did_is_taken_from_the_reports() -> None:
+    of = Flown()
+    of.fly(2)
+    of.step("search")
+    of.action(1, 0)
+    of.step("hold")
+    of.step("repeat")
+    mission = one(of.messages)
+    assert repeats(mission)
+    assert mission.uncommanded == 3 + 2 + 3
+
+
+def test_a_recording_that_began_late_is_replayed_from_the_reports_that_were_kept() -> None:
+    of = Flown()
+    of.fly(8)
+    late = of.find("joint_action", 3)
+    kept = [m for i, m in enumerate(of.messages) if i > late or "joint" not in m.topic]
+    mission = one(kept)
+    assert repeats(mission) and mission.steps == 8
+    assert mission.uncommanded == 4 * 3
+
+
+def test_a_mission_without_its_beginning_or_with_a_gap_is_named_as_such() -> None:
+    of = Flown()
+    of.fly(8)
+    report = of.messages[of.find("step_report")]
+    assert "recorded from step 1 on" in one([m for m in of.messages if m is not report]).incomplete
+    gap = of.messages[of.find("step_report", 5)]
+    mission = one([m for m in of.messages if m is not gap])
+    assert mission.steps == 4 and "no report of step 5" in mission.incomplete
+    agents = of.messages[of.find("agents")]
+    of.reset(2)
+    missing, whole = replay([m for m in of.messages if m is not agents])
+    assert "agents" in missing.incomplete and repeats(whole)
+
+
+def test_drones_that_are_lost_with_their_vehicles_are_lost_again() -> None:
+    of = Flown()
+    of.fly(3)
+    assert of.mission.lose(1)
+    of.report()
+    of.fly(3)
+    mission = one(of.messages)
+    assert repeats(mission) and mission.steps == 6
+    assert mission.lost == ["drone1"]
+
+
+def test_a_command_that_was_on_its_way_during_a_step_counts_for_the_next() -> None:
+    of = Flown()
+    for drone in range(3):
+        of.action(drone, 0)
+    of.step()
+    of.action(0, 1)
+    of.action(1, SEARCH)
+    of.action(2, SEARCH)
+    of.step()
+    # The first command after the first report was sent while that was being published.
+    at = of.find("drone0/cmd_action", 1)
+    of.messages[at] = moved(of.messages[at], -3 * MS // 2)
+    assert repeats(one(of.messages))
+    # Long before it nothing was on its way.
+    of.messages[0] = moved(of.messages[0], -1000 * MS)
+    of.messages[1] = moved(of.messages[1], -1000 * MS)
+    of.messages[at] = moved(of.messages[at], -500 * MS)
+    for drone in range(3):
+        first = of.find(f"drone{drone}/cmd_action")
+        of.messages[first] = moved(of.messages[first], -600 * MS)
+    found = one(of.messages).difference
+    assert found is not None and (found.step, found.drone) == (1, "drone0")
+
+
+def test_a_step_of_real_time_does_not_wait_for_a_command_that_is_on_its_way() -> None:
+    of = Flown()
+    for _ in range(2):
+        of.diagnose("realtime")
+        of.step("search")
+        of.action(2, 0)
+    of.step("search")
+    at = of.find("drone2/cmd_action", 1)
+    before = of.find("step_report", 2)
+    assert repeats(one(of.messages))
+    time_ns = of.messages[before].publish_time_ns - 1
+    of.messages[at] = replace(of.messages[at], publish_time_ns=time_ns)
+    assert repeats(one(of.messages))
+
+
+def test_a_mission_that_goes_on_after_its_end_differs() -> None:
+    of = Flown(timestep_limit=3, person_pod_multipliers=[0.0])
+    of.fly(9)
+    end = of.messages[of.find("step_report", -1)]
+    report = bytearray(end.data)
+    data = bytes(end.message.data)
+    begin, width = end.data.index(data), end.message.point_step
+    step = of.mission.result.step
+    for drone in range(3):
+        struct.pack_into("<I", report, begin + drone * width + 12, step + 1)
+    later = replace(end, data=bytes(report), publish_time_ns=end.publish_time_ns + MS)
+    found = one([*of.messages, later]).difference
+    assert found is not None and str(found).startswith(f"step {step + 1}: the mission is under way")
+
+
+# The program
+
+
+def test_the_program_says_what_repeats_and_what_differs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    of = Flown(run_id=12, seed=9)
+    of.fly(6)
+    whole = write(tmp_path / "whole.mcap", of.messages)
+    assert main([str(whole)]) == 0
+    assert capsys.readouterr().out == "mission 1 of run 12, seed 9: 6 steps repeat byte for byte\n"
+    at = of.find("joint_action", 3)
+    place = len(of.messages[at].data) - 4
+    of.messages[at] = with_byte(of.messages[at], place, (of.messages[at].data[place] + 1) % 5)
+    assert main([str(write(tmp_path / "changed.mcap", of.messages))]) == 3
+    assert "DIFFERS: step 4, drone2: action is " in capsys.readouterr().out
+
+
+def nothing(folder: Path) -> Path:
+    return folder / "nothing.mcap"
+
+
+def text(folder: Path) -> Path:
+    path = folder / "text.mcap"
+    path.write_text("no bag, but a text that is long enough")
+    return path
+
+
+def empty(folder: Path) -> Path:
+    path = folder / "empty.mcap"
+    path.touch()
+    return path
+
+
+def folder_without_bag(folder: Path) -> Path:
+    return folder
+
+
+def of_something_else(folder: Path) -> Path:
+    of = Flown()
+    return write(folder / "else.mcap", [replace(of.messages[0], topic="/chatter")])
+
+
+def other_agents(folder: Path) -> Path:
+    of = Flown()
+    of.publish("agents", String(data="of another program"))
+    return write(folder / "agents.mcap", of.messages[-1:])
+
+
+def without_beginning(folder: Path) -> Path:
+    of = Flown()
+    of.fly(2)
+    report = of.messages[of.find("step_report")]
+    return write(folder / "late.mcap", [m for m in of.messages if m is not report])
+
+
+def damaged(folder: Path) -> Path:
+    of = Flown()
+    of.fly(20)
+    path = write(folder / "damaged.mcap", of.messages, per_chunk=10)
+    data = bytearray(path.read_bytes())
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[2]
+    data[chunk.chunk_start_offset + chunk.chunk_length - 1] ^= 1
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (nothing, "No such file"),
+        (text, "is no MCAP file"),
+        (empty, "has none of the topics"),
+        (folder_without_bag, "without an MCAP file"),
+        (of_something_else, "has none of the topics"),
+        (other_agents, "not JSON"),
+        (without_beginning, "no mission in the bag can be replayed"),
+        (damaged, "is damaged"),
+    ],
+)
+def test_what_is_no_bag_of_a_mission_gets_one_line(
+    make: Callable[[Path], Path], reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(make(tmp_path))]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("replay: ") and error.count("\n") == 1 and reason in error
+
+
+@pytest.mark.parametrize("rate", ["0", "-1", "nan", "inf", "fast"])
+def test_a_rate_that_is_none_gets_one_line(
+    rate: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code: object = main(["bag.mcap", f"--play={rate}"])
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_bag_without_agents_is_refused() -> None:
+    of = Flown()
+    with pytest.raises(FieldError, match="no message on agents"):
+        list(replay(of.messages[1:]))
