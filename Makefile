@@ -15,7 +15,7 @@ SOURCED := $(if $(ROS_DISTRO),$(shell $(PYTHON) -c 'import rclpy' 2>/dev/null &&
 VENV := .venv
 BIN := $(VENV)/bin
 BASE := $(VENV)/.made-of-$(if $(SOURCED),sourced-$(SOURCED),wheels-$(DISTRO))-$(subst /,_,$(PYTHON))
-SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz scripts \
+SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz scripts viewers \
 	-name __pycache__ -prune -o -print) package.xml
 # Errors only; Python compiles what it imports, a small part of what is installed.
 PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no-compile
@@ -109,7 +109,7 @@ $(BASE):
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz,area
-$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record
+$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record,viewer
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt

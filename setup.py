@@ -54,6 +54,8 @@ setup(
         "land": ["global-land-mask>=1.0"],
         # What `recorder` and `replay` write and read.
         "record": ["mcap>=1.5"],
+        # What `foxglove_viewer` serves with.
+        "viewer": ["foxglove-sdk>=0.16"],
         "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
         "test": [
             "colcon-common-extensions>=0.3",
@@ -66,12 +68,13 @@ setup(
             "ruff>=0.9",
             "setuptools>=70.1",
             "types-PyYAML",
+            "websockets>=13",
         ],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml"]),
-        *((f"share/{name}/{sub}", files(f"{sub}/*")) for sub in ("config", "launch", "rviz")),
+        *((f"share/{name}/{sub}", files(f"{sub}/*")) for sub in ("config", "launch", "rviz", "viewers")),
         (f"lib/{name}", scripts),
     ],
     entry_points={

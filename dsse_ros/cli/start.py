@@ -17,7 +17,7 @@ from dsse_ros.nodes.exit_codes import MISSING
 from dsse_ros.nodes.interrupts import leave_on_signals
 
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
-_EXTRAS = {"mcap": "record"}
+_EXTRAS = {"foxglove": "viewer", "mcap": "record"}
 """The extra that brings a module; `viz` for the others."""
 
 
@@ -99,6 +99,11 @@ def export_mission() -> int:
 def recorder() -> int:
     """`ros2 run dsse_ros recorder`."""
     return start("nodes.recorder")
+
+
+def foxglove_viewer() -> int:
+    """`ros2 run dsse_ros foxglove_viewer`."""
+    return start("nodes.foxglove_viewer")
 
 
 def replay() -> int:
