@@ -46,7 +46,7 @@ class _Offer(NamedTuple):
     encoding: str
 
 
-class _Clients(ServerListener):
+class _Requests(ServerListener):
     """Keeps what clients ask for until the node has time for it: the server has its own threads.
 
     Attributes:
@@ -104,14 +104,14 @@ class ViewerNode(AlarmNode):
         declare(self, known, vars(self.settings))
         Endpoints(self, qos).check_all_used()
         self._namespace = self.get_namespace().rstrip("/") + "/"
-        self._clients = _Clients()
+        self._requests = _Requests()
         # The clients that want a topic, and the last message of those that are latched.
         self._wanted: dict[str, Counter[int]] = {}
         self._last: dict[str, bytes] = {}
         self._channels: dict[str, foxglove.Channel] = {}
         self._commands: dict[str, Publisher] = {}
         self._broadcast_ns = 0
-        self._context = foxglove.Context()
+        self._sdk_context = foxglove.Context()
         self._server = self._serve()
         self._topics = RawTopics(self, self.warn, self.settings.exclude)
         self.alarms.make(self._discover).repeat(DISCOVERY_PERIOD_S)
@@ -133,9 +133,9 @@ class ViewerNode(AlarmNode):
                 host=settings.host,
                 port=settings.port,
                 capabilities=capabilities,
-                server_listener=self._clients,
+                server_listener=self._requests,
                 supported_encodings=list(ENCODINGS),
-                context=self._context,
+                context=self._sdk_context,
             )
         except RuntimeError as error:
             place = f"{settings.host!r}, port: {settings.port}"
@@ -157,7 +157,7 @@ class ViewerNode(AlarmNode):
                 name=name, encoding="ros2msg", data=definition(name).encode("utf-8")
             )
             self._channels[topic] = foxglove.Channel(
-                topic, schema=schema, message_encoding="cdr", context=self._context
+                topic, schema=schema, message_encoding="cdr", context=self._sdk_context
             )
         for topic in self._wanted:
             if not self._topics.is_subscribed(topic):
@@ -168,8 +168,8 @@ class ViewerNode(AlarmNode):
         """Do what clients want, and send them what has come since."""
         if self._topics is None or self._server is None:
             return
-        while self._clients.changes:
-            begun, client, topic = self._clients.changes.popleft()
+        while self._requests.changes:
+            begun, client, topic = self._requests.changes.popleft()
             (self._begin if begun else self._end)(self._topics, client, topic)
         self._take_commands()
         now_ns = self.get_clock().now().nanoseconds
@@ -203,7 +203,7 @@ class ViewerNode(AlarmNode):
 
     def _take_commands(self) -> None:
         """Publish what clients have sent, if it is a command."""
-        messages = self._clients.messages
+        messages = self._requests.messages
         later = []
         while messages:
             offer, data, since_s = messages.popleft()
