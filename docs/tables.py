@@ -24,6 +24,7 @@ from dsse_ros.nodes.settings import (
     PlannerSettings,
     RecorderSettings,
     SimSettings,
+    ViewerSettings,
 )
 from dsse_ros.search import PROFILES, Rules, Scenario
 from dsse_ros.search.fields import Spec, specs
@@ -171,10 +172,17 @@ TABLES = {
     "planner_node": lambda: settings_table(PlannerSettings),
     "mavlink_bridge": lambda: settings_table(BridgeSettings),
     "recorder": lambda: settings_table(RecorderSettings),
+    "viewer": lambda: settings_table(ViewerSettings),
     "scenario": scenario_table,
     "rules": rules_table,
 }
-PAGES = ("docs/flight.md", "docs/parameters.md", "docs/recording.md", "docs/ros.md")
+PAGES = (
+    "docs/flight.md",
+    "docs/parameters.md",
+    "docs/recording.md",
+    "docs/ros.md",
+    "docs/viewers.md",
+)
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
 

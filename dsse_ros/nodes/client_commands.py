@@ -7,7 +7,7 @@ import json
 import re
 from typing import Any
 
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 
 from dsse_ros.recording.schemas import message_class
 from dsse_ros.search import FieldError
@@ -85,7 +85,13 @@ def read_command(type_name: str, encoding: str, data: bytes) -> Any:
         values = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise FieldError(f"{type_name}: no JSON: {_line(error)}") from None
-    return _message(type_name, values)
+    message = _message(type_name, values)
+    try:
+        # A text may be one that UTF-8 does not have.
+        serialize_message(message)
+    except Exception as error:
+        raise FieldError(f"{type_name}: no such message: {_line(error)}") from None
+    return message
 
 
 def _message(type_name: str, values: Any) -> Any:

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from dsse_ros.nodes.foxglove_viewer import ViewerNode
 from dsse_ros.nodes.mavlink_bridge import BridgeNode
 from dsse_ros.nodes.planner_node import PlannerNode
 from dsse_ros.nodes.recorder import RecorderNode
@@ -91,5 +92,6 @@ if __name__ == "__main__":
         "mavlink_bridge": started(BridgeNode, *of_bridge),
         # What has no value has no type.
         "recorder": started(RecorderNode, "-p", "exclude:=['*/odom']"),
+        "foxglove_viewer": started(ViewerNode, "-p", "exclude:=['*/odom']", "-p", "port:=0"),
     }
     print(json.dumps(nodes))

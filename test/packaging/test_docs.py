@@ -34,8 +34,9 @@ from msg_adapters.step_report import step_report_dtype
 ROOT = Path(__file__).resolve().parents[2]
 README, CONTRIBUTING = ROOT / "README.md", ROOT / "CONTRIBUTING.md"
 DOCS = ROOT / "docs"
-FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS = (
-    DOCS / f"{name}.md" for name in ("flight", "parameters", "recording", "ros", "rules", "topics")
+FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS, VIEWERS = (
+    DOCS / f"{name}.md"
+    for name in ("flight", "parameters", "recording", "ros", "rules", "topics", "viewers")
 )
 PAGES = [README, CONTRIBUTING, *sorted(DOCS.glob("*.md"))]
 README_LINES = 200
@@ -266,6 +267,7 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
         ("planner_node", [(PARAMETERS, "Of the planner")]),
         ("mavlink_bridge", [(FLIGHT, "Parameters")]),
         ("recorder", [(RECORDING, "Recording")]),
+        ("foxglove_viewer", [(VIEWERS, "Foxglove")]),
     ],
 )
 def test_the_parameters_are_those_of_the_tables(
@@ -451,7 +453,7 @@ def test_every_dependency_is_explained() -> None:
         *ast.literal_eval(given["install_requires"]),
         *(
             requirement
-            for extra in ("area", "land", "record", "viz")
+            for extra in ("area", "land", "record", "viewer", "viz")
             for requirement in extras[extra]
         ),
     ]
