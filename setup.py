@@ -74,7 +74,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml"]),
-        *((f"share/{name}/{sub}", files(f"{sub}/*")) for sub in ("config", "launch", "rviz", "viewers")),
+        *(
+            (f"share/{name}/{sub}", files(f"{sub}/*"))
+            for sub in ("config", "launch", "rviz", "viewers")
+        ),
         (f"lib/{name}", scripts),
     ],
     entry_points={

@@ -274,7 +274,7 @@ def test_the_nodes_know_all_that_they_get(arguments: Mapping[str, Argument]) -> 
         name: one.default or {"int": "2", "names": "[a, b]", "ints": "[1, 2]"}.get(one.kind, "")
         for name, one in arguments.items()
     }
-    for executable, start in made(arguments, **every | EVERYTHING).items():
+    for executable, start in made(arguments, **every | EVERYTHING | {"rviz": "false"}).items():
         assert parameters(start).keys() <= known[executable]
 
 
