@@ -55,7 +55,7 @@ setup(
         # What `recorder` and `replay` write and read.
         "record": ["mcap>=1.5"],
         # What `foxglove_viewer` serves with.
-        "viewer": ["foxglove-sdk>=0.16"],
+        "viewer": ["foxglove-sdk>=0.22"],
         "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
         "test": [
             "colcon-common-extensions>=0.3",
@@ -68,7 +68,7 @@ setup(
             "ruff>=0.9",
             "setuptools>=70.1",
             "types-PyYAML",
-            "websockets>=13",
+            "websockets>=14.2",
         ],
     },
     data_files=[
