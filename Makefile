@@ -32,7 +32,8 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,flight mission msg_adapters packaging planners recording search)
+TESTS_OF_CHECK := $(addprefix test/,dashboard flight mission msg_adapters packaging planners \
+	recording report search)
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
@@ -53,8 +54,8 @@ help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
 		printf 'make %-11s %s\n' "$$target" "$$text"; done
 
-sim: $(VENV)/.sim ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder
-	@$(BIN)/run_mission $(MISSION)
+sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder VIEW=1
+	@$(BIN)/run_mission $(MISSION) $(if $(VIEW),--view)
 
 sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
@@ -109,11 +110,12 @@ $(BASE):
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz,area
-$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record,viewer
+$(VENV)/.view: EXTRAS := viz,area,dashboard
+$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record,dashboard,browser,viewer
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
-$(VENV)/.sim $(VENV)/.test $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)
+$(VENV)/.sim $(VENV)/.view $(VENV)/.test $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
 	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg

@@ -33,6 +33,7 @@ setup(
     license=manifest.findtext("license"),
     python_requires=">=3.10",
     packages=find_packages(include=["dsse_ros", "dsse_ros.*", "msg_adapters", "msg_adapters.*"]),
+    package_data={"dsse_ros.dashboard": ["*.css", "*.js"], "dsse_ros.report": ["page.html"]},
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
     install_requires=[
         "gymnasium>=1.1",
@@ -53,10 +54,13 @@ setup(
         "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
         # What `recorder` and `replay` write and read.
-        "record": ["mcap>=1.5"],
+        "record": ["mcap>=1.6"],
         # What `foxglove_viewer` serves with.
         "viewer": ["foxglove-sdk>=0.22"],
-        "viz": ["matplotlib>=3.6", "tqdm>=4.66"],
+        "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],
+        # The program `dashboard`; `browser` drives one in its tests.
+        "dashboard": ["nicegui>=3.18", "pillow>=10.2"],
+        "browser": ["playwright>=1.49"],
         "test": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",

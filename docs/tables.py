@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of parameters, from the code, into the pages of docs.
+"""Writes the tables of parameters and of metrics, from the code, into the pages of docs.
 
 Run `python docs/tables.py` after a change of a scenario's, a rule's or a node's fields, or of the
 arguments of a launch file.
@@ -16,6 +16,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
+from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.parameters import descriptor
 from dsse_ros.nodes.settings import (
@@ -26,6 +27,7 @@ from dsse_ros.nodes.settings import (
     SimSettings,
     ViewerSettings,
 )
+from dsse_ros.report.metrics import METRICS
 from dsse_ros.search import PROFILES, Rules, Scenario
 from dsse_ros.search.fields import Spec, specs
 from dsse_ros.search.rules import GROUPS
@@ -166,22 +168,31 @@ def launch_table() -> str:
     return table(["Argument", "Type", "In a mission", "In a flight", "Allowed", "Meaning"], rows)
 
 
+def metrics_table() -> str:
+    """Return the table of the metrics of a report."""
+    rows = [
+        [metric.label, f"`{metric.name}`", metric.unit, metric.meaning,
+         metric.source]
+        for metric in METRICS
+    ]  # fmt: skip
+    return table(["Metric", "Column", "Unit", "Meaning", "Source"], rows)
+
+
 TABLES = {
     "launch": launch_table,
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
     "mavlink_bridge": lambda: settings_table(BridgeSettings),
+    "dashboard": lambda: settings_table(DashboardSettings),
+    "metrics": metrics_table,
     "recorder": lambda: settings_table(RecorderSettings),
     "viewer": lambda: settings_table(ViewerSettings),
     "scenario": scenario_table,
     "rules": rules_table,
 }
-PAGES = (
-    "docs/flight.md",
-    "docs/parameters.md",
-    "docs/recording.md",
-    "docs/ros.md",
-    "docs/viewers.md",
+PAGES = tuple(
+    f"docs/{name}.md"
+    for name in ("dashboard", "flight", "parameters", "recording", "report", "ros", "viewers")
 )
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 

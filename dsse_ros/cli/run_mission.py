@@ -10,11 +10,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import re
 import signal
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,8 @@ from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
+from dsse_ros.dashboard.browser import open_browser
+from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.mission.mission_log import MissionRecord, last_pos, read_log
 from dsse_ros.nodes.exit_codes import BAD_INPUT, fail
 from dsse_ros.nodes.interrupts import Stop, on_signals
@@ -47,6 +51,7 @@ SILENCE_S = 60.0
 """Wall time without a step, or the compiler at work, after which the mission has failed."""
 SIM_PARAMETERS = (*specs(SimSettings), *specs(Scenario), *specs(Rules), *OF_EVERY_NODE)
 PLANNER_PARAMETERS = (*specs(PlannerSettings), *OF_EVERY_NODE)
+DASHBOARD_PARAMETERS = (*specs(DashboardSettings), *OF_EVERY_NODE)
 STOP_S = 10.0
 """Wall time a process has to end after it was interrupted."""
 
@@ -156,7 +161,7 @@ def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
     if code is None:
         return
     lines = log.read_text(errors="replace").strip().splitlines()
-    if code == BAD_INPUT and lines:
+    if lines and (code == BAD_INPUT or lines[-1].startswith(f"{name}: ")):
         raise MissionFailed(lines[-1])
     raise MissionFailed(f"{name} ended with code {code}; see {log}")
 
@@ -175,6 +180,54 @@ def compiling(log: Path) -> bool:
     """Return whether the last line of a node's log is that it compiles."""
     _, announced, after = log.read_text(errors="replace").rpartition(COMPILING)
     return bool(announced) and not after.strip()
+
+
+@contextlib.contextmanager
+def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[], None]]:
+    """Show the mission in the browser, if that is wanted; gives what keeps the page open.
+
+    Raises:
+        MissionFailed: If there is no page within `SILENCE_S`.
+        MissionStopped: If `stop` is wanted.
+    """
+    if not arguments.view:
+        yield lambda: None
+        return
+    log: Path = arguments.out / "dashboard.log"
+    ros = ros_for(DASHBOARD_PARAMETERS, arguments.ros)
+    parameters: dict[str, Any] = {}
+    if not any(value.startswith("port:=") for _, value in pairs(ros)) and not default_port_free():
+        parameters["port"] = 0
+    with process("dashboard", parameters, log, ros) as page:
+        deadline_s = time.monotonic() + SILENCE_S
+        while not (served := re.search(r"page at (\S+)", log.read_text(errors="replace"))):
+            if stop.wanted:
+                raise MissionStopped
+            check_running(page, "dashboard", log)
+            if time.monotonic() > deadline_s:
+                raise MissionFailed(f"no page within {SILENCE_S:g} s; see {log}")
+            time.sleep(0.05)
+        print(f"page at {served[1]}", flush=True)
+        open_browser(served[1])
+
+        def keep() -> None:
+            if sys.stdin.isatty():
+                print("The page stays open until Ctrl-C.", flush=True)
+                while not stop.wanted and page.poll() is None:
+                    time.sleep(0.05)
+
+        yield keep
+
+
+def default_port_free() -> bool:
+    """Return whether a page can be bound to the port that it has by default."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", DashboardSettings().port))
+        except OSError:
+            return False
+    return True
 
 
 def fly(
@@ -303,12 +356,13 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add_search("santos")
     parser.add("--rate", type=float, default=20.0, help="steps/s at most, 0: no limit")
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
+    parser.add("--view", action="store_true", help="show the mission live in the browser")
     parser.set_defaults(compute_pos="auto")
     of_sim = {"step_rate": "rate", "compute_pos": "compute_pos"}
     return parser.parse_with_ros(
         argv,
         {name: (option, specs(SimSettings)[name]) for name, option in of_sim.items()},
-        {*SIM_PARAMETERS, *PLANNER_PARAMETERS},
+        {*SIM_PARAMETERS, *PLANNER_PARAMETERS, *DASHBOARD_PARAMETERS},
     )
 
 
@@ -326,9 +380,14 @@ def main(argv: list[str] | None = None) -> int:
     on_signals(stop)
     try:
         init_ros(["run_mission", "--ros-args", *arguments.ros])
-        watcher = fly(arguments, path, scenario, rules, stop)
-        record = read_log(arguments.out / "mission.csv")
-        save_picture(picture(record, watcher, scenario), arguments.out / "mission.png")
+        with live_page(arguments, stop) as keep_page:
+            watcher = fly(arguments, path, scenario, rules, stop)
+            record = read_log(arguments.out / "mission.csv")
+            save_picture(picture(record, watcher, scenario), arguments.out / "mission.png")
+            print(summary(record, scenario))
+            print(f"  {'picture':<20} {arguments.out / 'mission.png'}")
+            print(f"  {'steps':<20} {arguments.out / 'mission.csv'}")
+            keep_page()
     except FieldError as error:
         return fail("run_mission", error)
     except MissionFailed as error:
@@ -342,9 +401,6 @@ def main(argv: list[str] | None = None) -> int:
         return 130
     finally:
         rclpy.try_shutdown()
-    print(summary(record, scenario))
-    print(f"  {'picture':<20} {arguments.out / 'mission.png'}")
-    print(f"  {'steps':<20} {arguments.out / 'mission.csv'}")
     return 0
 
 

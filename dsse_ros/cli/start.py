@@ -16,9 +16,17 @@ from urllib.parse import unquote, urlsplit
 from dsse_ros.nodes.exit_codes import MISSING
 from dsse_ros.nodes.interrupts import leave_on_signals
 
+_DASHBOARD = ("dashboard", "make sim VIEW=1")
+_OF_EXTRAS = {
+    "PIL": _DASHBOARD,
+    "fastapi": _DASHBOARD,
+    "foxglove": ("viewer", ""),
+    "mcap": ("record", ""),
+    "nicegui": _DASHBOARD,
+    "uvicorn": _DASHBOARD,
+}
+"""Of modules that `viz` does not bring: the extra that does, and the target, if one does too."""
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
-_EXTRAS = {"foxglove": "viewer", "mcap": "record"}
-"""The extra that brings a module; `viz` for the others."""
 
 
 def start(module: str) -> int:
@@ -51,10 +59,9 @@ def missing(error: ImportError) -> str | None:
         return f"an import has failed in Python {sys.version.partition(' ')[0]}: {reason}"
     if name in _ROS or name.endswith(("_msgs", "_srvs", "_interfaces")):
         return f"ROS 2 not found ({reason}): source a ROS 2, or use `make sim`, which brings one"
-    extra = _EXTRAS.get(name)
-    if extra is not None:
-        return f"{name} not found: pip install '{clone()}[{extra}]'"
-    return f"{name} not found: pip install '{clone()}[viz]', or use `make sim`, which brings it"
+    extra, target = _OF_EXTRAS.get(name, ("viz", "make sim"))
+    use = f", or use `{target}`, which brings it" if target else ""
+    return f"{name} not found: pip install '{clone()}[{extra}]'{use}"
 
 
 def clone() -> str:
@@ -96,6 +103,11 @@ def export_mission() -> int:
     return start("cli.export_mission")
 
 
+def report() -> int:
+    """`ros2 run dsse_ros report`."""
+    return start("cli.report")
+
+
 def recorder() -> int:
     """`ros2 run dsse_ros recorder`."""
     return start("nodes.recorder")
@@ -109,3 +121,8 @@ def foxglove_viewer() -> int:
 def replay() -> int:
     """`ros2 run dsse_ros replay`."""
     return start("cli.replay")
+
+
+def dashboard() -> int:
+    """`ros2 run dsse_ros dashboard`."""
+    return start("nodes.dashboard")

@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, NavSatFix, PointCloud2
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
 from dsse_ros.mission.mission import Mission, StepResult
@@ -32,6 +32,7 @@ from msg_adapters.images import probability_image
 from msg_adapters.markers import marker_array
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
+from msg_adapters.pos import pos_message
 from msg_adapters.poses import (
     nav_sat_fix,
     odometry,
@@ -99,6 +100,7 @@ class MissionPublishers:
         self._drones = self._publisher(PoseArray, "drones", LATCHED)
         self._report = self._publisher(PointCloud2, "step_report", REPORTS)
         self._mission_report = self._publisher(PointCloud2, "mission_report", LATCHED)
+        self._pos = self._publisher(Float64MultiArray, "probability_of_success", REPORTS)
         self._agents = self._publisher(String, "agents", LATCHED)
         self._markers = self._publisher(MarkerArray, "markers", LATCHED)
         self._clock = self._publisher(Clock, "/clock", RELIABLE) if publish_clock else None
@@ -194,6 +196,10 @@ class MissionPublishers:
         self._publish_fixes(result, stamp)
         self._before = self._cells if result.step else result.cells
         self._cells = result.cells
+        pos = self._mission.pos
+        if pos is not None:
+            number = self._mission.number
+            self._pos.publish(pos_message(self.run_id, number, result.step, pos))
         self.publish_report(stamp)
 
     def publish_report(self, stamp: Time) -> None:

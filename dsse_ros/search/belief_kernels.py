@@ -229,6 +229,25 @@ def drop_negligible(now, known):
 
 
 @part
+def add_drift(c, area, y, now, added, direction, after):
+    """Add what the drift adds to a step from the cells of row y of the grid, see `complete`."""
+    start, end = index_of(c, 0, y), index_of(c, c.grid_size, y)
+    inner = 0
+    if area is None and 0 < y < c.grid_size - 1:
+        # All but the first and the last can step as the drift does.
+        inner = c.grid_size - 2
+        low = start + offset_of(c, direction) + 1
+        out, shares = after[low : low + inner], now[start + 1 : end - 1]
+        chances = added[start + 1 : end - 1]
+        for j in range(inner):
+            out[j] += shares[j] * chances[j]
+    for i in range(start, end, inner + 1):
+        if now[i] > 0.0:
+            step = step_of_drift(c, area, i - start, y, direction)
+            after[i + offset_of(c, step)] += now[i] * added[i]
+
+
+@part
 def move_row(c, area, now, chances, table, direction, after, row):
     """Let the persons of one row of a belief take their step, see `predict`."""
     count, side = len(now), c.grid_size + 2 * MARGIN
@@ -245,12 +264,8 @@ def move_row(c, area, now, chances, table, direction, after, row):
     low, high = max(first - side - 1, side + 1), min(last + side + 1, count - side - 1)
     gather(now, table, after, low, high, side)
     if c.own_drift:
-        for y in range(first // side, (last + side - 1) // side):
-            for x in range(side):
-                i = y * side + x
-                if now[i] > 0.0:
-                    step = step_of_drift(c, area, x - MARGIN, y - MARGIN, direction)
-                    after[i + offset_of(c, step)] += now[i] * table[STEPS, i]
+        for y in range(first // side - MARGIN, (last - 1) // side - MARGIN + 1):
+            add_drift(c, area, y, now, table[STEPS], direction, after)
     for i in range(low, high):
         now[i] = after[i]
 
@@ -305,17 +320,21 @@ def search(constants, belief, pods, x, y):
 
 @part
 def total_of(shares):
-    """Return a sum, by four sums at once: each addition waits for the one before."""
-    a = b = c = d = 0.0
-    fours = len(shares) // 4
-    for j in range(fours):
-        a += shares[4 * j]
-        b += shares[4 * j + 1]
-        c += shares[4 * j + 2]
-        d += shares[4 * j + 3]
-    for i in range(4 * fours, len(shares)):
-        a += shares[i]
-    return (a + b) + (c + d)
+    """Return a sum, by eight sums at once: each addition waits for the one before."""
+    a = b = c = d = e = f = g = h = 0.0
+    eights = len(shares) // 8
+    for j in range(0, 8 * eights, 8):
+        a += shares[j]
+        b += shares[j + 1]
+        c += shares[j + 2]
+        d += shares[j + 3]
+        e += shares[j + 4]
+        f += shares[j + 5]
+        g += shares[j + 6]
+        h += shares[j + 7]
+    for j in range(8 * eights, len(shares)):
+        a += shares[j]
+    return ((a + b) + (c + d)) + ((e + f) + (g + h))
 
 
 @kernel

@@ -21,8 +21,8 @@ COMPILING = "compiling the search, once after an installation; it takes 10 s, or
 
 
 class _FirstCompilation(event.Listener):
-    def __init__(self, announce: Callable[[str], None]) -> None:
-        self._announce: Callable[[str], None] | None = announce
+    def __init__(self, announce: Callable[[str], object]) -> None:
+        self._announce: Callable[[str], object] | None = announce
 
     def on_start(self, event: Any) -> None:
         announce, self._announce = self._announce, None
@@ -33,7 +33,7 @@ class _FirstCompilation(event.Listener):
         pass
 
 
-def announced(announce: Callable[[str], None]) -> AbstractContextManager[Any]:
+def announced(announce: Callable[[str], object]) -> AbstractContextManager[Any]:
     """Return a context in which the compiler is announced when it first has work to do.
 
     Args:
@@ -48,7 +48,7 @@ def announced(announce: Callable[[str], None]) -> AbstractContextManager[Any]:
 def prepared_env(
     scenario: Scenario,
     rules: Rules,
-    announce: Callable[[str], None],
+    announce: Callable[[str], object],
     *,
     has_belief: Callable[[int], bool] = lambda grid_size: False,
 ) -> SearchEnv:

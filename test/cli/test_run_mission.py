@@ -61,11 +61,11 @@ def rows(out: Path) -> list[dict[str, str]]:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Two missions of the same seed and one of another, in folders with awkward names."""
+    """Two missions of the same seed and one of another with a page, in awkward folders."""
     base = tmp_path_factory.mktemp("missions")
     outs = [base / name for name in ("first", "it's #2: [again]", "other")]
-    seeds = ("3", "3", "4")
-    runs = [start(out, "--rate", "0", "--seed", s) for out, s in zip(outs, seeds, strict=True)]
+    options = (("3",), ("3",), ("4", "--view"))
+    runs = [start(out, "--rate", "0", "--seed", *o) for out, o in zip(outs, options, strict=True)]
     try:
         for run in runs:
             assert run.wait() == 0, run.output
@@ -117,6 +117,14 @@ def test_the_progress_line_ends_where_the_mission_does(flown: list[Path]) -> Non
         progress = re.findall(r"step (\d+)/180 .* (\d+ drones|over), POS ([\d.]+%)", lines)
         last = [row for row in rows(out) if row["agent"] == "drone0"][-1]
         assert progress[-1] == (last["step"], "over", f"{float(last['pos']):.1%}")
+
+
+def test_a_mission_with_a_page_says_where_it_is_and_takes_it_along(flown: list[Path]) -> None:
+    text = (flown[2] / "console.log").read_text()
+    assert re.match(r"page at http://127\.0\.0\.1:\d+/\n", text)
+    served = (flown[2] / "dashboard.log").read_text()
+    assert "Traceback" not in served and "page at" in served
+    assert not any((out / "dashboard.log").exists() for out in flown[:2])
 
 
 def test_the_picture_is_one(flown: list[Path]) -> None:

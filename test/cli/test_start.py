@@ -20,7 +20,7 @@ from dsse_ros.search.compiler import COMPILING
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = sorted(path.name for path in (ROOT / "scripts").iterdir())
-OF_ROS = [name for name in PROGRAMS if name != "export_mission"]
+OF_ROS = [name for name in PROGRAMS if name not in ("export_mission", "report")]
 
 
 def launch(
@@ -128,8 +128,11 @@ def test_ctrl_c_in_a_terminal_ends_a_mission_that_still_compiles(tmp_path: Path)
 
 
 def test_a_node_that_ends_while_it_is_made_leaves_no_shared_memory(tmp_path: Path) -> None:
-    def of(pid: int) -> set[str]:
-        maps = Path(f"/proc/{pid}/maps").read_text()
+    def of(pid: int | str) -> set[str]:
+        try:
+            maps = Path(f"/proc/{pid}/maps").read_text()
+        except OSError:  # It has ended, or is somebody else's.
+            return set()
         return {part for part in maps.split() if part.startswith("/dev/shm/fast")}
 
     child = launch("sim_node", tmp_path)
@@ -144,8 +147,11 @@ def test_a_node_that_ends_while_it_is_made_leaves_no_shared_memory(tmp_path: Pat
     finally:
         child.kill()
     assert files
+    # A participant looks into the files of those that it meets, too.
+    others = {name for path in Path("/proc").glob("[0-9]*") for name in of(path.name)}
     # Ports are for all who come later.
-    assert [name for name in files if "port" not in name and Path(name).exists()] == []
+    left = [name for name in files - others if "port" not in name and Path(name).exists()]
+    assert left == []
 
 
 @pytest.mark.parametrize("program", OF_ROS)
@@ -177,6 +183,15 @@ def test_whatever_else_is_missing_is_named_on_one_line(
     assert line.startswith(f"run_mission: {says}")
     # A name on PyPI could be anybody's.
     assert "install" not in line or f"pip install '{start.clone()}[viz]'" in line
+    assert child.returncode == start.MISSING
+
+
+def test_the_page_names_the_extra_that_it_needs(tmp_path: Path) -> None:
+    child = launch("dashboard", tmp_path, "import sys\nsys.modules['nicegui'] = None")
+    output, _ = child.communicate(timeout=TIMEOUT_S)
+    (line,) = output.splitlines()
+    assert line.startswith("dashboard: nicegui not found: pip install")
+    assert f"'{start.clone()}[dashboard]'" in line and "make sim VIEW=1" in line
     assert child.returncode == start.MISSING
 
 

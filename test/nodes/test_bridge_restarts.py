@@ -128,6 +128,8 @@ def test_a_foreign_simulation_stops_nothing_but_the_take_offs(rig: Rig) -> None:
         trouble = "1 vehicles for 4 drones: nothing is flown"
         rig.until(lambda: trouble in bridge.state(0)["message"], trouble)
         assert bridge.states[0].last.status[0].level == DiagnosticStatus.ERROR
+        # From then on an interrupt ends it in peace.
+        rig.until(lambda: "waiting for commands" in foreign.process.output, "what it waits for")
         foreign.process.stop()
         fly(sim, UP)
         state = bridge.until(0, arrived="true", cell="0 4", refused="")

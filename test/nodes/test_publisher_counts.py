@@ -6,6 +6,7 @@ from __future__ import annotations
 import array
 import contextlib
 import json
+import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -35,8 +36,9 @@ def ended(rig: Rig) -> Iterator[None]:
     before = len(rig.processes)
     yield
     for process in rig.processes[before:]:
-        if process.running:
-            process.stop()
+        process.signal(signal.SIGINT)
+        # With 130 one that has published and not begun to spin.
+        assert process.wait() in (0, 130), process.output
 
 
 def goes_on(rig: Rig, sim: Sim, steps: int = 3) -> None:

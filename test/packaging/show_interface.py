@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from dsse_ros.nodes.dashboard import OF_VEHICLE, TOPICS, DashboardNode
 from dsse_ros.nodes.foxglove_viewer import ViewerNode
 from dsse_ros.nodes.mavlink_bridge import BridgeNode
 from dsse_ros.nodes.planner_node import PlannerNode
@@ -93,5 +94,11 @@ if __name__ == "__main__":
         # What has no value has no type.
         "recorder": started(RecorderNode, "-p", "exclude:=['*/odom']"),
         "foxglove_viewer": started(ViewerNode, "-p", "exclude:=['*/odom']", "-p", "port:=0"),
+        "dashboard": started(DashboardNode, "-p", "allowed_hosts:=['name.example']"),
+    }
+    # Which it subscribes to once there is a simulation.
+    vehicles = {f"drone<i>/{topic}": one for topic, one in OF_VEHICLE.items()}
+    nodes["dashboard"]["subscribed"] |= {
+        topic: (type_of(kind), quality(qos)) for topic, (kind, qos) in (TOPICS | vehicles).items()
     }
     print(json.dumps(nodes))

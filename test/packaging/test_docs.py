@@ -34,9 +34,18 @@ from msg_adapters.step_report import step_report_dtype
 ROOT = Path(__file__).resolve().parents[2]
 README, CONTRIBUTING = ROOT / "README.md", ROOT / "CONTRIBUTING.md"
 DOCS = ROOT / "docs"
-FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS, VIEWERS = (
+DASHBOARD, FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS, VIEWERS = (
     DOCS / f"{name}.md"
-    for name in ("flight", "parameters", "recording", "ros", "rules", "topics", "viewers")
+    for name in (
+        "dashboard",
+        "flight",
+        "parameters",
+        "recording",
+        "ros",
+        "rules",
+        "topics",
+        "viewers",
+    )
 )
 PAGES = [README, CONTRIBUTING, *sorted(DOCS.glob("*.md"))]
 README_LINES = 200
@@ -207,7 +216,11 @@ def test_the_topics_of_the_simulation_are_those_of_the_tables(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("node", "page", "heading"),
-    [("planner_node", TOPICS, "The planner's"), ("mavlink_bridge", FLIGHT, "Topics")],
+    [
+        ("planner_node", TOPICS, "The planner's"),
+        ("mavlink_bridge", FLIGHT, "Topics"),
+        ("dashboard", TOPICS, "The dashboard's"),
+    ],
 )
 def test_the_topics_of_the_other_nodes_are_those_of_their_tables(
     interface: dict[str, Any], node: str, page: Path, heading: str
@@ -234,7 +247,7 @@ def test_the_services_are_those_of_the_table(interface: dict[str, Any]) -> None:
         interface["sim_node"]["services"].items() & interface["planner_node"]["services"].items()
     )
     assert documented.items() == interface["sim_node"]["services"].items() - of_all
-    for node in ("planner_node", "mavlink_bridge"):
+    for node in ("planner_node", "mavlink_bridge", "dashboard"):
         assert not interface[node]["services"].items() - of_all
 
 
@@ -268,6 +281,7 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
         ("mavlink_bridge", [(FLIGHT, "Parameters")]),
         ("recorder", [(RECORDING, "Recording")]),
         ("foxglove_viewer", [(VIEWERS, "Foxglove")]),
+        ("dashboard", [(DASHBOARD, "Parameters")]),
     ],
 )
 def test_the_parameters_are_those_of_the_tables(
@@ -382,7 +396,7 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     made = re.findall(r"\bmake ([a-z-]+)(?!\w)((?: [A-Z]+=\S+)*)", text)
     assert {"sim", "test", "sitl-demo"} <= {target for target, _ in made} <= targets
     options = set(table(README, "Quick start", "Option"))
-    assert options == set(re.findall(r"\$\(if \$\(([A-Z]+)\),--\w+ '", makefile))
+    assert options == set(re.findall(r"\$\(if \$\(([A-Z]+)\),--\w+(?: '|\))", makefile))
     assert {name for _, given in made for name in re.findall(r"\b([A-Z]+)=", given)} <= options
 
     programs = set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text))
@@ -453,7 +467,7 @@ def test_every_dependency_is_explained() -> None:
         *ast.literal_eval(given["install_requires"]),
         *(
             requirement
-            for extra in ("area", "land", "record", "viewer", "viz")
+            for extra in ("area", "dashboard", "land", "record", "viewer", "viz")
             for requirement in extras[extra]
         ),
     ]

@@ -21,9 +21,8 @@ SHARED = sorted(
 
 
 def test_the_executables_are_the_nodes_and_the_mission() -> None:
-    assert {"export_mission", "mavlink_bridge", "planner_node", "run_mission", "sim_node"} <= set(
-        EXECUTABLES
-    )
+    programs = {"dashboard", "export_mission", "run_mission"}
+    assert programs | {"mavlink_bridge", "planner_node", "sim_node"} <= set(EXECUTABLES)
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
@@ -57,3 +56,9 @@ def test_the_package_imports_from_the_installation(installation: Any) -> None:
     code = "import dsse_ros, msg_adapters; print(dsse_ros.__file__, msg_adapters.__file__)"
     for file in installation.execute(sys.executable, "-c", code).split():
         assert installation.folder in Path(file).parents
+
+
+def test_the_page_of_the_report_is_installed_with_its_module(installation: Any) -> None:
+    code = "import dsse_ros.report as r; print(r.__path__[0])"
+    folder = Path(installation.execute(sys.executable, "-c", code).strip())
+    assert (folder / "page.html").is_file()

@@ -90,6 +90,10 @@ def test_a_check_lints_and_runs_folders_of_tests_without_what_is_slow(folder: Pa
     } - folders
 
 
+def test_all_tests_end_with_a_list_of_the_slowest(folder: Path) -> None:
+    assert " --durations=" in make(folder, "--dry-run", "test").stdout.splitlines()[-1]
+
+
 def test_the_hooks_before_a_commit_are_what_lint_does(folder: Path) -> None:
     config = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
     hooks = [hook["entry"] for repository in config["repos"] for hook in repository["hooks"]]

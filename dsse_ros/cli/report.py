@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`report`: a recorded mission as one HTML page, with its figures and numbers as files."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from dsse_ros.cli.command_line import Parser, make_folder, search_of
+from dsse_ros.cli.start import missing
+from dsse_ros.nodes.exit_codes import MISSING, fail
+from dsse_ros.report.record import RecordedMission, is_bag, read_csv
+from dsse_ros.report.replay import (
+    LARGEST_BELIEF_GRID,
+    follow_belief,
+    forecast_for,
+    views,
+    views_of,
+    with_search,
+)
+from dsse_ros.report.report import Report, chosen_steps
+from dsse_ros.search import PROFILES, FieldError
+from dsse_ros.search.belief import Forecast
+from dsse_ros.search.compiler import announced
+from dsse_ros.search.rendering import MissionView
+
+
+def parse(argv: list[str] | None) -> argparse.Namespace:
+    """Return the command line's arguments."""
+    parser = Parser(
+        prog="report",
+        description="Make a page, figures and tables of a recorded mission.",
+    )
+    parser.add("file", type=Path, help="CSV of record_file, or bag of the recorder")
+    parser.add("--scenario", help="what was searched, for a CSV: YAML file or name")
+    parser.add("--rules", default="paper", choices=tuple(PROFILES), help="profile, with --scenario")
+    parser.add("--out", type=Path, default=Path("report"), help="folder of the files")
+    parser.add("--mission", type=int, help="its number, by default the last complete one")
+    parser.add("--steps", type=int, nargs="+", metavar="STEP",
+               help="steps that maps are drawn of, by default six from start to end")  # fmt: skip
+    parser.add("--namespace", help="of the simulation, if a bag has several")
+    # Of the scenario, whose drones are those of the record.
+    parser.set_defaults(seed=0, fields={})
+    return parser.parse_with_ros(argv, {})
+
+
+def choose(missions: Sequence[RecordedMission], number: int | None) -> RecordedMission:
+    """Return the mission of this number, or the last complete one; else the last one.
+
+    Raises:
+        FieldError: If there is none of this number.
+    """
+    if number is None:
+        return next((one for one in reversed(missions) if one.complete), missions[-1])
+    of_number = [one for one in missions if one.number == number]
+    if not of_number:
+        numbers = sorted({one.number for one in missions})
+        shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
+        raise FieldError(f"mission: {number} is not allowed; of the file: {shown}")
+    return of_number[-1]
+
+
+def searches(
+    missions: Sequence[RecordedMission], arguments: argparse.Namespace
+) -> list[RecordedMission]:
+    """Return the missions with what was searched, if the command line names the scenario.
+
+    Raises:
+        FieldError: If it is not that of the missions.
+    """
+    if not arguments.scenario:
+        return list(missions)
+    found = []
+    for one in missions:
+        arguments.drones = len(one.agents)
+        _, scenario, rules = search_of(arguments)
+        found.append(with_search(one, rules, scenario))
+    return found
+
+
+def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterator[str]:
+    """Yield what the reader must know of what is missing."""
+    if not record.complete:
+        left = int((~(record.terminated | record.truncated)[-1]).sum())
+        yield (
+            f"The mission was cut off: the record ends after step {record.steps[-1]} with {left} "
+            f"drone{'s' if left != 1 else ''} in flight."
+        )
+    if record.missing_steps:
+        yield (
+            f"{record.missing_steps} of {record.steps[-1] + 1} steps are missing in the file: "
+            "what happened in them is not counted, and tracks are straight there."
+        )
+    if record.scenario is None:
+        yield (
+            "The file does not say what was searched; the option --scenario does. "
+            f"{'The maps are those that drones observed.' if shown else 'So there are no maps.'}"
+        )
+    elif not all(view.belief for view in shown.values()):
+        yield "The maps are those that drones observed; a belief was not recorded."
+    if record.pos is None:
+        large = record.grid_size > LARGEST_BELIEF_GRID
+        why = f"; it is not computed on grids of more than {LARGEST_BELIEF_GRID} cells a side"
+        yield f"The probability of success (POS) was not recorded{why if large else ''}."
+
+
+def pictures(
+    record: RecordedMission, wanted: Sequence[int], forecast: Forecast | None, bag: Any
+) -> dict[int, MissionView]:
+    """Return the maps of recorded steps: the belief, or what the drones observed.
+
+    Args:
+        record: The mission.
+        wanted: Numbers of recorded steps.
+        forecast: For its belief, None if that is not to be computed.
+        bag: Its `MissionBag`, None if it is of a CSV.
+
+    Raises:
+        FieldError: If the record is of another search.
+    """
+    if record.scenario is None:
+        return {} if bag is None else views_of(record, bag.maps(record, wanted, "probability"))
+    if forecast is not None:
+        _, beliefs = follow_belief(record, forecast, wanted)
+    else:
+        beliefs = {} if bag is None else bag.maps(record, wanted, "belief")
+    return {
+        k: replace(view, probability=beliefs[k], belief=True) if k in beliefs else view
+        for k, view in views(record, wanted).items()
+    }
+
+
+def read(path: Path, namespace: str | None) -> tuple[list[RecordedMission], Any]:
+    """Return the missions of a file, and the `MissionBag` if it is one.
+
+    Raises:
+        FieldError: If it is neither a log nor a bag.
+        ImportError: If it is a bag, and ROS or what reads bags is not installed.
+    """
+    if not is_bag(path):
+        return read_csv(path), None
+    # A log is read without them.
+    from dsse_ros.report.bags import MissionBag
+
+    bag = MissionBag(path, namespace)
+    return bag.missions, bag
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write the report; returns the exit code, 2 for bad input."""
+    arguments = parse(argv)
+    try:
+        found, bag = read(arguments.file, arguments.namespace)
+        missions = searches(found, arguments)
+        at = missions.index(choose(missions, arguments.mission))
+        try:
+            wanted = chosen_steps(missions[at], arguments.steps or ())
+        except ValueError as error:
+            raise FieldError(f"steps: {error}") from None
+        with announced(lambda line: print(line, file=sys.stderr, flush=True)):
+            forecast: Forecast | None = None
+            bar = tqdm(missions, "POS", unit="mission", disable=None, leave=False)
+            for i, one in enumerate(bar):
+                if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
+                    missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
+            record = missions[at]
+            shown = pictures(record, wanted, forecast_for(record, forecast), bag)
+        make_folder("out", arguments.out)
+    except FieldError as error:
+        return fail("report", error)
+    except ImportError as error:
+        text = missing(error)
+        if text is None:
+            raise
+        fail("report", text)
+        return MISSING
+    source = arguments.file.resolve().name
+    report = Report(record, shown, missions, source, tuple(notices(record, shown)))
+    try:
+        with tqdm(total=report.num_figures, unit="figure", disable=None) as drawn:
+            path = report.write(arguments.out, drawn.update)
+    except OSError as error:
+        name = error.filename or str(arguments.out)
+        return fail("report", f"out: {name!r}: {error.strerror}")
+    print(path)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

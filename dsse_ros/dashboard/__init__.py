@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The live page of missions: what it knows without ROS, what it shows, and who may see it."""

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What goes between the thread of the ROS node and that of the page, as cheaply as can be.
+
+The node's thread only puts messages here as the bytes they came in. What they say is read by the
+page, some times a second, and of most topics only the last message.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection
+from typing import Any, NamedTuple
+
+
+class Received(NamedTuple):
+    """A message.
+
+    Attributes:
+        namespace: Of the simulation, "" for none.
+        topic: Relative to it.
+        read: Returns the message.
+    """
+
+    namespace: str
+    topic: str
+    read: Callable[[], Any]
+
+
+class Command(NamedTuple):
+    """What somebody wants of a simulation.
+
+    Attributes:
+        namespace: Of the simulation.
+        name: pause, resume, step or reset.
+    """
+
+    namespace: str
+    name: str
+
+
+class Inbox:
+    """Messages for the page, and commands for the node.
+
+    Args:
+        complete: Topics of which every message counts; of the others only the last one does.
+    """
+
+    def __init__(self, complete: Collection[str]) -> None:
+        self._complete = frozenset(complete)
+        self._lock = threading.Lock()
+        self._messages: dict[object, Received] = {}
+        self._commands: list[Command] = []
+
+    def put(self, received: Received) -> None:
+        """Leave a message for the page."""
+        of_all = received.topic in self._complete
+        key = object() if of_all else (received.namespace, received.topic)
+        with self._lock:
+            # Put last, as it came last.
+            self._messages.pop(key, None)
+            self._messages[key] = received
+
+    def take(self) -> list[Received]:
+        """Return the messages since the last call, in the order in which they came."""
+        with self._lock:
+            messages, self._messages = self._messages, {}
+        return list(messages.values())
+
+    def command(self, command: Command) -> None:
+        """Leave a command for the node."""
+        with self._lock:
+            self._commands.append(command)
+
+    def take_commands(self) -> list[Command]:
+        """Return the commands since the last call."""
+        with self._lock:
+            commands, self._commands = self._commands, []
+        return commands

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A map as a PNG of one pixel per cell, whose transparency lets light and dark pages through."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+MAX_SIDE = 500
+"""Pixels a side at most: a page has no room for more."""
+
+_BLUE = (0, 114, 178)
+_LAND = (150, 150, 150)
+_OUTSIDE = 101
+"""Index of a cell that is unknown or not searched; the others are levels from 0 to 100."""
+_PALETTE = bytes(part for _ in range(_OUTSIDE) for part in _BLUE) + bytes(_LAND)
+# Low levels are lifted: where the person hardly can be differs from where it cannot.
+_ALPHA = bytes(round(255 * (level / 100) ** 0.7) for level in range(_OUTSIDE)) + b"\x80"
+
+
+def map_png(occupancy: NDArray[np.int8]) -> bytes:
+    """Return a map as PNG: blue, the more opaque the likelier; grey where it is -1.
+
+    Args:
+        occupancy: (G, G), -1 to 100, row 0 north. Of several cells in a pixel the highest counts.
+    """
+    levels = _shrunk(np.clip(occupancy, -1, 100))
+    pixels = np.where(levels < 0, _OUTSIDE, levels).astype(np.uint8)
+    image = Image.frombytes("P", (pixels.shape[1], pixels.shape[0]), pixels.tobytes())
+    image.putpalette(_PALETTE)
+    buffer = io.BytesIO()
+    image.save(buffer, "PNG", transparency=_ALPHA, compress_level=1)
+    return buffer.getvalue()
+
+
+def _shrunk(levels: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Return blocks of cells as one, so that no side is longer than `MAX_SIDE`."""
+    block = -(-max(levels.shape) // MAX_SIDE)
+    if block == 1:
+        return levels
+    rows, cols = (-(-side // block) for side in levels.shape)
+    padded = np.full((rows * block, cols * block), -1, dtype=np.int8)
+    padded[: levels.shape[0], : levels.shape[1]] = levels
+    return padded.reshape(rows, block, cols, block).max(axis=(1, 3))

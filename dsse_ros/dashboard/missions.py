@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of each mission, by the namespace of its simulation, from the messages so far."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from dsse_ros.dashboard.history import MapImages, SearchHistory
+from dsse_ros.dashboard.inbox import Received
+from dsse_ros.dashboard.map_image import map_png
+from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.frames import GridFrame
+from msg_adapters.mission_report import mission_report_from_message
+from msg_adapters.occupancy import occupancy_to_array
+from msg_adapters.pos import pos_from_message
+from msg_adapters.result import Accepted
+from msg_adapters.stamps import to_nanoseconds
+from msg_adapters.step_report import step_report_from_message
+from msg_adapters.vehicles import place_from_pose
+
+LAYERS = {"probability_grid": "Map", "belief_grid": "Belief"}
+"""Topics of maps that can be shown, and what they are called."""
+_RUNS = 10
+"""Runs whose `agents` are kept, which may come before or after their reports."""
+_EARLY = 1000
+"""Values of POS that are kept until the first report of their search."""
+
+
+@dataclass
+class Vehicle:
+    """The vehicle of a drone, as the bridge reports it.
+
+    Attributes:
+        message: Its state on one line.
+        level: As in DiagnosticStatus: 0 is fine.
+        place: Column and row, fractions lie between cells; None where it is not known.
+    """
+
+    message: str = ""
+    level: int = 0
+    place: tuple[float, float] | None = None
+
+
+class Mission:
+    """The mission of one simulation.
+
+    Args:
+        namespace: Of the simulation, "" for none.
+
+    Attributes:
+        history: The steps of the search under way; None before the first report.
+        maps: By layer.
+        vehicles: By name of the drone.
+        state: What the simulation reports of itself: running, paused, what it waits for, ...
+        level: Of that, as in DiagnosticStatus.
+        paused: Whether it is held, as far as is known.
+        publishers: How many publish its reports: none while its simulation is gone.
+        answer: What the last command has led to.
+        answers: How many there were.
+        trouble: By topic, why its last message could not be read.
+    """
+
+    def __init__(self, namespace: str) -> None:
+        self.namespace = namespace
+        self.history: SearchHistory | None = None
+        self.maps = {layer: MapImages() for layer in LAYERS}
+        self.vehicles: dict[str, Vehicle] = {}
+        self.state = ""
+        self.level = 0
+        self.paused = False
+        self.publishers = 1
+        self.answer = ""
+        self.answers = 0
+        self.trouble: dict[str, str] = {}
+        self._infos: dict[int, AgentsInfo] = {}
+        self._early_pos: deque[tuple[int, int, int, float]] = deque(maxlen=_EARLY)
+        self._read: Mapping[str, Callable[[Any], None]] = {
+            "agents": self._on_agents,
+            "step_report": self._on_report,
+            "mission_report": self._on_mission_report,
+            "probability_of_success": self._on_pos,
+            "diagnostics": self._on_diagnostics,
+            "paused": self._on_paused,
+            "publishers": self._on_publishers,
+            "answer": self._on_answer,
+        }
+
+    @property
+    def title(self) -> str:
+        """What it is called."""
+        return self.namespace or "/"
+
+    @property
+    def info(self) -> AgentsInfo | None:
+        """What `agents` says of the search under way; None before it is known."""
+        if self.history is None:
+            return None
+        info = self._infos.get(self.history.key[0])
+        return info if info and len(info.agents) == self.history.num_drones else None
+
+    def receive(self, topic: str, read: Callable[[], Any]) -> None:
+        """Take a message; one that cannot be read is noted in `trouble`.
+
+        Args:
+            topic: Relative to the namespace; `vehicle_state` and `vehicle_pose` follow the name of
+                a drone and a slash.
+            read: Returns the message.
+        """
+        try:
+            self._take(topic, read())
+        except Exception as error:
+            # Anybody can publish anything, and the page goes on.
+            self.trouble[topic] = " ".join(str(error).split()) or type(error).__name__
+        else:
+            self.trouble.pop(topic, None)
+
+    def _take(self, topic: str, message: Any) -> None:
+        drone, _, of_drone = topic.rpartition("/")
+        if of_drone == "vehicle_state":
+            self._on_vehicle_state(drone, message)
+        elif of_drone == "vehicle_pose":
+            self._on_vehicle_pose(drone, message)
+        elif topic in LAYERS:
+            self._on_map(topic, message)
+        else:
+            self._read[topic](message)
+
+    def _on_agents(self, message: Any) -> None:
+        info = agents_from_message(message)
+        self._infos.pop(info.run_id, None)
+        self._infos[info.run_id] = info
+        if len(self._infos) > _RUNS:
+            del self._infos[next(iter(self._infos))]
+
+    def _on_report(self, message: Any) -> None:
+        report = step_report_from_message(message)
+        if len(report):
+            stamp_ns = to_nanoseconds(message.header.stamp)
+            self._history_of(report, stamp_ns).add(report, stamp_ns)
+
+    def _on_mission_report(self, message: Any) -> None:
+        reports = mission_report_from_message(message)
+        # Where steps were missed, or before the page was opened.
+        history = self.history
+        known = history is not None and reports.size > 0 and _key(reports[0]) == history.key
+        if history is not None and known and len(reports) > len(history):
+            history.add_all(reports)
+
+    def _history_of(self, report: NDArray[Any], stamp_ns: int) -> SearchHistory:
+        """Return the history that a report belongs to, a new one for another search."""
+        history = self.history
+        if history is None or history.key != _key(report) or history.num_drones != len(report):
+            another = history is None or history.key[0] != int(report["run_id"][0])
+            if another:
+                # Mission time may begin anew. The map of a step comes before its report.
+                for maps in self.maps.values():
+                    maps.keep_only(stamp_ns)
+            history = self.history = SearchHistory(*_key(report), len(report))
+            for *key, step, pos in self._early_pos:
+                if tuple(key) == history.key:
+                    history.add_pos(step, pos)
+        return history
+
+    def _on_map(self, layer: str, message: Any) -> None:
+        occupancy = occupancy_to_array(message)
+        if not occupancy.size:
+            raise ValueError("data: no cells are not allowed")
+        image = map_png(occupancy)
+        self.maps[layer].add(to_nanoseconds(message.header.stamp), image)
+
+    def _on_pos(self, message: Any) -> None:
+        run_id, mission, step, pos = pos_from_message(message)
+        if self.history is not None and self.history.key == (run_id, mission):
+            self.history.add_pos(step, pos)
+        else:
+            self._early_pos.append((run_id, mission, step, pos))
+
+    def _on_diagnostics(self, status: Any) -> None:
+        self.state, self.level = status.message, level_of(status)
+        self.paused = status.message.partition(";")[0] in ("paused", "stopped")
+
+    def _on_paused(self, paused: bool) -> None:
+        self.paused = paused
+
+    def _on_publishers(self, count: int) -> None:
+        self.publishers = count
+
+    def _on_answer(self, answer: str) -> None:
+        self.answer, self.answers = answer, self.answers + 1
+
+    def _on_vehicle_state(self, drone: str, message: Any) -> None:
+        for status in message.status:
+            if status.name == drone:
+                vehicle = self.vehicles.setdefault(drone, Vehicle())
+                vehicle.message, vehicle.level = status.message, level_of(status)
+
+    def _on_vehicle_pose(self, drone: str, message: Any) -> None:
+        info = self.info
+        if info is None:
+            return
+        place = place_from_pose(message, info.frame)
+        vehicle = self.vehicles.setdefault(drone, Vehicle())
+        vehicle.place = cell_of(info.frame, *place.value) if isinstance(place, Accepted) else None
+
+
+class Missions:
+    """All missions there are, by namespace.
+
+    Attributes:
+        by_namespace: In order of the namespaces.
+    """
+
+    def __init__(self) -> None:
+        self.by_namespace: dict[str, Mission] = {}
+
+    def take(self, received: Iterable[Received]) -> None:
+        """Take what has come."""
+        for one in received:
+            mission = self.by_namespace.get(one.namespace)
+            if mission is None:
+                mission = Mission(one.namespace)
+                both = {**self.by_namespace, one.namespace: mission}
+                self.by_namespace = dict(sorted(both.items()))
+            mission.receive(one.topic, one.read)
+
+
+def level_of(status: Any) -> int:
+    """Return the level of a DiagnosticStatus as a number; in Python it is one byte."""
+    return status.level[0] if isinstance(status.level, bytes) else int(status.level)
+
+
+def cell_of(frame: GridFrame, x_m: float, y_m: float) -> tuple[float, float]:
+    """Return column and row of a place in the map frame; a whole number is the centre of a cell."""
+    return x_m / frame.cell_size_m - 0.5, frame.grid_size - 0.5 - y_m / frame.cell_size_m
+
+
+def _key(report: NDArray[Any]) -> tuple[int, int]:
+    return int(report["run_id"][0]), int(report["mission"][0])

@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page itself: what stands where, and what its controls do."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from nicegui import ui
+from nicegui.element import Element
+
+from dsse_ros.dashboard.inbox import Command, Inbox
+from dsse_ros.dashboard.missions import Missions
+from dsse_ros.dashboard.view import PageView, layers_of
+
+STYLE = Path(__file__).with_name("style.css")
+_SLOW_S = 0.5
+"""Wall time between looks at what is read rather than watched: tables, charts."""
+_LOST_S = 2.0
+"""Wall time after which a frame that was not drawn is taken for lost."""
+_BLUE = "#0072B2"
+_THEMES = {None: "Theme: auto", False: "Theme: light", True: "Theme: dark"}
+
+
+class MissionMap(Element, component="mission_map.js"):
+    """The map of a mission; see mission_map.js."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._props["label"] = "Map of the mission. Arrow keys move the cell that is read out."
+
+    def draw(self, frame: dict[str, Any]) -> None:
+        """Draw a frame of `PageView.frame`."""
+        self.run_method("draw", frame)
+
+
+class MissionPage:
+    """One page in one browser.
+
+    Args:
+        missions: All that there are.
+        inbox: Takes the commands.
+        frame_rate: Pictures per second at most.
+        domain: ROS domain, for who waits for a mission in another one.
+    """
+
+    def __init__(self, missions: Missions, inbox: Inbox, frame_rate: float, domain: int) -> None:
+        self._missions = missions
+        self._inbox = inbox
+        self._domain = domain
+        self._view = PageView(missions)
+        self._drawn = 0
+        self._sent: tuple[int, float] = (0, 0.0)
+        self._texts: dict[int, object] = {}
+        self._slow_s = 0.0
+        self._answers = 0
+        self._line: object = None
+        ui.add_css(STYLE)
+        self._dark = ui.dark_mode(None)
+        with ui.element("div").classes("page"):
+            self._build_header()
+            self._waiting = ui.label().classes("waiting").props("role=status")
+            with ui.element("main").classes("board"):
+                self._build_map()
+                self._build_side()
+        self._build_dialog()
+        ui.timer(1.0 / frame_rate, self._update)
+
+    # What stands where
+
+    def _build_header(self) -> None:
+        with ui.element("header").classes("bar"):
+            ui.html("Search and rescue", tag="h1", sanitize=False)
+            self._mission = ui.select([], label="Mission").props("dense outlined")
+            self._mission.on("update:model-value", self._on_mission)
+            self._layer = ui.select([], label="Map").props("dense outlined")
+            self._layer.on("update:model-value", self._on_layer)
+            with ui.element("div").classes("buttons").props("role=group aria-label='Simulation'"):
+                self._pause = self._button("Pause", "pause", self._on_pause)
+                self._step = self._button("Step", "skip_next", lambda: self._command("step"))
+                self._reset = self._button("Reset", "replay", lambda: self._dialog.open())
+            self._theme = (
+                self._button(_THEMES[None], "contrast", self._on_theme)
+                .classes("theme")
+                .props("flat")
+            )
+
+    def _button(self, text: str, icon: str, on_click: Any) -> ui.button:
+        button = ui.button(text, icon=icon, on_click=on_click, color=None)
+        return button.props("no-caps unelevated outline")
+
+    def _build_map(self) -> None:
+        with ui.element("section").classes("map").props("aria-label='Map and time line'"):
+            self._headline = ui.label().classes("headline").props("role=status")
+            self._map = MissionMap()
+            self._map.on("ready", self._view_again)
+            self._map.on("drawn", self._on_drawn)
+            self._map.on("point", self._on_point, throttle=0.05)
+            self._place = ui.label().classes("place").props("role=status")
+            with ui.element("div").classes("timeline"):
+                # The browser's own, whose keys and name for screen readers are as they should be.
+                self._time = ui.element("input")
+                self._time.props("type=range min=0 max=1 aria-label='Step that is shown'")
+                self._time.on(
+                    "input", self._on_seek, js_handler="(e) => emit(Number(e.target.value))",
+                    throttle=0.05,
+                )  # fmt: skip
+                self._live = self._button("Live", "fast_forward", self._on_live)
+            ui.html(
+                '<ul class="key" aria-label="Key">'
+                '<li><span class="mark map-mark"></span>the bluer, the likelier</li>'
+                '<li><span class="mark searched-mark"></span>searched, thicker if more often</li>'
+                "<li>▲ in flight</li><li>★ has found a person</li><li>✕ lost</li>"
+                "<li>△ search over</li><li>■ out of time</li><li>⊕ vehicle</li></ul>",
+                sanitize=False,
+            )
+
+    def _build_side(self) -> None:
+        with ui.element("section").classes("side").props("aria-label='Figures'"):
+            with ui.element("div").classes("card"):
+                ui.html("Probability of success", tag="h2", sanitize=False)
+                self._chart = ui.echart(_chart_options(), renderer="svg").classes("pos-chart")
+                self._chart.props("role=img aria-label='Probability of success over the steps'")
+                self._no_pos = ui.label().classes("note")
+            with ui.element("div").classes("card"):
+                ui.html("Drones", tag="h2", sanitize=False)
+                self._drones = ui.html("", sanitize=False).classes("drones")
+            with ui.element("div").classes("card"):
+                ui.html("Simulation", tag="h2", sanitize=False)
+                self._state = ui.label().props("role=status")
+                self._answer = ui.label().classes("note").props("role=status")
+                self._trouble = ui.label().classes("trouble").props("role=alert")
+
+    def _build_dialog(self) -> None:
+        with ui.dialog().props("aria-label='Reset'") as self._dialog, ui.card():
+            ui.label("Start a new mission? The one under way ends, also for its vehicles.")
+            with ui.row():
+                self._button("Cancel", "close", self._dialog.close).props("autofocus")
+                self._button("Reset the mission", "replay", self._on_reset)
+
+    # What the controls do
+
+    def _view_again(self) -> None:
+        self._view.forget_sent()
+        self._sent = (0, 0.0)
+
+    def _on_drawn(self, event: Any) -> None:
+        self._drawn = int(event.args["number"])
+
+    def _on_point(self, event: Any) -> None:
+        cell = event.args["cell"]
+        text = "" if cell is None else self._view.place((int(cell[0]), int(cell[1])))
+        self._place.set_text(text)
+
+    def _on_mission(self) -> None:
+        if self._mission.value is not None:
+            self._view.choose(self._mission.value)
+            self._slow_s = 0.0
+
+    def _on_layer(self) -> None:
+        self._view.layer = self._layer.value
+
+    def _on_seek(self, event: Any) -> None:
+        history = self._view.history
+        step = int(event.args)
+        if history is not None:
+            self._view.step = None if step >= history.steps[-1] else step
+        # It stands there already.
+        self._time.props["value"] = step
+        self._slow_s = 0.0
+
+    def _on_live(self) -> None:
+        self._view.step = None
+        self._slow_s = 0.0
+
+    def _on_pause(self) -> None:
+        mission = self._view.mission
+        if mission is not None:
+            self._command("resume" if mission.paused else "pause")
+
+    def _on_reset(self) -> None:
+        self._dialog.close()
+        self._view.step = None
+        self._command("reset")
+
+    def _command(self, name: str) -> None:
+        mission = self._view.mission
+        if mission is not None:
+            self._inbox.command(Command(mission.namespace, name))
+
+    def _on_theme(self) -> None:
+        order = list(_THEMES)
+        self._dark.value = order[(order.index(self._dark.value) + 1) % len(order)]
+        self._theme.set_text(_THEMES[self._dark.value])
+
+    # What changes
+
+    def _update(self) -> None:
+        now_s = time.monotonic()
+        number, sent_s = self._sent
+        # The next frame has all that is new since: a slow browser skips some, and none piles up.
+        if number <= self._drawn or now_s - sent_s > _LOST_S:
+            frame = self._view.frame()
+            if frame is not None:
+                self._sent = (frame["number"], now_s)
+                self._map.draw(frame)
+                self._set_text(self._headline, self._view.headline())
+                self._update_time()
+        if now_s - self._slow_s >= _SLOW_S:
+            self._slow_s = now_s
+            self._update_slowly()
+
+    def _set_text(self, label: ui.label, text: str) -> None:
+        if label.text != text:
+            label.set_text(text)
+
+    def _update_time(self) -> None:
+        history = self._view.history
+        if history is None:
+            return
+        first, last = history.steps[0], history.steps[-1]
+        shown = last if self._view.step is None else self._view.step
+        now = {"min": first, "max": max(last, first + 1), "value": shown}
+        if any(self._time.props.get(name) != value for name, value in now.items()):
+            self._time.props.update(now)
+            self._time.update()
+
+    def _update_slowly(self) -> None:
+        view, mission = self._view, self._view.mission
+        waiting = view.waiting()
+        if waiting and not self._missions.by_namespace:
+            waiting += f" ROS_DOMAIN_ID is {self._domain}."
+        self._set_text(self._waiting, waiting)
+        self._waiting.set_visibility(bool(waiting))
+        self._set_text(self._headline, view.headline())
+        self._update_choices()
+        html = view.drones_table()
+        if self._drones.content != html:
+            self._drones.set_content(html)
+        line = (view.pos_line(), view.step)
+        if line != self._line:
+            self._line = line
+            self._show_line(*line)
+        has = mission is not None and mission.publishers > 0
+        for button in (self._pause, self._step, self._reset):
+            button.set_enabled(has)
+        self._live.set_enabled(view.step is not None)
+        self._set_text(self._trouble, view.trouble())
+        if mission is not None:
+            text, icon = ("Resume", "play_arrow") if mission.paused else ("Pause", "pause")
+            self._set_text(self._pause, text)  # type: ignore[arg-type]
+            if self._pause.icon != icon:
+                self._pause.set_icon(icon)
+            self._set_text(self._state, mission.state)
+            self._set_text(self._answer, mission.answer)
+
+    def _update_choices(self) -> None:
+        view, mission = self._view, self._view.mission
+        missions = {name: one.title for name, one in self._missions.by_namespace.items()}
+        layers = layers_of(mission)
+        for select, options, value in (
+            (self._mission, missions, mission.namespace if mission is not None else None),
+            (self._layer, layers, view.shown_layer if view.shown_layer in layers else None),
+        ):
+            if select.options != options or select.value != value:
+                select.set_options(options, value=value)
+
+    def _show_line(self, points: list[tuple[int, float]], step: int | None) -> None:
+        self._no_pos.set_text(
+            "" if points else "No POS yet: it is there where a belief follows the mission."
+        )
+        options = self._chart.options
+        series = options["series"][0]
+        series["data"] = [list(point) for point in points]
+        series["markLine"]["data"] = [] if step is None else [{"xAxis": step}]
+        self._chart.update()
+
+
+def _chart_options() -> dict[str, Any]:
+    axis = {
+        "type": "value",
+        "nameLocation": "middle",
+        "splitLine": {"lineStyle": {"color": "#80808040"}},
+    }
+    return {
+        "animation": False,
+        "grid": {"left": 52, "right": 16, "top": 12, "bottom": 44},
+        "tooltip": {"trigger": "axis", "confine": True},
+        "xAxis": {**axis, "name": "step", "nameGap": 26, "minInterval": 1},
+        "yAxis": {**axis, "name": "POS (%)", "nameGap": 36, "min": 0, "max": 100, "interval": 25},
+        "series": [
+            {
+                "type": "line", "name": "POS (%)", "showSymbol": False, "step": "end",
+                "color": _BLUE, "lineStyle": {"width": 2.5}, "areaStyle": {"opacity": 0.15},
+                "data": [],
+                "markLine": {"symbol": "none", "silent": True, "label": {"show": False},
+                             "lineStyle": {"color": "#D55E00"}, "data": []},
+            }
+        ],
+    }  # fmt: skip

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Serves the page in a thread of its own, so that a slow browser holds up no message."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import socket
+import threading
+from collections.abc import AsyncIterator
+
+import uvicorn
+from fastapi import FastAPI
+from nicegui import ui
+
+from dsse_ros.dashboard.guard import Guard
+from dsse_ros.dashboard.inbox import Inbox
+from dsse_ros.dashboard.missions import Missions
+from dsse_ros.dashboard.page import MissionPage
+from dsse_ros.dashboard.settings import DashboardSettings
+from dsse_ros.search.fields import FieldError
+
+_OF_PORT = (errno.EADDRINUSE, errno.EACCES)
+_STOP_S = 0.5
+"""Wall time that connections have to end."""
+_KEPT_MESSAGES = 20
+"""Of a page whose connection is interrupted: it gets all anew when it is back."""
+
+
+class PageServer:
+    """The page, once it is started.
+
+    Args:
+        inbox: Messages to show, and commands of the page.
+        settings: See `DashboardSettings`.
+        domain: ROS domain, which the page names while it waits for a mission.
+
+    Attributes:
+        missions: What is known of the missions; of the server's thread.
+        url: Address of the page.
+
+    Raises:
+        FieldError: If a setting is not allowed, or the address cannot be bound.
+    """
+
+    def __init__(self, inbox: Inbox, settings: DashboardSettings, domain: int) -> None:
+        self._inbox = inbox
+        self._settings = settings
+        self.missions = Missions()
+        token = settings.read_token()
+        self._socket = bind(settings.host, settings.port)
+        host, port = self._socket.getsockname()[:2]
+        self.url = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
+        app = FastAPI(lifespan=self._lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+
+        @ui.page("/", title="dsse_ros", language="en-US")
+        def page() -> None:
+            MissionPage(self.missions, inbox, settings.frame_rate, domain)
+
+        ui.run_with(
+            app, dark=None, tailwind=False, show_welcome_message=False,
+            binding_refresh_interval=None, gzip_middleware_factory=None,
+            message_history_length=_KEPT_MESSAGES,
+        )  # fmt: skip
+        wildcard = host in ("0.0.0.0", "::")
+        names = (settings.host, socket.gethostname(), *settings.allowed_hosts)
+        guarded = Guard(app, names=names, any_address=wildcard, token=token)
+        config = uvicorn.Config(
+            guarded, log_config=None, access_log=False,
+            server_header=False, lifespan="on",
+        )  # fmt: skip
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._serve, name="page", daemon=True)
+
+    def start(self) -> None:
+        """Serve from now on."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Close all connections; what does not end soon goes with the process."""
+        self._server.should_exit = True
+        if self._thread.ident is not None:
+            self._thread.join(_STOP_S)
+        self._socket.close()
+
+    def _serve(self) -> None:
+        self._server.run(sockets=[self._socket])
+
+    @contextlib.asynccontextmanager
+    async def _lifespan(self, app: FastAPI) -> AsyncIterator[None]:
+        taking = asyncio.create_task(self._take())
+        yield
+        taking.cancel()
+
+    async def _take(self) -> None:
+        """Read what has come, as often as it is drawn, whether anybody looks or not."""
+        while True:
+            self.missions.take(self._inbox.take())
+            await asyncio.sleep(1.0 / self._settings.frame_rate)
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at an address.
+
+    Raises:
+        FieldError: If it cannot.
+    """
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+    except (OSError, UnicodeError):
+        raise FieldError(f"host: {host!r} is not allowed; an address of this machine is") from None
+    bound = socket.socket(family, kind, protocol)
+    try:
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind(address)
+        bound.listen()
+    except OSError as error:
+        bound.close()
+        name, value = ("port", port) if error.errno in _OF_PORT else ("host", repr(host))
+        raise FieldError(f"{name}: {value} cannot be bound: {error.strerror}") from None
+    return bound

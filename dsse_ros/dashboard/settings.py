@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of the page, and the token that a file holds."""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass
+from pathlib import Path
+
+from dsse_ros.search.fields import FieldError, check_all, field
+
+MIN_TOKEN = 16
+"""Characters of a token at least."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DashboardSettings:
+    """Settings of `dashboard`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    host: str = field(
+        "str",
+        "Address that the page is bound to; one that other machines reach takes token_file.",
+        "127.0.0.1",
+    )
+    port: int = field(
+        "int", "TCP port of the page; 0 for any that is free.", 8080, low=0, high=65535
+    )
+    token_file: str = field(
+        "str",
+        f"File whose first line, at least {MIN_TOKEN} characters, browsers have to show; empty for "
+        "nothing.",
+        "",
+    )
+    allowed_hosts: tuple[str, ...] = field(
+        "names", "Names by which browsers may ask for the page, beside host and loopback's.", ()
+    )
+    frame_rate: float = field("float", "Pictures at most.", 8.0, low=1, high=20, unit="Hz")
+
+    def __post_init__(self) -> None:
+        check_all(self)
+        if not self.host:
+            raise FieldError("host: '' is not allowed; an address of this machine is")
+        if not self.token_file and not is_loopback(self.host):
+            raise FieldError(f"host: {self.host!r} is not allowed without token_file; 127.0.0.1 is")
+
+    def read_token(self) -> str | None:
+        """Return the token in the file, None for no file.
+
+        Raises:
+            FieldError: If the file cannot be read, or it has none that is long enough.
+        """
+        path = self.token_file
+        if not path:
+            return None
+        try:
+            lines = Path(path).read_text(encoding="utf-8").splitlines()
+        except OSError as error:
+            raise FieldError(f"token_file: {path!r}: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise FieldError(f"token_file: {path!r} is not text") from None
+        token = lines[0].strip() if lines else ""
+        if len(token) < MIN_TOKEN or not (token.isascii() and token.isprintable()):
+            raise FieldError(
+                f"token_file: the first line of {path!r} is not allowed; at least {MIN_TOKEN} "
+                "printable ASCII characters are"
+            )
+        return token
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether only this machine can reach what is bound to this address."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded missions in a bag: what was published of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.recording.bag import Recorded, read_bag
+from dsse_ros.report.record import RecordedMission
+from dsse_ros.report.replay import Maps
+from dsse_ros.search import FieldError
+from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.images import image_to_probability
+from msg_adapters.mission_report import mission_report_from_message
+from msg_adapters.stamps import to_nanoseconds
+from msg_adapters.step_report import step_report_from_message
+
+BELIEF, PROBABILITY = "belief", "probability"
+_READ: dict[str, Callable[[Any], Any]] = {
+    "agents": agents_from_message,
+    "step_report": step_report_from_message,
+    "mission_report": mission_report_from_message,
+}
+"""Topics, and what reads their messages."""
+
+Key = tuple[int, int]
+"""Run and mission."""
+
+
+@dataclass
+class _Reports:
+    """What was published of one mission.
+
+    Attributes:
+        rows: By step, the last report (N,) of it.
+        heard: By step, the stamp and the wall time of its first report, in nanoseconds.
+    """
+
+    rows: dict[int, NDArray[Any]] = field(default_factory=dict)
+    heard: dict[int, tuple[int, int]] = field(default_factory=dict)
+
+
+class MissionBag:
+    """The missions of one simulation in a bag.
+
+    Args:
+        path: The bag.
+        namespace: Of the simulation; None for the only one.
+
+    Attributes:
+        missions: Those of which a step was recorded, in this order.
+
+    Raises:
+        FieldError: If the bag cannot be read or has no step, or the namespace is not in it.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], namespace: str | None = None) -> None:
+        self._path = path
+        self._name = f"file: {os.fspath(path)!r}"
+        infos: dict[str, dict[Key, AgentsInfo]] = {}
+        reports: dict[str, dict[Key, _Reports]] = {}
+        for place, name, one in self._messages(*_READ):
+            content = self._content(one, _READ[name])
+            if name == "agents":
+                infos.setdefault(place, {})[content.run_id, content.mission] = content
+            elif content.size:
+                _note(reports.setdefault(place, {}), np.atleast_2d(content), one)
+        if not reports:
+            raise FieldError(f"{self._name}: no step of a mission")
+        self.namespace = self._chosen(namespace, reports)
+        self._reports = reports[self.namespace]
+        known = infos.get(self.namespace, {})
+        self.missions = []
+        for key, of in self._reports.items():
+            try:
+                self.missions.append(_mission(key, known.get(key), of.rows))
+            except ValueError as error:
+                raise FieldError(f"{self._name}: mission {key[1]}: {error}") from None
+
+    def _messages(self, *names: str) -> Iterator[tuple[str, str, Recorded]]:
+        """Yield namespace, name and message of topics."""
+        for one in read_bag(self._path):
+            place, _, name = one.topic.rpartition("/")
+            if name in names:
+                yield place, name, one
+
+    def _content(self, one: Recorded, read: Callable[[Any], Any]) -> Any:
+        try:
+            return read(one.message)
+        except ValueError as error:
+            raise FieldError(f"{self._name}: {one.topic}: {error}") from None
+
+    def _chosen(self, namespace: str | None, found: Collection[str]) -> str:
+        shown = ", ".join(sorted(name or "/" for name in found))
+        if namespace is None:
+            if len(found) > 1:
+                raise FieldError(f"namespace: choose one of the file: {shown}")
+            return next(iter(found))
+        wanted = f"/{namespace.strip('/')}".rstrip("/")
+        if wanted not in found:
+            raise FieldError(f"namespace: {namespace!r} is not allowed; of the file: {shown}")
+        return wanted
+
+    def maps(self, record: RecordedMission, wanted: Collection[int], topic: str) -> Maps:
+        """Return the maps (G, G) that were published with recorded steps, as far as there are any.
+
+        Args:
+            record: One of `missions`.
+            wanted: Numbers of recorded steps, 0 to K - 1.
+            topic: `BELIEF` or `PROBABILITY`.
+
+        Raises:
+            FieldError: If a message is no map.
+        """
+        assert record.run_id is not None
+        heard = self._reports[record.run_id, record.number].heard
+        steps = record.steps.tolist()
+        # Runs begin with the same stamps: of two maps the one is meant that came with the report.
+        of_stamp = {heard[steps[k]][0]: k for k in wanted if steps[k] in heard}
+        nearest_ns: dict[int, int] = {}
+        maps: Maps = {}
+        for place, _, one in self._messages(topic):
+            if place != self.namespace:
+                continue
+            k = of_stamp.get(to_nanoseconds(one.message.header.stamp))
+            if k is None:
+                continue
+            away_ns = abs(one.log_time_ns - heard[steps[k]][1])
+            if k not in maps or away_ns < nearest_ns[k]:
+                maps[k] = self._content(one, image_to_probability)
+                nearest_ns[k] = away_ns
+        return maps
+
+
+def _note(reports: dict[Key, _Reports], of_steps: NDArray[Any], one: Recorded) -> None:
+    """Keep the rows (K, N) of a report."""
+    first = of_steps[0, 0]
+    of = reports.setdefault((int(first["run_id"]), int(first["mission"])), _Reports())
+    for row in of_steps:
+        of.rows[int(row["step"][0])] = row
+    if len(of_steps) == 1:
+        stamp_ns = to_nanoseconds(one.message.header.stamp)
+        of.heard.setdefault(int(first["step"]), (stamp_ns, one.log_time_ns))
+
+
+def _mission(key: Key, info: AgentsInfo | None, rows: dict[int, NDArray[Any]]) -> RecordedMission:
+    """Return a mission of its reports (N,) by step.
+
+    Raises:
+        ValueError: If they do not fit together.
+    """
+    if info is None:
+        raise ValueError("no message of the topic agents")
+    steps = sorted(rows)
+    if any(len(row) != len(info.agents) for row in rows.values()):
+        raise ValueError(f"step_report is not of the {len(info.agents)} drones of agents")
+
+    def table(name: str) -> NDArray[Any]:
+        return np.stack([rows[step][name] for step in steps])
+
+    actions, names = table("action"), np.array([*info.actions, ""])
+    if (actions >= len(info.actions)).any():
+        raise ValueError(f"step_report has action {actions.max()}, which agents does not name")
+    of = info.definition
+    return RecordedMission(
+        number=key[1],
+        steps=np.array(steps),
+        times_s=np.array(steps) * info.step_duration_s,
+        cells=np.stack([table("col"), table("row")], axis=2).astype(np.int64),
+        actions=names[np.maximum(actions, -1)],
+        rewards=table("reward"),
+        terminated=table("terminated") > 0,
+        truncated=table("truncated") > 0,
+        found=table("found") > 0,
+        held=table("held") > 0,
+        grid_size=info.grid_size,
+        cell_size_m=info.cell_size_m,
+        rules=None if of is None else of.rules,
+        scenario=None if of is None else of.scenario.resolve(of.rules),
+        seed=info.seed,
+        run_id=key[0],
+        area=info.area_mask,
+    )

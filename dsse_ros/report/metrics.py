@@ -1,0 +1,317 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The metrics of the search literature, computed from a recorded mission."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.report.record import RecordedMission
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Curves:
+    """How a mission went, after each of its K recorded steps.
+
+    Attributes:
+        times_s: (K,) mission time since the start.
+        pos: (K,) cumulative probability of success; None if not known.
+        num_searches: (K,) searches so far.
+        cells_searched: (K,) different cells searched so far.
+        path_length_m: (K,) flown so far by all drones.
+        num_in_flight: (K,) drones in the search after the step.
+        num_detections: (K,) finds so far.
+        num_collisions: (K,) pairs of drones so far that a step has put into one cell.
+        separation_m: (K,) least distance of two drones in the search; NaN with less than two.
+    """
+
+    times_s: Floats
+    pos: Floats | None
+    num_searches: Ints
+    cells_searched: Ints
+    path_length_m: Floats
+    num_in_flight: Ints
+    num_detections: Ints
+    num_collisions: Ints
+    separation_m: Floats
+
+
+def path_lengths(record: RecordedMission) -> Floats:
+    """Return how far each drone has flown after each step, (K, N) in metres."""
+    legs = np.diff(record.cells, axis=0, prepend=record.cells[:1]).astype(float)
+    far: Floats = record.cell_size_m * np.hypot(legs[..., 0], legs[..., 1]).cumsum(axis=0)
+    return far
+
+
+def effort(record: RecordedMission) -> Ints:
+    """Return how often each cell was searched, (G, G) [row, col]."""
+    count = np.zeros((record.grid_size, record.grid_size), np.int64)
+    col, row = record.cells[record.searched].T
+    np.add.at(count, (row, col), 1)
+    return count
+
+
+def num_cells(record: RecordedMission) -> int:
+    """Return of how many cells the search area is."""
+    return record.grid_size**2 if record.area is None else int(record.area.sum())
+
+
+def _first_searches(record: RecordedMission) -> Ints:
+    """Return how many cells were searched for the first time in each step, (K,)."""
+    step, drone = np.nonzero(record.searched)
+    cells = record.cells[step, drone]
+    first = np.zeros(len(record.steps), np.int64)
+    if len(cells):
+        _, at = np.unique(cells, axis=0, return_index=True)
+        np.add.at(first, step[at], 1)
+    return first
+
+
+def _meetings(record: RecordedMission) -> tuple[Ints, Floats]:
+    """Return pairs of drones in one cell, (K,), and the least distance of two, (K,) in metres.
+
+    Looked at are drones that were in the search before the step.
+    """
+    pairs = np.zeros(len(record.steps), np.int64)
+    nearest_m = np.full(len(record.steps), np.nan)
+    for k, (cells, here) in enumerate(zip(record.cells, record.in_flight, strict=True)):
+        cells = cells[here].astype(float)
+        if len(cells) < 2:
+            continue
+        away = np.hypot(*(cells[:, None] - cells).transpose(2, 0, 1))
+        away = away[np.triu_indices(len(cells), 1)]
+        nearest_m[k] = record.cell_size_m * away.min()
+        pairs[k] = (away == 0).sum() if record.steps[k] else 0
+    return pairs, nearest_m
+
+
+def curves(record: RecordedMission) -> Curves:
+    """Return how a mission went."""
+    pairs, nearest_m = _meetings(record)
+    out = record.terminated | record.truncated
+    return Curves(
+        times_s=record.times_s,
+        pos=record.pos,
+        num_searches=record.searched.sum(axis=1).cumsum(),
+        cells_searched=_first_searches(record).cumsum(),
+        path_length_m=path_lengths(record).sum(axis=1),
+        num_in_flight=(~out).sum(axis=1),
+        num_detections=record.found.sum(axis=1).cumsum(),
+        num_collisions=pairs.cumsum(),
+        separation_m=nearest_m,
+    )
+
+
+def _pos(record: RecordedMission, of: Curves) -> float | None:
+    return None if of.pos is None else float(of.pos[-1])
+
+
+def _expected_time(record: RecordedMission, of: Curves) -> float | None:
+    if of.pos is None:
+        return None
+    spent_s = np.diff(of.times_s) * record.acted[1:].any(axis=1)
+    return float(((1.0 - of.pos[:-1]) * spent_s).sum())
+
+
+def _first_detection(record: RecordedMission, of: Curves) -> float | None:
+    finds = np.flatnonzero(of.num_detections)
+    return float(of.times_s[finds[0]]) if len(finds) else None
+
+
+def _share_found(record: RecordedMission, of: Curves) -> float | None:
+    if record.person_found is not None and record.person_found.shape[1]:
+        return float(record.person_found.any(axis=0).mean())
+    # One person is found, or not.
+    alone = record.scenario is not None and record.scenario.person_amount == 1
+    return float(of.num_detections[-1] > 0) if alone else None
+
+
+def _redundancy(record: RecordedMission, of: Curves) -> float | None:
+    searches = int(of.num_searches[-1])
+    return 1.0 - float(of.cells_searched[-1]) / searches if searches else None
+
+
+def _separation(record: RecordedMission, of: Curves) -> float | None:
+    known = of.separation_m[~np.isnan(of.separation_m)]
+    return float(known.min()) if len(known) else None
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number of a mission.
+
+    Attributes:
+        name: In files.
+        label: For people.
+        unit: `share` (0 to 1), `s`, `m`, or "" for a count or a sum.
+        meaning: Its definition.
+        source: Where the definition comes from, "" where it needs none.
+        value: Computes it; None where it is not known, or there is nothing to be measured.
+    """
+
+    name: str
+    label: str
+    unit: str
+    meaning: str
+    source: str
+    value: Callable[[RecordedMission, Curves], float | None]
+
+
+METRICS = (
+    Metric(
+        "pos", "Probability of success (POS)", "share",
+        "That the searches of the mission find the person, as it was to be expected before it was "
+        "known how they ended: the sum of POC times POD of each search, with the POC that the "
+        "searches before it have left; of several persons the expected share of finds.",
+        "IAMSAR Manual, volume II, chapter 4; Koopman 1946; Stone 1975",
+        _pos,
+    ),
+    Metric(
+        "expected_time_to_detection", "Expected time to detection", "s",
+        "The sum of 1 - POS over the mission, times the duration of a step: the mean time until "
+        "the first detection by searches like these, where one that has not found counts as its "
+        "whole duration.",
+        "Bourgault, Furukawa and Durrant-Whyte 2003; Lanillos and others 2014",
+        _expected_time,
+    ),
+    Metric(
+        "time_to_detection", "Time to detection", "s",
+        "Mission time of the first find; none where nobody was found.",
+        "Bourgault, Furukawa and Durrant-Whyte 2003",
+        _first_detection,
+    ),
+    Metric(
+        "share_found", "Persons found", "share",
+        "Of all persons; not known from a bag of a search for several persons.",
+        "",
+        _share_found,
+    ),
+    Metric(
+        "coverage", "Area coverage", "share",
+        "Cells searched at least once, of those of the search area.",
+        "Galceran and Carreras 2013",
+        lambda record, of: float(of.cells_searched[-1]) / num_cells(record),
+    ),
+    Metric(
+        "coverage_factor", "Coverage factor C", "",
+        "Search effort by search area, C = Z / A: each search sweeps one cell, so it is the mean "
+        "number of searches of a cell of the area.",
+        "IAMSAR Manual, volume II, chapter 4",
+        lambda record, of: float(of.num_searches[-1]) / num_cells(record),
+    ),
+    Metric(
+        "redundancy", "Redundancy", "share",
+        "Searches of a cell that was searched before, by any drone, of all searches. They are not "
+        "wasted where persons move or detection is uncertain.",
+        "Galceran and Carreras 2013 (overlap)",
+        _redundancy,
+    ),
+    Metric(
+        "searches", "Searches", "",
+        "Cells searched, each as often as it was.",
+        "",
+        lambda record, of: float(of.num_searches[-1]),
+    ),
+    Metric(
+        "path_length", "Path length, all drones", "m",
+        "Sum of the distances between the centres of the cells that each drone flew through.",
+        "Cabreira, Brisolara and Ferreira 2019",
+        lambda record, of: float(of.path_length_m[-1]),
+    ),
+    Metric(
+        "longest_path", "Path length, longest", "m",
+        "Of the drone that flew farthest: what the endurance of a vehicle has to allow.",
+        "Cabreira, Brisolara and Ferreira 2019",
+        lambda record, of: float(path_lengths(record)[-1].max()),
+    ),
+    Metric(
+        "collisions", "Collisions", "",
+        "Pairs of drones in the search that a step has put into one cell, step by step. Rules "
+        "without collisions allow it; then it counts how often it was done.",
+        "the rule *Collision* of the [rules](rules.md)",
+        lambda record, of: float(of.num_collisions[-1]),
+    ),
+    Metric(
+        "separation", "Least separation", "m",
+        "Least distance of the cells of two drones in the search, after any step and at the start.",
+        "",
+        _separation,
+    ),
+    Metric(
+        "drones_lost", "Drones lost", "",
+        "Out of the search before it ended: collided, off the grid, or their vehicle was lost.",
+        "",
+        lambda record, of: float(record.lost[-1].sum()),
+    ),
+    Metric(
+        "duration", "Duration", "s",
+        "Mission time of the last step in which drones did anything.",
+        "",
+        lambda record, of: float(of.times_s[record.acted.any(axis=1)].max(initial=0.0)),
+    ),
+    Metric(
+        "episode_return", "Return", "",
+        "Sum of the rewards of all drones.",
+        "the [rules](rules.md) of the search",
+        lambda record, of: float(record.rewards.sum()),
+    ),
+)  # fmt: skip
+
+
+def metrics(record: RecordedMission) -> dict[str, float | None]:
+    """Return every metric of a mission by its name."""
+    of = curves(record)
+    return {metric.name: metric.value(record, of) for metric in METRICS}
+
+
+@dataclass(frozen=True)
+class Work:
+    """What each of the N drones did.
+
+    Attributes:
+        searching: (N,) steps in which it searched.
+        moving: (N,) steps in which it flew to another cell.
+        holding: (N,) steps in which it did neither.
+        cells: (N,) different cells that it searched.
+        path_length_m: (N,).
+        detections: (N,) finds.
+        returns: (N,) sum of its rewards.
+        lost_at: (N,) step in which it was lost; -1 if it was not.
+    """
+
+    searching: Ints
+    moving: Ints
+    holding: Ints
+    cells: Ints
+    path_length_m: Floats
+    detections: Ints
+    returns: Floats
+    lost_at: Ints
+
+
+def work(record: RecordedMission) -> Work:
+    """Return what each drone did."""
+    moved = np.diff(record.cells, axis=0, prepend=record.cells[:1]).any(axis=2) & record.acted
+    searching, moving = record.searched.sum(axis=0), moved.sum(axis=0)
+    lost = record.lost
+    return Work(
+        searching=searching,
+        moving=moving,
+        holding=record.acted.sum(axis=0) - searching - moving,
+        cells=np.array(
+            [
+                len(np.unique(record.cells[record.searched[:, i], i], axis=0))
+                for i in range(len(record.agents))
+            ]
+        ),
+        path_length_m=path_lengths(record)[-1],
+        detections=record.found.sum(axis=0),
+        returns=record.rewards.sum(axis=0),
+        lost_at=np.where(lost[-1], record.steps[np.argmax(lost, axis=0)], -1),
+    )

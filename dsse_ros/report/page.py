@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of a report: one HTML file with everything in it."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+
+@dataclass(frozen=True)
+class Illustration:
+    """A figure as files, and in words.
+
+    Attributes:
+        name: Of its files.
+        caption: Below it.
+        alt: What is to be seen, for who cannot.
+        png: Light.
+        svg: Light.
+        dark_svg: For dark pages; None for a figure that is light everywhere.
+    """
+
+    name: str
+    caption: str
+    alt: str
+    png: bytes
+    svg: bytes
+    dark_svg: bytes | None = None
+
+    @property
+    def light(self) -> str:
+        """Address of the light figure: all of it."""
+        # A map is an image in the SVG too, and larger there.
+        return _address("png", self.png) if self.dark_svg is None else _address("svg+xml", self.svg)
+
+    @property
+    def dark(self) -> str:
+        """Address of the dark figure, "" without one."""
+        return "" if self.dark_svg is None else _address("svg+xml", self.dark_svg)
+
+
+def _address(kind: str, content: bytes) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts; the first column names the rows."""
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Page:
+    """What is on the page of a report.
+
+    Attributes:
+        title: Of the mission.
+        subtitles: What was searched, and where it was recorded.
+        notices: What the reader must know of what is missing.
+        facts: Names and values of what is read first.
+        maps: At chosen steps; none where no map is known.
+        charts: The other figures.
+        metrics: Label, value and meaning of each metric.
+        drones: What each drone did.
+        missions: All missions of the file, None if it has one only.
+    """
+
+    title: str
+    subtitles: Sequence[str]
+    notices: Sequence[str]
+    facts: Sequence[tuple[str, str]]
+    maps: Sequence[Illustration]
+    charts: Sequence[Illustration]
+    metrics: Sequence[tuple[str, str, str]]
+    drones: Table
+    missions: Table | None
+
+    def html(self) -> str:
+        """Return the page."""
+        environment = Environment(
+            loader=PackageLoader("dsse_ros.report", "."), autoescape=True,
+            undefined=StrictUndefined, trim_blocks=False, keep_trailing_newline=True,
+        )  # fmt: skip
+        generator = f"dsse_ros {metadata.version('dsse_ros')}"
+        return environment.get_template("page.html").render(vars(self), generator=generator)

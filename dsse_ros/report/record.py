@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission as it was recorded, as arrays; read from the CSV of `record_file`."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.mission.mission_log import COLUMNS
+from dsse_ros.search import FieldError, Rules
+from dsse_ros.search.scenario import ResolvedScenario
+
+SEARCH = "search"
+"""Name of the action that searches."""
+_MCAP = b"\x89MCAP0\r\n"
+"""How MCAP files begin."""
+_ROUNDING_M = 6e-4
+"""A log has metres with three decimals."""
+_MAX_DECIMALS = 9
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedMission:
+    """K recorded steps of N drones, and of P persons where these are known.
+
+    Cells are (col, row), row 0 in the north.
+
+    Attributes:
+        number: Number of the mission.
+        steps: (K,) int64, the steps that were recorded, growing; 0 is the start.
+        times_s: (K,) float64 mission time since the start of the mission.
+        cells: (K, N, 2) int64.
+        actions: (K, N) names of the actions, "" for none.
+        rewards: (K, N) float64.
+        terminated: (K, N) bool.
+        truncated: (K, N) bool.
+        found: (K, N) bool, whether the drone found a person in the step.
+        held: (K, N) bool.
+        grid_size: Cells along a side, G.
+        cell_size_m: Side of a cell.
+        probabilities: (K, N) float64, what the map gave the cells searched; None if not recorded.
+        pos: (K,) float64 cumulative probability of success after each step; None if not recorded.
+        persons: (K, P, 2) int64; None if not recorded.
+        person_found: (K, P) bool; None if not recorded.
+        rules: The rules of the search; None if not known.
+        scenario: What was searched; None if not known.
+        seed: Of the mission; None if not known.
+        run_id: Of the simulation; None if not known.
+        area: (G, G) bool [row, col], the cells that are searched; None for all, or if not known.
+    """
+
+    number: int
+    steps: NDArray[np.int64]
+    times_s: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    actions: NDArray[np.str_]
+    rewards: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    found: NDArray[np.bool_]
+    held: NDArray[np.bool_]
+    grid_size: int
+    cell_size_m: float
+    probabilities: NDArray[np.float64] | None = None
+    pos: NDArray[np.float64] | None = None
+    persons: NDArray[np.int64] | None = None
+    person_found: NDArray[np.bool_] | None = None
+    rules: Rules | None = None
+    scenario: ResolvedScenario | None = None
+    seed: int | None = None
+    run_id: int | None = None
+    area: NDArray[np.bool_] | None = None
+
+    @property
+    def agents(self) -> list[str]:
+        """Names of the drones."""
+        return [f"drone{i}" for i in range(self.cells.shape[1])]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the mission was recorded to its end: no drone is in flight any more."""
+        return bool((self.terminated | self.truncated)[-1].all())
+
+    @property
+    def missing_steps(self) -> int:
+        """How many steps up to the last one were not recorded."""
+        return int(self.steps[-1]) + 1 - len(self.steps)
+
+    @cached_property
+    def in_flight(self) -> NDArray[np.bool_]:
+        """Who was in the search before each step, (K, N)."""
+        out = self.terminated | self.truncated
+        return np.vstack([np.ones_like(out[:1]), ~out[:-1]])
+
+    @cached_property
+    def acted(self) -> NDArray[np.bool_]:
+        """Who was in the search and did its action, (K, N): nobody at the start.
+
+        In the step that finds the time out no action is done, but by rules that say otherwise.
+        """
+        acts: NDArray[np.bool_] = self.in_flight & (self.steps > 0)[:, np.newaxis]
+        if self.rules is not None and self.scenario is not None:
+            limit = self.scenario.timestep_limit + self.rules.time_out_grace
+            late = np.asarray((self.steps > limit) & (not self.rules.time_out_acts))
+        else:
+            # Everybody runs out of time at once, and nothing else truncates everybody.
+            all_out = (self.truncated | ~self.in_flight).all(axis=1) & self.in_flight.any(axis=1)
+            late = np.asarray(all_out & ~self.found.any(axis=1) & ~self._off_grid.any(axis=1))
+        acts[late] = False
+        return acts
+
+    @property
+    def _off_grid(self) -> NDArray[np.bool_]:
+        return np.asarray(((self.cells < 0) | (self.cells >= self.grid_size)).any(axis=2))
+
+    @cached_property
+    def searched(self) -> NDArray[np.bool_]:
+        """Who searched a cell of the grid in each step, (K, N)."""
+        return np.asarray(self.acted & (self.actions == SEARCH) & ~self._off_grid)
+
+    @cached_property
+    def lost(self) -> NDArray[np.bool_]:
+        """Who was out of the search before it ended for all, (K, N).
+
+        What ends a mission flags every drone that is left. A find or the time does not lose them.
+        """
+        lost = self.terminated | self.truncated
+        ended = self.in_flight[-1] & (self.truncated[-1] | self.found[-1].any())
+        lost[-1] &= ~ended | self._off_grid[-1]
+        return lost
+
+
+def is_bag(path: str | os.PathLike[str]) -> bool:
+    """Return whether a path is that of a bag: an MCAP file, or a folder as rosbag2 makes them."""
+    if Path(path).is_dir():
+        return True
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(len(_MCAP)) == _MCAP
+    except OSError:
+        return False
+
+
+def read_csv(path: str | os.PathLike[str]) -> list[RecordedMission]:
+    """Return the missions of a log; a step that is there in part, at its end, is left out.
+
+    Raises:
+        FieldError: If the file cannot be read, or is no log, or holds no step.
+    """
+    name = f"file: {os.fspath(path)!r}"
+    missions: dict[str, list[list[list[str]]]] = {}
+    try:
+        with Path(path).open(newline="", encoding="utf-8") as file:
+            for mission, rows in _steps(csv.reader(file), name):
+                missions.setdefault(mission, []).append(rows)
+    except OSError as error:
+        raise FieldError(f"{name}: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)") from None
+    if missions:
+        # The last step may be in part: the mission was cut off.
+        steps = next(reversed(missions.values()))
+        if len(steps) > 1 and len(steps[-1]) < len(steps[0]):
+            del steps[-1]
+    read = []
+    for mission, steps in missions.items():
+        try:
+            read.append(_mission(steps))
+        except (ValueError, OverflowError, IndexError) as error:
+            raise FieldError(f"{name}: mission {mission}: {error}") from None
+    if not read:
+        raise FieldError(f"{name}: no step of a mission")
+    return read
+
+
+def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[list[str]]]]:
+    """Yield the rows of each step with the number of its mission, whole rows only."""
+    if tuple(next(reader, ())) != COLUMNS:
+        raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)")
+    key: tuple[str, str] | None = None
+    rows: list[list[str]] = []
+    for row in reader:
+        if len(row) != len(COLUMNS):
+            # Cut off while it was written; in the middle the step's other rows show it.
+            continue
+        if key is not None and (row[0], row[1]) != key:
+            yield key[0], rows
+            rows = []
+        key = (row[0], row[1])
+        rows.append(row)
+    if key is not None:
+        yield key[0], rows
+
+
+def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
+    """Return a mission of the rows of its steps.
+
+    Raises:
+        ValueError: If they do not fit together.
+    """
+    names = [row[3] for row in steps[0]]
+    for rows in steps:
+        if [row[3] for row in rows] != names:
+            raise ValueError(f"step {rows[0][1]} has other drones and persons than the first")
+    count = sum(name.startswith("drone") for name in names)
+    if not count:
+        raise ValueError("no drone")
+    table = np.array(steps)
+
+    def column(name: str, kind: Any, agents: slice) -> NDArray[Any]:
+        values: NDArray[Any] = table[:, agents, COLUMNS.index(name)].astype(kind)
+        return values
+
+    drones, persons, everybody = slice(0, count), slice(count, None), slice(None)
+    numbers = column("step", np.int64, drones)[:, 0]
+    if (np.diff(numbers) <= 0).any() or numbers[0] < 0:
+        raise ValueError("its steps do not grow")
+    cells = np.stack([column("col", np.int64, everybody), column("row", np.int64, everybody)], 2)
+    metres = [column(name, np.float64, everybody).ravel() for name in ("east_m", "north_m")]
+    size, cell_m = grid_of(cells.reshape(-1, 2), *metres)
+    pos = table[:, 0, COLUMNS.index("pos")]
+
+    def flag(name: str, agents: slice = drones) -> NDArray[np.bool_]:
+        return column(name, np.int64, agents).astype(bool)
+
+    return RecordedMission(
+        number=int(table[0, 0, 0]),
+        steps=numbers,
+        times_s=column("time_s", np.float64, drones)[:, 0],
+        cells=cells[:, drones],
+        actions=column("action", np.str_, drones),
+        rewards=column("reward", np.float64, drones),
+        terminated=flag("terminated"),
+        truncated=flag("truncated"),
+        found=flag("found"),
+        held=flag("held"),
+        grid_size=size,
+        cell_size_m=cell_m,
+        probabilities=column("probability", np.float64, drones),
+        pos=pos.astype(np.float64) if (pos != "").all() else None,
+        persons=cells[:, persons],
+        person_found=flag("found", persons),
+    )
+
+
+def grid_of(
+    cells: NDArray[np.int64], east_m: NDArray[np.float64], north_m: NDArray[np.float64]
+) -> tuple[int, float]:
+    """Return the size of a grid and of its cells in metres, of cells and where they are.
+
+    Args:
+        cells: (M, 2) of (col, row).
+        east_m: (M,) metres from the western edge of the grid, to the millimetre.
+        north_m: (M,) metres from its southern edge.
+
+    Raises:
+        ValueError: If no grid has these cells there.
+    """
+    from_west = cells[:, 0] + 0.5
+    far = int(np.argmax(from_west))
+    if from_west[far] > 0 and east_m[far] > 0:
+        rough_m = float(east_m[far] / from_west[far])
+        size = round(float(north_m[0]) / rough_m + int(cells[0, 1]) + 0.5)
+        # The farther from an edge, the less does rounding count.
+        cells_off = np.concatenate([from_west, size - 0.5 - cells[:, 1]])
+        metres = np.concatenate([east_m, north_m])
+        far = int(np.argmax(cells_off))
+        for decimals in range(_MAX_DECIMALS + 1):
+            cell_m = round(float(metres[far] / cells_off[far]), decimals)
+            if (np.abs(cells_off * cell_m - metres) < _ROUNDING_M).all() and size > 0 < cell_m:
+                return size, cell_m
+    raise ValueError("its cells and metres do not belong together")

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The maps and the belief of a recorded mission, computed again from its scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.report.record import RecordedMission
+from dsse_ros.search import HOLD, FieldError, Rules, SearchEnv
+from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.search.rendering import MissionView
+from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
+
+LARGEST_BELIEF_GRID = 50
+"""On larger grids a belief takes long; there the maps are those that drones observe."""
+_TOLERANCE = 1e-6
+"""Maps are float32."""
+
+Maps = dict[int, NDArray[np.float32]]
+
+
+def with_search(
+    record: RecordedMission, rules: Rules, scenario: ResolvedScenario
+) -> RecordedMission:
+    """Return the record with what was searched, and by which rules.
+
+    Raises:
+        FieldError: If it was recorded in another search.
+    """
+    for name, recorded, given in (
+        ("grid_size", record.grid_size, scenario.grid_size),
+        ("cell_size", record.cell_size_m, scenario.cell_size),
+        ("num_drones", len(record.agents), scenario.num_drones),
+    ):
+        if recorded != given:
+            raise FieldError(
+                f"scenario: {name} {given} is not allowed; {recorded} is, as it was recorded"
+            )
+    return replace(record, rules=rules, scenario=scenario, area=scenario.area_mask)
+
+
+def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, MissionView]:
+    """Return what a picture shows of a mission; the map is the one that drones observed.
+
+    Args:
+        record: The record; it has rules and scenario.
+        wanted: Numbers of recorded steps, 0 to K - 1.
+
+    Raises:
+        FieldError: If a step of the record has searched a cell of another probability: it is of
+            another scenario, or of other rules.
+    """
+    assert record.rules is not None and record.scenario is not None
+    env = SearchEnv(record.scenario, record.rules)
+    # The map knows neither drones nor persons: any seed and any actions give the same.
+    env.reset(seed=0)
+    hold = np.full(len(record.agents), HOLD, np.int8)
+    shown: dict[int, MissionView] = {}
+    step = 0
+    for k, recorded in enumerate(record.steps.tolist()):
+        for _ in range(step, recorded):
+            before = env.probability
+            env.advance(hold)
+        if recorded > step:
+            _check(record, k, before)
+        step = recorded
+        if k in wanted:
+            shown[k] = _view(record, k, env.view())
+    return shown
+
+
+def views_of(record: RecordedMission, maps: Maps) -> dict[int, MissionView]:
+    """Return what a picture shows of a mission whose scenario is not known.
+
+    Args:
+        record: The record.
+        maps: By the number of a recorded step, what drones observed.
+    """
+    nobody, nothing = np.zeros((0, 2), np.int64), np.zeros(0, bool)
+    bare = MissionView(
+        probability=np.zeros((1, 1), np.float32), tracks=nobody[np.newaxis], alive=nothing,
+        persons=nobody, found=nothing, datum=None, step=0, timestep_limit=int(record.steps[-1]),
+        cell_size_m=record.cell_size_m, area=record.area,
+    )  # fmt: skip
+    return {k: _view(record, k, replace(bare, probability=maps[k])) for k in sorted(maps)}
+
+
+def _check(record: RecordedMission, k: int, probability: NDArray[np.float32]) -> None:
+    if record.probabilities is None:
+        return
+    for drone in np.flatnonzero(record.searched[k]).tolist():
+        col, row = record.cells[k, drone].tolist()
+        recorded, computed = float(record.probabilities[k, drone]), float(probability[row, col])
+        if abs(recorded - computed) > _TOLERANCE:
+            raise FieldError(
+                f"scenario: it is not that of the record; in step {record.steps[k]} cell "
+                f"({col}, {row}) had probability {recorded:.6g}, not {computed:.6g}"
+            )
+
+
+def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
+    """Return the view of a map with what was recorded up to the k-th recorded step."""
+    nobody, nothing = np.zeros((0, 2), np.int64), np.zeros(0, bool)
+    return replace(
+        of_map,
+        tracks=record.cells[: k + 1].swapaxes(0, 1),
+        alive=~record.lost[k],
+        persons=nobody if record.persons is None else record.persons[k],
+        found=nothing if record.person_found is None else record.person_found[k],
+        step=int(record.steps[k]),
+        pos=None if record.pos is None else float(record.pos[k]),
+    )
+
+
+def forecast_for(record: RecordedMission, made: Forecast | None) -> Forecast | None:
+    """Return the forecast for `follow_belief`; None if no belief can follow the mission.
+
+    Args:
+        record: The record.
+        made: One that was made before; it is returned if it is for this search.
+    """
+    if record.rules is None or record.scenario is None or record.missing_steps:
+        return None
+    if record.grid_size > LARGEST_BELIEF_GRID:
+        return None
+    if made is not None and (made.rules, made.scenario) == (record.rules, record.scenario):
+        return made
+    return Forecast(record.scenario, record.rules, drift_samples=DRIFT_SAMPLES)
+
+
+def follow_belief(
+    record: RecordedMission, forecast: Forecast, wanted: Collection[int] = ()
+) -> tuple[NDArray[np.float64], Maps]:
+    """Have a belief learn from the recorded searches, as `sim_node` has it.
+
+    Args:
+        record: The record; it has every step from the start.
+        forecast: Of its search.
+        wanted: Steps.
+
+    Returns:
+        (K,) POS after each step, and the belief (G, G) after each wanted one.
+    """
+    belief = Belief(forecast)
+    pos = np.zeros(len(record.steps))
+    beliefs: Maps = {}
+    for k in range(len(record.steps)):
+        if k:
+            searched, found = record.searched[k], record.found[k]
+            belief.observe_failed_searches(
+                [(col, row) for col, row in record.cells[k, searched & ~found].tolist()]
+            )
+            for col, row in record.cells[k, searched & found].tolist():
+                belief.observe_find((col, row))
+            belief.advance()
+        pos[k] = belief.pos
+        if k in wanted:
+            beliefs[k] = belief.cells().astype(np.float32)
+    return pos, beliefs

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A report: what is recorded of a mission, as a page, figures and tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsse_ros.report import figures, texts
+from dsse_ros.report.metrics import (
+    METRICS,
+    Curves,
+    Work,
+    curves,
+    effort,
+    metrics,
+    num_cells,
+    work,
+)
+from dsse_ros.report.page import Illustration, Page, Table
+from dsse_ros.report.record import RecordedMission
+from dsse_ros.search.rendering import MissionView
+
+DEFAULT_MAPS = 6
+FACTS = ("pos", "time_to_detection", "expected_time_to_detection", "coverage", "path_length",
+         "collisions")  # fmt: skip
+"""Metrics that are read first."""
+IN_OVERVIEW = ("pos", "time_to_detection", "coverage", "redundancy", "path_length", "collisions")
+"""Metrics that are compared where a file has several missions."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a report is made of.
+
+    Attributes:
+        record: The mission.
+        views: Maps at chosen recorded steps, 0 to K - 1; empty where no map is known.
+        missions: All missions of the file, with this one.
+        source: Name of the file.
+        notices: What the reader must know.
+    """
+
+    record: RecordedMission
+    views: Mapping[int, MissionView]
+    missions: Sequence[RecordedMission]
+    source: str
+    notices: Sequence[str] = ()
+
+    @property
+    def num_figures(self) -> int:
+        """How many figures it has."""
+        return len(self.views) + 4
+
+    def write(self, folder: Path, drawn: Callable[[], object] = lambda: None) -> Path:
+        """Write all files; returns the path of the page.
+
+        Args:
+            folder: It is there.
+            drawn: Called after each figure.
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        of, done = curves(self.record), work(self.record)
+        pictures = folder / "figures"
+        pictures.mkdir(exist_ok=True)
+        drawings: dict[bool, list[Illustration]] = {True: [], False: []}
+        for is_map, illustration in self._illustrations(of, done):
+            (pictures / f"{illustration.name}.png").write_bytes(illustration.png)
+            (pictures / f"{illustration.name}.svg").write_bytes(illustration.svg)
+            drawings[is_map].append(illustration)
+            drawn()
+        for name, head, rows in self._tables(of, done):
+            (folder / f"{name}.csv").write_text(_csv(head, rows), encoding="utf-8")
+        path = folder / "report.html"
+        html = self._page(done, maps=drawings[True], charts=drawings[False]).html()
+        path.write_text(html, encoding="utf-8")
+        return path
+
+    def _illustrations(self, of: Curves, done: Work) -> Iterable[tuple[bool, Illustration]]:
+        """Yield the figures, and of each whether it is a map."""
+        record = self.record
+        for k, view in self.views.items():
+            figure = figures.map_figure(view)
+            time = texts.duration(float(record.times_s[k]))
+            yield (
+                True,
+                Illustration(
+                    name=f"map_step_{view.step}",
+                    caption=f"After {time} (step {view.step}).",
+                    alt=f"Map of the search after {time}. {view.headline}.",
+                    png=figures.png(figure),
+                    svg=figures.svg(figure),
+                ),
+            )
+        area, count = num_cells(record), effort(record)
+        share = of.cells_searched[-1] / area
+        known = "" if of.pos is None else f"POS rises to {of.pos[-1]:.1%}, "
+        most = int(count.max())
+        total = len(record.agents)
+        charts: tuple[tuple[str, str, str, Callable[[figures.Theme], Any]], ...] = (
+            (
+                "progress",
+                "Probability of success (POS) and area coverage over time.",
+                f"Curves over the mission time: {known}area coverage rises to {share:.1%}; "
+                f"{int(of.num_detections[-1])} finds.",
+                lambda theme: figures.progress_figure(of, area, theme),
+            ),
+            (
+                "work",
+                "Work of the drones: steps in which each searched, flew on and held.",
+                f"Bars for {total} drones: {int(done.searching.sum())} steps searching, "
+                f"{int(done.moving.sum())} moving, {int(done.holding.sum())} holding.",
+                lambda theme: figures.work_figure(record, done, theme),
+            ),
+            (
+                "effort",
+                "Effort per cell: how often each was searched.",
+                f"Map of the search effort: {int(of.cells_searched[-1])} of {area} cells were "
+                f"searched, none more than {most} times.",
+                lambda theme: figures.effort_figure(record, theme),
+            ),
+            (
+                "tracks",
+                "Tracks, drawn beside each other: o is the start, the triangle the end, an X where "
+                "a drone was lost.",
+                f"Map of the tracks of {total} drones, {texts.distance(of.path_length_m[-1])} in "
+                "all.",
+                lambda theme: figures.tracks_figure(record, theme),
+            ),
+        )
+        for name, caption, alt, draw in charts:
+            figure = draw(figures.LIGHT)
+            yield False, Illustration(
+                name, caption, alt, figures.png(figure), figures.svg(figure),
+                figures.svg(draw(figures.DARK)),
+            )  # fmt: skip
+
+    def _page(self, done: Work, **drawings: Sequence[Illustration]) -> Page:
+        record, numbers = self.record, metrics(self.record)
+        scenario, rules = record.scenario, record.rules
+        drones = len(record.agents)
+        search = [
+            f"{drones} drone{'s' if drones > 1 else ''}",
+            f"{record.grid_size} x {record.grid_size} cells of {record.cell_size_m:g} m",
+        ]
+        if rules is not None and scenario is not None:
+            search += [
+                f"profile {rules.profile}",
+                f"{scenario.person_amount} person{'s' if scenario.person_amount > 1 else ''}",
+                f"limit of {scenario.timestep_limit} steps",
+            ]
+        if record.seed is not None:
+            search.append(f"seed {record.seed}")
+        shown = {metric.name: texts.value(metric, numbers[metric.name]) for metric in METRICS}
+        labels = {metric.name: metric.label for metric in METRICS}
+        return Page(
+            title=(scenario.name if scenario else "") or "Search mission",
+            subtitles=(", ".join(search), f"Mission {record.number} of {self.source}"),
+            notices=self.notices,
+            facts=(
+                ("Outcome", texts.outcome(record)),
+                *((labels[name], shown[name]) for name in FACTS),
+            ),
+            metrics=[(m.label, shown[m.name], m.meaning) for m in METRICS],
+            drones=self._drones(done),
+            missions=self._missions() if len(self.missions) > 1 else None,
+            **drawings,
+        )
+
+    def _drones(self, done: Work) -> Table:
+        record = self.record
+        return Table(
+            "What each drone did",
+            ("Drone", "Searches", "Cells", "Moves", "Holds", "Path", "Finds", "Return", "Ended"),
+            [
+                (
+                    name, str(done.searching[i]), str(done.cells[i]), str(done.moving[i]),
+                    str(done.holding[i]), texts.distance(float(done.path_length_m[i])),
+                    str(done.detections[i]), f"{done.returns[i]:.1f}",
+                    texts.ended(record, done, i),
+                )
+                for i, name in enumerate(record.agents)
+            ],
+        )  # fmt: skip
+
+    def _missions(self) -> Table:
+        chosen = [metric for metric in METRICS if metric.name in IN_OVERVIEW]
+        rows = []
+        for record in self.missions:
+            numbers = metrics(record)
+            values = [texts.value(metric, numbers[metric.name]) for metric in chosen]
+            rows.append([_name(record), texts.outcome(record), *values])
+        head = ("Mission", "Outcome", *(metric.label for metric in chosen))
+        return Table("All missions of the file; missions.csv has every metric", head, rows)
+
+    def _tables(
+        self, of: Curves, done: Work
+    ) -> Iterable[tuple[str, Sequence[str], Iterable[Sequence[Any]]]]:
+        """Yield name, columns and rows of each CSV."""
+        record, numbers = self.record, metrics(self.record)
+        yield (
+            "metrics", ("metric", "value", "unit"),
+            [(m.name, _number(numbers[m.name]), m.unit) for m in METRICS],
+        )  # fmt: skip
+        yield (
+            "missions", ("run_id", "mission", "complete", *(m.name for m in METRICS)),
+            [
+                (
+                    "" if one.run_id is None else one.run_id, one.number, int(one.complete),
+                    *(_number(value) for value in metrics(one).values()),
+                )
+                for one in self.missions
+            ],
+        )  # fmt: skip
+        names = (
+            "times_s", "pos", "num_searches", "cells_searched", "path_length_m", "num_in_flight",
+            "num_detections", "num_collisions", "separation_m",
+        )  # fmt: skip
+        columns = [getattr(of, name) for name in names]
+        yield (
+            "steps", ("step", "time_s", *names[1:]),
+            [
+                (
+                    step,
+                    *(_number(None if c is None else c.tolist()[k]) for c in columns),
+                )
+                for k, step in enumerate(record.steps.tolist())
+            ],
+        )  # fmt: skip
+        yield (
+            "drones",
+            ("drone", "searches", "cells_searched", "moves", "holds", "path_length_m", "finds",
+             "episode_return", "lost_at_step"),
+            [
+                (
+                    name, done.searching[i], done.cells[i], done.moving[i], done.holding[i],
+                    _number(float(done.path_length_m[i])), done.detections[i],
+                    _number(float(done.returns[i])),
+                    "" if done.lost_at[i] < 0 else done.lost_at[i],
+                )
+                for i, name in enumerate(record.agents)
+            ],
+        )  # fmt: skip
+        count = effort(record)
+        yield (
+            "effort", ("col", "row", "searches"),
+            [(col, row, count[row, col]) for row, col in np.argwhere(count).tolist()],
+        )  # fmt: skip
+
+
+def _name(record: RecordedMission) -> str:
+    run = "" if record.run_id is None else f" of run {record.run_id}"
+    return f"{record.number}{run}"
+
+
+def _number(value: float | None) -> str:
+    """Return a number with all its digits, "" where there is none."""
+    if value is None or value != value:
+        return ""
+    return repr(int(value)) if value == int(value) else repr(float(value))
+
+
+def _csv(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return out.getvalue()
+
+
+def chosen_steps(record: RecordedMission, wanted: Sequence[int]) -> list[int]:
+    """Return which recorded steps, 0 to K - 1, maps are drawn of.
+
+    Args:
+        record: The mission.
+        wanted: Steps of the mission; none for the start, the end and some between.
+
+    Raises:
+        ValueError: If a wanted one was not recorded; the text begins with it.
+    """
+    if not wanted:
+        last = len(record.steps) - 1
+        return np.unique(np.linspace(0, last, DEFAULT_MAPS).round().astype(int)).tolist()
+    places = {step: k for k, step in enumerate(record.steps.tolist())}
+    for step in wanted:
+        if step not in places:
+            first, last = record.steps[0], record.steps[-1]
+            raise ValueError(f"{step} is not allowed; a recorded step, {first} to {last}")
+    return sorted({places[step] for step in wanted})

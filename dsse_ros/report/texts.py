@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of a report as people read them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsse_ros.report.metrics import Metric, Work
+from dsse_ros.report.record import RecordedMission
+
+NONE = "\N{EN DASH}"
+
+
+def duration(seconds: float) -> str:
+    """Return a time as minutes and seconds."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    parts = [(hours, "h"), (minutes, "min"), (rest, "s")]
+    first = next((i for i, (value, _) in enumerate(parts) if value), 2)
+    return " ".join(f"{value} {unit}" for value, unit in parts[first:])
+
+
+def distance(metres: float) -> str:
+    """Return a length in metres or kilometres."""
+    return f"{metres:.0f} m" if metres < 10_000 else f"{metres / 1000:.1f} km"
+
+
+def value(metric: Metric, number: float | None) -> str:
+    """Return the value of a metric with its unit."""
+    if number is None:
+        return NONE
+    if metric.unit == "share":
+        return f"{number:.1%}"
+    if metric.unit == "s":
+        return duration(number)
+    if metric.unit == "m":
+        return distance(number)
+    return f"{number:.0f}" if number == round(number) else f"{number:.2f}"
+
+
+def outcome(record: RecordedMission) -> str:
+    """Return how a mission has ended."""
+    finders = np.flatnonzero(record.found.any(axis=0))
+    found = ""
+    if len(finders):
+        first = record.times_s[np.argmax(record.found.any(axis=1))]
+        names = ", ".join(record.agents[i] for i in finders)
+        found = f"found by {names} after {duration(float(first))}"
+        people = record.person_found
+        if people is not None and people.shape[1] > 1:
+            found += f" ({int(people.any(axis=0).sum())} of {people.shape[1]} persons)"
+    if not record.complete:
+        return ", ".join(filter(None, [found, "cut off"]))
+    if record.found[-1].any():
+        return found
+    last = record.in_flight[-1]
+    end = "out of time" if record.truncated[-1][last].any() else "no drone left"
+    return ", ".join([found or "not found", end])
+
+
+def ended(record: RecordedMission, of: Work, drone: int) -> str:
+    """Return how a mission has ended for a drone."""
+    if of.lost_at[drone] >= 0:
+        return f"lost in step {of.lost_at[drone]}"
+    return "at the end of the mission" if record.complete else "in flight"

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may see the page, and who may not."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dsse_ros.dashboard.guard import COOKIE, Guard
+from dsse_ros.dashboard.settings import MIN_TOKEN, DashboardSettings
+from dsse_ros.search.fields import FieldError
+
+TOKEN = "correct horse battery"
+
+
+async def _app(scope: Any, receive: Any, send: Any) -> None:
+    await send({"type": "http.response.start", "status": 200, "headers": []})
+    await send({"type": "http.response.body", "body": b"page"})
+
+
+def ask(
+    guard: Guard, headers: dict[str, str], query: str = "", kind: str = "http"
+) -> tuple[int, dict[str, str]]:
+    """Status and headers of the answer; 1008 where a WebSocket is refused."""
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    scope = {
+        "type": kind, "path": "/", "query_string": query.encode(),
+        "headers": [(name.encode(), value.encode()) for name, value in headers.items()],
+    }  # fmt: skip
+    asyncio.run(guard(scope, None, send))  # type: ignore[arg-type]
+    first = sent[0]
+    if first["type"] == "websocket.close":
+        return first["code"], {}
+    return first["status"], {n.decode(): v.decode() for n, v in first["headers"]}
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+@pytest.mark.parametrize(
+    ("headers", "allowed"),
+    [
+        ({"host": "127.0.0.1:8080"}, True),
+        ({"host": "localhost:9000"}, True),
+        ({"host": "[::1]:8080"}, True),
+        ({"host": "LOCALHOST:8080", "origin": "http://localhost:8080"}, True),
+        ({"host": "127.0.0.1:8080", "origin": "http://127.0.0.1:8080"}, True),
+        ({}, False),
+        ({"host": ""}, False),
+        ({"host": "evil.example"}, False),
+        ({"host": "127.0.0.1.evil.example:8080"}, False),
+        ({"host": "192.0.2.1:8080"}, False),
+        ({"host": "[::1"}, False),
+        ({"host": "127.0.0.1:8080", "origin": "null"}, False),
+        ({"host": "127.0.0.1:8080", "origin": "http://evil.example"}, False),
+        ({"host": "127.0.0.1:8080", "origin": "http://127.0.0.1:3000"}, False),
+        ({"host": "127.0.0.1:8080", "origin": "http://localhost:8080"}, False),
+        ({"host": "127.0.0.1:8080", "origin": "file://127.0.0.1:8080"}, False),
+    ],
+)
+def test_a_strange_host_or_origin_is_refused(
+    headers: dict[str, str], allowed: bool, kind: str
+) -> None:
+    status, _ = ask(Guard(_app), headers, kind=kind)
+    assert status == (200 if allowed else 403 if kind == "http" else 1008)
+
+
+def test_a_page_for_others_is_asked_for_by_its_names_or_an_address() -> None:
+    guard = Guard(_app, names=["ship.example"], any_address=True, token=TOKEN)
+    known = {"authorization": f"Bearer {TOKEN}"}
+    for host, status in (("ship.example:80", 200), ("192.0.2.1:8080", 200), ("evil.example", 403)):
+        assert ask(guard, {"host": host, **known})[0] == status
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_without_the_token_nothing_is_served(kind: str) -> None:
+    guard = Guard(_app, token=TOKEN)
+    host = {"host": "127.0.0.1:8080"}
+    refused = 401 if kind == "http" else 1008
+    for headers in (
+        {},
+        {"authorization": "Bearer wrong"},
+        {"authorization": f"Basic {TOKEN}"},
+        {"cookie": f"{COOKIE}=wrong"},
+        {"cookie": f"{COOKIE}={TOKEN}"},
+        {"cookie": 'a="'},
+    ):
+        assert ask(guard, {**host, **headers}, kind=kind)[0] == refused
+    assert ask(guard, host, "token=wrong", kind)[0] == refused
+    assert ask(guard, {**host, "authorization": f"Bearer {TOKEN}"}, kind=kind)[0] == 200
+
+
+def test_the_token_in_the_address_becomes_a_cookie_that_no_script_can_read() -> None:
+    guard = Guard(_app, token=TOKEN)
+    host = {"host": "127.0.0.1:8080"}
+    status, headers = ask(guard, host, f"token={TOKEN.replace(' ', '+')}&a=1")
+    assert status == 303 and headers["location"] == "/?a=1"
+    cookie, *attributes = headers["set-cookie"].split("; ")
+    assert TOKEN not in cookie
+    assert {"HttpOnly", "SameSite=Strict"} <= set(attributes)
+    for kind in ("http", "websocket"):
+        assert ask(guard, {**host, "cookie": cookie}, kind=kind)[0] == 200
+
+
+def test_every_answer_forbids_what_comes_from_elsewhere() -> None:
+    guard = Guard(_app, token=TOKEN)
+    for headers in ({"host": "evil.example"}, {"host": "localhost"}):
+        _, answered = ask(guard, headers)
+        policy = answered["content-security-policy"]
+        assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy
+        assert "http:" not in policy and "*" not in policy
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "ship.example", ""])
+def test_a_page_for_others_takes_a_token(host: str) -> None:
+    with pytest.raises(FieldError, match="host: .* is not allowed"):
+        DashboardSettings(host=host)
+
+
+@pytest.mark.parametrize("content", ["", "short", "é" * MIN_TOKEN, "\n" + "x" * MIN_TOKEN])
+def test_a_token_that_is_none_gets_one_clear_line(content: str, tmp_path: Path) -> None:
+    file = tmp_path / "token"
+    file.write_text(content, encoding="utf-8")
+    with pytest.raises(FieldError, match="token_file: the first line of .* is not allowed"):
+        DashboardSettings(token_file=str(file)).read_token()
+
+
+def test_a_token_is_the_first_line_of_its_file(tmp_path: Path) -> None:
+    file = tmp_path / "token"
+    file.write_text(f"{TOKEN}\nmore\n", encoding="utf-8")
+    assert DashboardSettings(host="0.0.0.0", token_file=str(file)).read_token() == TOKEN
+    for path in (tmp_path / "nowhere", tmp_path):
+        with pytest.raises(FieldError, match="token_file: "):
+            DashboardSettings(token_file=str(path)).read_token()

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page knows of a mission is what the mission did, in any step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from played import Played, Step
+
+from dsse_ros.dashboard.history import DroneState, MapImages
+from dsse_ros.dashboard.inbox import Inbox, Received
+from dsse_ros.dashboard.missions import Mission, Missions
+
+SEARCHED, FOUND, STATE = 8, 16, 7
+FIELDS = {"grid_size": 7, "num_drones": 3, "sigma": 2.0, "timestep_limit": 25}
+
+
+def receive(mission: Mission, topic: str, message: Any) -> None:
+    mission.receive(topic, lambda: message)
+
+
+def show(mission: Mission, played: Played, *steps: Step) -> None:
+    receive(mission, "agents", played.agents)
+    for step in steps:
+        for topic, message in step.messages.items():
+            receive(mission, topic, message)
+    assert mission.trouble == {}
+
+
+@pytest.fixture(scope="module")
+def played() -> Played:
+    return Played(**FIELDS)
+
+
+@pytest.fixture(scope="module")
+def steps(played: Played) -> list[Step]:
+    """Of a mission that takes a while."""
+    return next(found for seed in range(20) if len(found := list(played.play(seed))) > 8)
+
+
+def test_every_step_can_be_looked_at_again(played: Played, steps: list[Step]) -> None:
+    mission = Mission("")
+    show(mission, played, *steps)
+    history = mission.history
+    assert history is not None and history.steps == [step.number for step in steps]
+    assert history.done == played.mission.done
+    search = played.env.rules.actions.index("search")
+    earned = np.zeros(3)
+    for i, (step, path) in enumerate(zip(steps, history.paths(search), strict=True)):
+        earned = earned + step.rewards
+        number, *flat = path
+        cells = np.array(flat).reshape(-1, 3)
+        assert number == step.number == history.steps[history.index(step.number)]
+        np.testing.assert_array_equal(cells[:, :2], step.cells)
+        np.testing.assert_array_equal((cells[:, 2] & SEARCHED) > 0, step.searched)
+        np.testing.assert_array_equal((cells[:, 2] & FOUND) > 0, step.found)
+        np.testing.assert_array_equal((cells[:, 2] & STATE) == DroneState.FLYING, step.flying)
+        np.testing.assert_allclose(history.rewards(i), earned)
+        assert history.pos_at(i) == pytest.approx(step.pos)
+
+
+def test_each_step_has_its_own_map(played: Played, steps: list[Step]) -> None:
+    mission = Mission("")
+    show(mission, played, *steps)
+    history = mission.history
+    assert history is not None
+    for layer, maps in mission.maps.items():
+        for i, step in enumerate(steps):
+            found = history.map_at(maps, i)
+            assert found is not None, layer
+            assert found[0] == history.stamp_ns(i) and history.step_at(found[0]) == step.number
+
+
+def test_a_new_search_takes_the_place_of_the_old_one(played: Played) -> None:
+    mission = Mission("")
+    for seed in (3, 4):
+        shown = list(played.play(seed, steps=5))
+        show(mission, played, *shown)
+        assert mission.history is not None and mission.info is not None
+        assert mission.history.key == (played.run_id, played.mission.number)
+        assert mission.history.steps == [step.number for step in shown]
+        # The last map of the search before is none of this one.
+        first = mission.history.map_at(mission.maps["belief_grid"], 0)
+        assert first is not None and first[0] == mission.history.stamp_ns(0)
+
+
+def test_a_simulation_that_was_started_again_goes_on_in_its_place(played: Played) -> None:
+    mission = Mission("")
+    show(mission, played, *played.play(3, steps=8))
+    again = Played(run_id=78, **FIELDS)
+    shown = list(again.play(5, steps=3))
+    show(mission, again, *shown)
+    assert mission.history is not None and mission.history.key[0] == 78
+    assert mission.history.steps == [step.number for step in shown]
+    assert len(mission.maps["probability_grid"]) == len(shown)
+
+
+@given(st.data())
+def test_missed_steps_come_with_the_report_of_the_mission(data: Any) -> None:
+    played = Played(**FIELDS)
+    steps = list(played.play(data.draw(st.integers(0, 9))))
+    whole, partly = Mission(""), Mission("")
+    show(whole, played, *steps)
+    kept = data.draw(st.sets(st.integers(0, len(steps) - 1), min_size=1))
+    show(partly, played, *(steps[i] for i in sorted(kept)))
+    receive(partly, "mission_report", played.mission_report)
+    assert whole.history is not None and partly.history is not None
+    assert partly.history.steps == whole.history.steps
+    assert list(partly.history.paths(4)) == list(whole.history.paths(4))
+    for i in range(len(steps)):
+        np.testing.assert_array_equal(partly.history.rewards(i), whole.history.rewards(i))
+
+
+def test_a_drone_that_is_lost_between_two_steps_is_lost_in_the_last_one() -> None:
+    played, mission = Played(**FIELDS, collisions=False), Mission("")
+    show(mission, played, *played.play(1, steps=2))
+    assert mission.history is not None
+    revision, before = mission.history.revision, mission.history.states(2).tolist()
+    assert before[1] == DroneState.FLYING
+    played.mission.lose(1)
+    show(mission, played, played.step())
+    assert mission.history.revision > revision and len(mission.history) == 3
+    assert mission.history.states(2).tolist() == [before[0], DroneState.LOST, before[2]]
+
+
+def test_pos_that_comes_before_its_report_is_kept(played: Played) -> None:
+    mission = Mission("")
+    shown = list(played.play(3, steps=4))
+    for step in shown:
+        receive(mission, "probability_of_success", step.messages["probability_of_success"])
+    for step in shown:
+        receive(mission, "step_report", step.messages["step_report"])
+    assert mission.history is not None
+    assert [pos for _, pos in mission.history.pos] == [step.pos for step in shown]
+
+
+@pytest.mark.parametrize(
+    "topic", ["agents", "step_report", "probability_of_success", "probability_grid"]
+)
+def test_a_message_that_cannot_be_read_is_named_and_changes_nothing(
+    played: Played, topic: str
+) -> None:
+    mission = Mission("")
+    shown = list(played.play(3, steps=2))
+    show(mission, played, *shown)
+    good = {**shown[0].messages, "agents": played.agents}[topic]
+    broken = type(good)()
+    receive(mission, topic, broken)
+    assert mission.history is not None and len(mission.history) == 3
+    if topic != "step_report":
+        assert topic in mission.trouble and "\n" not in mission.trouble[topic]
+    receive(mission, topic, good)
+    assert mission.trouble == {}
+
+
+@given(st.lists(st.tuples(st.integers(0, 50), st.integers(1, 40)), min_size=1, max_size=60))
+def test_images_are_never_more_than_there_is_room_for(images: list[tuple[int, int]]) -> None:
+    maps = MapImages(max_bytes=200)
+    for stamp, size in images:
+        maps.add(stamp, bytes([stamp]) * size)
+        assert len(maps) <= 2 or maps._bytes <= 200
+        last = max(other for other, _ in images[: images.index((stamp, size)) + 1])
+        found = maps.at(10**9, 0)
+        assert found is not None and found[0] >= last - 50
+    for stamp in range(51):
+        found = maps.at(stamp, 10)
+        assert found is None or (10 <= found[0] <= stamp and set(found[1]) == {found[0]})
+
+
+def test_the_page_gets_every_report_and_of_a_map_only_the_last() -> None:
+    inbox = Inbox(["step_report"])
+    for number in range(5):
+        for topic in ("step_report", "probability_grid"):
+            for namespace in ("/a", "/b"):
+                inbox.put(Received(namespace, topic, lambda n=number: n))
+    taken = inbox.take()
+    for namespace in ("/a", "/b"):
+        of = [(one.topic, one.read()) for one in taken if one.namespace == namespace]
+        assert [n for topic, n in of if topic == "step_report"] == [0, 1, 2, 3, 4]
+        assert [n for topic, n in of if topic == "probability_grid"] == [4]
+    assert inbox.take() == []
+
+
+def test_missions_are_kept_apart_by_namespace(played: Played) -> None:
+    missions = Missions()
+    for namespace, steps in (("/b", 2), ("", 1), ("/a", 3)):
+        for step in played.play(1, steps=steps):
+            report = step.messages["step_report"]
+            missions.take([Received(namespace, "step_report", lambda report=report: report)])
+    assert list(missions.by_namespace) == ["", "/a", "/b"]
+    lengths = [len(mission.history or ()) for mission in missions.by_namespace.values()]
+    assert lengths == [2, 4, 3]
+
+
+def test_a_message_that_cannot_even_be_deserialized_is_named_too() -> None:
+    missions, mission = Missions(), Mission("")
+
+    def read() -> Any:
+        raise RuntimeError("not\nenough bytes")
+
+    mission.receive("agents", read)
+    assert mission.trouble == {"agents": "not enough bytes"}
+    missions.take([Received("", "agents", read), Received("", "publishers", lambda: 1)])
+    assert missions.by_namespace[""].publishers == 1

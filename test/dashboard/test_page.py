@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a real browser, beside a real simulation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from rig import TIMEOUT_S, Rig, Sim
+from std_msgs.msg import String
+
+from msg_adapters.agents import agents_from_message
+from msg_adapters.geodesy import cell_to_geodetic
+
+pytestmark = pytest.mark.slow
+
+# It goes on by itself and finds nobody.
+RUNNING = {
+    "grid_size": 20, "num_drones": 3, "step_mode": "realtime", "step_rate": 5.0, "seed": 1,
+    "publish_belief": True, "timestep_limit": 100000, "person_pod_multipliers": [0.0],
+}  # fmt: skip
+CANVAS = "document.querySelector('canvas.mission-map')"
+SCRIPT = """
+() => [...document.querySelectorAll('.page *')].filter((element) => {
+  const own = [...element.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+  return own && element.checkVisibility() && !element.closest('.q-icon, svg, .disabled');
+}).map((element) => {
+  const parse = (text) => (text.match(/[\\d.]+/g) || []).map(Number);
+  let below = element, paper = [0, 0, 0, 0];
+  while (below && (paper.length > 3 && paper[3] < 1)) {
+    paper = parse(getComputedStyle(below).backgroundColor);
+    below = below.parentElement;
+  }
+  return [element.textContent.trim(), parse(getComputedStyle(element).color), paper];
+})
+"""
+"""Texts of the page with their colours and those below them."""
+
+
+@dataclass
+class Open:
+    """The page in a browser.
+
+    Attributes:
+        page: As playwright has it.
+        errors: What its console and its scripts complained about.
+        requests: Addresses that it has asked for.
+    """
+
+    page: Any
+    errors: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def until(self, condition: str) -> None:
+        """Wait until JavaScript is true."""
+        self.page.wait_for_function(condition)
+
+    @property
+    def step(self) -> int:
+        """Step that the map shows."""
+        return int(self.page.evaluate(f"{CANVAS}.dataset.step"))
+
+    @property
+    def search(self) -> str:
+        """Search that the map shows."""
+        return str(self.page.evaluate(f"{CANVAS}.dataset.search"))
+
+    def headline(self) -> str:
+        """Return the line above the map."""
+        return str(self.page.locator(".headline").inner_text())
+
+    def button(self, name: str) -> Any:
+        """Return the button that a screen reader calls so."""
+        return self.page.get_by_role("button", name=name, exact=True)
+
+    def choose(self, select: str, option: str) -> None:
+        """Choose an option."""
+        self.page.get_by_role("combobox", name=select).click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+
+@pytest.fixture(scope="module")
+def shown(browser: Any, url: str) -> Iterator[Open]:
+    context = browser.new_context(viewport={"width": 1024, "height": 800}, reduced_motion="reduce")
+    context.set_default_timeout(TIMEOUT_S * 1000)
+    opened = Open(context.new_page())
+    opened.page.on("console", lambda m: m.type == "error" and opened.errors.append(m.text))
+    opened.page.on("pageerror", lambda error: opened.errors.append(str(error)))
+    opened.page.on("request", lambda request: opened.requests.append(request.url))
+    opened.page.on("websocket", lambda socket: opened.requests.append(socket.url))
+    opened.page.goto(url)
+    yield opened
+    context.close()
+
+
+@pytest.fixture(scope="module")
+def running(rig: Rig, shown: Open) -> Sim:
+    return rig.sim(RUNNING)
+
+
+@pytest.fixture
+def sim(running: Sim, shown: Open) -> Sim:
+    """The simulation, of which the page shows the last step."""
+    running.pause(False)
+    if shown.button("Live").is_enabled():
+        shown.button("Live").click()
+    shown.until(f"{CANVAS}.dataset.search.split('/')[0] == '{running.search[0]}'")
+    return running
+
+
+def step_once(sim: Sim) -> int:
+    """Do a step, and return its number."""
+    done, message = sim.trigger("step")
+    assert done
+    return int(message.removeprefix("step "))
+
+
+def test_without_a_simulation_the_page_says_what_it_waits_for(shown: Open) -> None:
+    shown.page.get_by_text("Waiting for a simulation").wait_for()
+    assert shown.button("Pause").is_disabled() and shown.button("Reset").is_disabled()
+
+
+def test_the_map_changes_as_steps_run(sim: Sim, shown: Open) -> None:
+    shown.until(f"{CANVAS}.dataset.step >= 2")
+    before, image = shown.step, shown.page.evaluate(f"{CANVAS}.toDataURL()")
+    shown.until(f"{CANVAS}.dataset.step > {before}")
+    assert shown.page.evaluate(f"{CANVAS}.toDataURL()") != image
+    assert re.search(r"step \d+ of 100000, .*3 of 3 drones in flight, POS \d", shown.headline())
+
+
+def test_pause_holds_the_mission_and_step_does_one(sim: Sim, shown: Open) -> None:
+    shown.button("Pause").click()
+    shown.button("Resume").wait_for()
+    held = step_once(sim)
+    shown.until(f"{CANVAS}.dataset.step == {held}")
+    for number in (held + 1, held + 2):
+        shown.button("Step").click()
+        shown.until(f"{CANVAS}.dataset.step == {number}")
+    sim.rig.until(lambda: sim.step_number == held + 2)
+    shown.button("Resume").click()
+    shown.until(f"{CANVAS}.dataset.step > {held + 2}")
+
+
+def test_reset_starts_a_new_mission_once_it_is_confirmed(sim: Sim, shown: Open) -> None:
+    before = shown.search
+    shown.button("Reset").click()
+    shown.button("Cancel").click()
+    shown.button("Cancel").wait_for(state="hidden")
+    shown.button("Reset").click()
+    shown.button("Reset the mission").click()
+    run, mission = before.split("/")
+    shown.until(f"{CANVAS}.dataset.search == '{run}/{int(mission) + 1}'")
+    shown.until(f"{CANVAS}.dataset.step >= 2")
+
+
+def test_the_time_line_shows_an_earlier_step_while_the_mission_goes_on(
+    sim: Sim, shown: Open
+) -> None:
+    shown.until(f"{CANVAS}.dataset.step >= 4")
+    live = shown.page.evaluate(f"{CANVAS}.toDataURL()")
+    slider = shown.page.get_by_role("slider", name="Step that is shown")
+    slider.focus()
+    slider.press("Home")
+    shown.until(f"{CANVAS}.dataset.step == 0")
+    assert "step 0 of" in shown.headline()
+    assert shown.page.evaluate(f"{CANVAS}.toDataURL()") != live
+    seen = len(sim.reports)
+    sim.rig.until(lambda: len(sim.reports) > seen + 3)
+    assert shown.step == 0
+    slider.press("ArrowRight")
+    shown.until(f"{CANVAS}.dataset.step == 1")
+    shown.button("Live").click()
+    shown.until(f"{CANVAS}.dataset.step > 4")
+
+
+def test_latitude_and_longitude_are_those_under_the_mouse_and_the_keys(
+    sim: Sim, shown: Open
+) -> None:
+    frame = agents_from_message(sim.rig.first(String, "/agents")).frame
+    canvas = shown.page.locator("canvas.mission-map")
+    box = canvas.bounding_box()
+    cell = box["width"] / frame.grid_size
+    canvas.hover(position={"x": 6.5 * cell, "y": 2.5 * cell})
+
+    def read(col: int, row: int) -> None:
+        shown.page.get_by_text(f"cell {col}, {row}: ").wait_for()
+        text = shown.page.get_by_text(f"cell {col}, {row}: ").inner_text()
+        lat, lon, _ = cell_to_geodetic(frame, col, row, 0.0)
+        found = [float(number) for number in re.findall(r"([\d.]+)°", text)]
+        assert found == [pytest.approx(abs(lat), abs=1e-6), pytest.approx(abs(lon), abs=1e-6)]
+
+    read(6, 2)
+    canvas.focus()
+    for key, place in (("ArrowRight", (7, 2)), ("ArrowDown", (7, 3)), ("ArrowLeft", (6, 3))):
+        canvas.press(key)
+        read(*place)
+
+
+def test_the_map_can_be_chosen(sim: Sim, shown: Open) -> None:
+    sim.pause(True)
+    shown.until(f"{CANVAS}.dataset.step == {step_once(sim)}")
+    # The cell under the mouse is marked.
+    shown.page.mouse.move(1, 1)
+    belief = shown.page.evaluate(f"{CANVAS}.toDataURL()")
+    shown.choose("Map", "Map")
+    shown.page.mouse.move(1, 1)
+    shown.until(f"{CANVAS}.toDataURL() != '{belief}'")
+    shown.choose("Map", "Belief")
+    shown.page.mouse.move(1, 1)
+    shown.until(f"{CANVAS}.toDataURL() == '{belief}'")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_everything_fits_and_can_be_read_on_any_width(sim: Sim, shown: Open, scheme: str) -> None:
+    shown.page.emulate_media(color_scheme=scheme)
+    dark = "document.body.classList.contains('body--dark')"
+    shown.until(dark if scheme == "dark" else f"!{dark}")
+    for width in (390, 1024, 1920):
+        shown.page.set_viewport_size({"width": width, "height": 800})
+        shown.until(f"{CANVAS}.width == {CANVAS}.clientWidth")
+        assert shown.page.evaluate("document.documentElement.scrollWidth") <= width
+        for name in ("Pause", "Step", "Reset", "Live"):
+            box = shown.button(name).bounding_box()
+            assert box["x"] >= 0 and box["x"] + box["width"] <= width and box["height"] >= 36
+    texts = shown.page.evaluate(SCRIPT)
+    assert len(texts) > 20
+    low = [(text, contrast(ink, paper)) for text, ink, paper in texts]
+    assert [one for one in low if one[1] < 4.5] == []
+    shown.page.set_viewport_size({"width": 1024, "height": 800})
+
+
+def contrast(ink: list[float], paper: list[float]) -> float:
+    """Contrast ratio of two colours (WCAG 2.2)."""
+
+    def luminance(colour: list[float]) -> float:
+        parts = [part / 255 for part in colour[:3]]
+        linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    low, high = sorted((luminance(ink), luminance(paper)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_missions_are_chosen_by_namespace(sim: Sim, shown: Open) -> None:
+    other = sim.rig.sim({**RUNNING, "num_drones": 2}, namespace="/other")
+    shown.choose("Mission", "/other")
+    shown.until(f"{CANVAS}.dataset.search.split('/')[0] == '{other.search[0]}'")
+    shown.until("document.querySelectorAll('.drones tbody tr').length == 2")
+    shown.button("Pause").click()
+    shown.button("Resume").wait_for()
+    other.process.stop()
+    shown.page.get_by_text("The simulation in /other is gone").wait_for()
+    shown.choose("Mission", "/")
+    shown.until(f"{CANVAS}.dataset.search.split('/')[0] == '{sim.search[0]}'")
+    before = shown.step
+    # Only the other one was held.
+    shown.until(f"{CANVAS}.dataset.step > {before}")
+
+
+def test_a_simulation_that_was_killed_goes_on_in_the_page_once_it_is_back(
+    running: Sim, shown: Open
+) -> None:
+    running.process.kill()
+    shown.page.get_by_text("The simulation in / is gone").wait_for()
+    again = running.rig.sim(RUNNING)
+    shown.until(f"{CANVAS}.dataset.search == '{again.search[0]}/1'")
+    shown.until(f"{CANVAS}.dataset.step >= 2")
+    shown.page.get_by_text("is gone").wait_for(state="hidden")
+
+
+def test_the_page_has_complained_of_nothing_and_asked_nobody_else(shown: Open, url: str) -> None:
+    assert shown.errors == []
+    assert len(shown.requests) > 5
+    own = (url, url.replace("http", "ws", 1), "data:", "blob:")
+    assert [one for one in shown.requests if not one.startswith(own)] == []

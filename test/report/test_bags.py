@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of a report equal those that plain code computes from the bag, read by rosbags."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import struct
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bags import Bag
+from flown import environment, fly
+from rosbags.highlevel import AnyReader
+
+from dsse_ros.cli.report import main
+from dsse_ros.report.bags import BELIEF, PROBABILITY, MissionBag
+from dsse_ros.report.metrics import metrics
+from dsse_ros.report.replay import follow_belief, forecast_for, views
+from dsse_ros.search import FieldError
+
+# ROS 2's own imports, on the first message that is converted.
+pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
+
+FORMATS = {2: "B", 1: "b", 3: "h", 6: "I", 7: "f", 8: "d"}
+"""Of struct, for a PointField's datatype."""
+
+
+def points(cloud: Any) -> list[dict[str, float]]:
+    """Return the points of a cloud, field by field."""
+    data = bytes(cloud.data)
+    return [
+        {
+            f.name: struct.unpack_from(f"<{FORMATS[f.datatype]}", data, start + f.offset)[0]
+            for f in cloud.fields
+        }
+        for start in range(0, len(data), cloud.point_step)
+    ]
+
+
+def plain(path: Path) -> dict[int, dict[str, float | None]]:
+    """Return the metrics of each mission of a bag, by plain loops over its messages."""
+    agents: dict[int, Any] = {}
+    reports: dict[int, list[list[dict[str, float]]]] = {}
+    beliefs: dict[tuple[int, int], Any] = {}
+    images: dict[tuple[int, int], Any] = {}
+    with AnyReader([path]) as reader:
+        for connection, _, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            if connection.topic == "/agents":
+                info = json.loads(message.data)
+                agents[info["mission"]] = info
+            elif connection.topic == "/belief":
+                stamp = (message.header.stamp.sec, message.header.stamp.nanosec)
+                size = message.width
+                images[stamp] = [
+                    list(struct.unpack_from(f"<{size}f", bytes(message.data), 4 * size * row))
+                    for row in range(size)
+                ]
+            elif connection.topic == "/step_report":
+                of = points(message)
+                stamp = (message.header.stamp.sec, message.header.stamp.nanosec)
+                reports.setdefault(int(of[0]["mission"]), []).append(of)
+                beliefs[int(of[0]["mission"]), int(of[0]["step"])] = images[stamp]
+    return {
+        number: metrics_of(agents[number], steps, number, beliefs)
+        for number, steps in reports.items()
+    }
+
+
+def metrics_of(
+    info: Any,
+    steps: list[list[dict[str, float]]],
+    number: int,
+    beliefs: dict[tuple[int, int], Any],
+) -> dict[str, float | None]:
+    """Return the metrics of one mission."""
+    pod = info["definition"]["scenario"]["probability_of_detection"]
+    step_s, search = info["step_duration_s"], info["actions"].index("search")
+    drones = range(len(info["agents"]))
+    flying = set(drones)
+    length = [0.0 for _ in drones]
+    cells: list[tuple[float, float]] = []
+    pos, expected_s, first_s, collisions, nearest, total = 0.0, 0.0, None, 0, math.inf, 0.0
+    for k, rows in enumerate(steps):
+        if k:
+            expected_s += (1 - pos) * step_s if k <= info["timestep_limit"] else 0
+            belief, taken = [list(row) for row in beliefs[number, k - 1]], 0.0
+            for i in sorted(flying) if k <= info["timestep_limit"] else ():
+                if rows[i]["action"] == search:
+                    col, row = int(rows[i]["col"]), int(rows[i]["row"])
+                    cells.append((col, row))
+                    taken += belief[row][col] * pod
+                    belief[row][col] *= 1 - pod
+            pos += (1 - pos) * taken
+            for i in drones:
+                before, now = steps[k - 1][i], rows[i]
+                length[i] += math.hypot(now["x"] - before["x"], now["y"] - before["y"])
+        for i, j in combinations(sorted(flying), 2):
+            away = math.hypot(rows[i]["x"] - rows[j]["x"], rows[i]["y"] - rows[j]["y"])
+            nearest = min(nearest, away)
+            collisions += away == 0 and k > 0
+        for i in drones:
+            total += rows[i]["reward"]
+            if rows[i]["found"] and first_s is None:
+                first_s = k * step_s
+            if rows[i]["terminated"] or rows[i]["truncated"]:
+                flying.discard(i)
+    return {
+        "pos": pos,
+        "expected_time_to_detection": expected_s,
+        "time_to_detection": first_s,
+        "coverage": len(set(cells)) / info["grid_size"] ** 2,
+        "coverage_factor": len(cells) / info["grid_size"] ** 2,
+        "redundancy": 1 - len(set(cells)) / len(cells),
+        "searches": len(cells),
+        "path_length": sum(length),
+        "longest_path": max(length),
+        "collisions": collisions,
+        "separation": nearest,
+        "episode_return": total,
+    }
+
+
+def test_the_report_of_a_bag_has_the_numbers_of_the_bag(tmp_path: Path) -> None:
+    bag = tmp_path / "mission.mcap"
+    env = environment()
+    flown = fly(env, Bag(bag, env), seeds=(3, 4, 5, 6), searching=0.5)
+    assert main([str(bag), "--out", str(tmp_path / "out"), "--steps", "0"]) == 0
+    with (tmp_path / "out" / "missions.csv").open(newline="") as file:
+        rows = {int(row["mission"]): row for row in csv.DictReader(file)}
+    computed = plain(bag)
+    assert len(rows) == len(computed) == len(flown) == 4
+    for number, expected in computed.items():
+        for name, value in expected.items():
+            text = rows[number][name]
+            close = None if value is None else pytest.approx(value, rel=1e-5, abs=1e-5)
+            assert (float(text) if text else None) == close, (number, name)
+    for one in flown:
+        assert float(rows[one.number]["pos"]) == pytest.approx(one.pos[-1], abs=1e-9)
+    with (tmp_path / "out" / "metrics.csv").open(newline="") as file:
+        chosen = {row["metric"]: row["value"] for row in csv.DictReader(file)}
+    assert chosen.items() <= rows[4].items()
+
+
+def test_maps_are_those_that_were_published(tmp_path: Path) -> None:
+    bag = tmp_path / "mission.mcap"
+    env = environment("v2", person_amount=2)
+    fly(env, Bag(bag, env), seeds=(1, 2))
+    read = MissionBag(bag)
+    for record in read.missions:
+        forecast = forecast_for(record, None)
+        assert forecast is not None
+        wanted = range(len(record.steps))
+        observed, beliefs = (read.maps(record, wanted, topic) for topic in (PROBABILITY, BELIEF))
+        computed, shown = follow_belief(record, forecast, wanted)[1], views(record, wanted)
+        assert set(observed) == set(beliefs) == set(wanted)
+        for k in wanted:
+            assert np.array_equal(observed[k], shown[k].probability)
+            assert beliefs[k] == pytest.approx(computed[k], abs=1e-6)
+
+
+def test_a_step_report_that_was_lost_is_in_the_mission_report(tmp_path: Path) -> None:
+    env = environment()
+    fly(env, Bag(tmp_path / "whole.mcap", env))
+    fly(env, Bag(tmp_path / "lossy.mcap", env, skip=(0, 2, 3)))
+    (whole,), (lossy,) = (
+        MissionBag(tmp_path / name).missions for name in ("whole.mcap", "lossy.mcap")
+    )
+    assert metrics(lossy) == metrics(whole)
+    # Where the mission does not end, what is missing stays so.
+    fly(env, Bag(tmp_path / "cut.mcap", env, skip=(0, 2, 3)), steps=5)
+    (cut,) = MissionBag(tmp_path / "cut.mcap").missions
+    assert cut.steps.tolist() == [1, 4, 5] and cut.missing_steps == 3
+    assert forecast_for(cut, None) is None and not cut.complete
+
+
+def test_of_runs_with_the_same_stamps_each_has_its_own_maps(tmp_path: Path) -> None:
+    for run_id, sigma in ((7, 1.0), (8, 4.0)):
+        env = environment(sigma=sigma)
+        fly(env, Bag(tmp_path / f"{run_id}.mcap", env, run_id=run_id))
+    bag = MissionBag(tmp_path)
+    assert [(one.run_id, one.number) for one in bag.missions] == [(7, 1), (8, 1)]
+    for record in bag.missions:
+        (published,) = bag.maps(record, [3], PROBABILITY).values()
+        assert np.array_equal(published, views(record, [3])[3].probability)
+
+
+def test_of_several_simulations_one_is_chosen(tmp_path: Path) -> None:
+    # A file of two namespaces, made of two folders' worth of files as rosbag2 splits them.
+    env = environment()
+    fly(env, Bag(tmp_path / "a.mcap", env, namespace="/a"))
+    fly(env, Bag(tmp_path / "b.mcap", env, namespace="/b/c"), seeds=(2,))
+    with pytest.raises(FieldError, match="namespace: choose one of the file: /a, /b/c"):
+        MissionBag(tmp_path)
+    with pytest.raises(FieldError, match="namespace: 'c' is not allowed; of the file: /a, /b/c"):
+        MissionBag(tmp_path, "c")
+    (of_b,) = MissionBag(tmp_path, "b/c").missions
+    assert of_b.seed == 2
+
+
+def test_a_bag_that_does_not_say_what_was_searched_has_the_maps_that_were_published(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    env = environment()
+    fly(env, Bag(tmp_path / "mission.mcap", env, definition=False))
+    out = tmp_path / "out"
+    assert main([str(tmp_path / "mission.mcap"), "--out", str(out), "--steps", "1"]) == 0
+    html = (out / "report.html").read_text()
+    assert "The file does not say what was searched" in html
+    assert (out / "figures" / "map_step_1.png").is_file()
+    assert "POS) was not recorded" in html
+
+
+@pytest.mark.parametrize(
+    ("topics", "says"),
+    [
+        (("agents",), "no step of a mission"),
+        (("step_report",), "mission 1: no message of the topic agents"),
+        (("probability",), "has none of the topics"),
+    ],
+)
+def test_a_bag_without_a_mission_is_refused(
+    topics: tuple[str, ...], says: str, tmp_path: Path
+) -> None:
+    env = environment()
+    fly(env, Bag(tmp_path / "mission.mcap", env, topics=topics))
+    with pytest.raises(FieldError, match=says):
+        MissionBag(tmp_path / "mission.mcap")

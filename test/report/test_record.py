@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission read from its CSV, and what is computed again from its scenario."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flown import Flown, Log, environment, fly
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsse_ros.report.record import RecordedMission, grid_of, is_bag, read_csv
+from dsse_ros.report.replay import follow_belief, forecast_for, views, with_search
+from dsse_ros.search import FieldError, SearchEnv
+
+
+def recorded(
+    path: Path, rules: str = "paper", **scenario: object
+) -> tuple[list[Flown], SearchEnv, list[RecordedMission]]:
+    """Fly two missions; return them, their environment and what is read of them."""
+    env = environment(rules, **scenario)
+    return fly(env, Log(path, env), seeds=(3, 4)), env, read_csv(path)
+
+
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
+def test_what_is_read_is_what_was_flown(rules: str, tmp_path: Path) -> None:
+    flown, env, missions = recorded(tmp_path / "mission.csv", rules, person_amount=2)
+    assert [one.number for one in missions] == [1, 2]
+    for one, record in zip(flown, missions, strict=True):
+        assert record.steps.tolist() == list(range(len(one.results)))
+        assert record.times_s.tolist() == [13.0 * k for k in range(len(one.results))]
+        for name in ("cells", "rewards", "terminated", "truncated", "found", "held"):
+            assert np.array_equal(getattr(record, name), [getattr(r, name) for r in one.results])
+        names = [*env.rules.actions, ""]
+        assert record.actions.tolist() == [[names[a] for a in r.actions] for r in one.results]
+        assert record.pos is not None and record.pos.tolist() == one.pos
+        assert record.person_found is not None
+        assert record.person_found[-1].tolist() == one.found_persons
+        assert (record.grid_size, record.cell_size_m) == (9, 130.0)
+        assert record.complete and not record.missing_steps
+
+
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
+def test_belief_pos_and_maps_come_out_again(rules: str, tmp_path: Path) -> None:
+    _, env, missions = recorded(tmp_path / "mission.csv", rules, person_amount=2)
+    forecast = None
+    for one in missions:
+        record = with_search(one, env.rules, env.scenario)
+        forecast = forecast_for(record, forecast)
+        assert forecast is not None
+        pos, beliefs = follow_belief(record, forecast, {0, 2})
+        assert pos == pytest.approx(record.pos, abs=1e-9)
+        assert [belief.sum() for belief in beliefs.values()] == pytest.approx([1, 1], abs=1e-5)
+        last = len(record.steps) - 1
+        # It compares the map with the probability of each search too.
+        shown = views(record, {0, last})[last]
+        assert shown.step == last and shown.tracks.shape == (3, last + 1, 2)
+
+
+def test_a_step_that_comes_too_late_is_no_work_with_the_scenario_and_without(
+    tmp_path: Path,
+) -> None:
+    for rules in ("paper", "v2"):
+        env = environment(rules, probability_of_detection=0.0, drones_positions=[(4, 4)])
+        # All actions are searches: none collides or leaves, and nobody is found.
+        fly(env, Log(tmp_path / "mission.csv", env), searching=1.0)
+        (record,) = read_csv(tmp_path / "mission.csv")
+        assert len(record.steps) == 16
+        for one in (record, with_search(record, env.rules, env.scenario)):
+            assert one.searched.sum() == 14
+            assert not one.lost.any()
+
+
+@given(
+    st.integers(1, 3000),
+    st.one_of(st.integers(1, 500), st.floats(0.01, 2000).map(lambda m: round(m, 3))),
+    st.lists(st.tuples(st.integers(0, 2999), st.integers(0, 2999)), min_size=1, max_size=5),
+)
+def test_the_grid_comes_out_of_cells_and_metres(
+    size: int, cell_m: float, drawn: list[tuple[int, int]]
+) -> None:
+    cells = np.array(drawn) % size
+    east = np.round((cells[:, 0] + 0.5) * cell_m, 3)
+    north = np.round((size - 0.5 - cells[:, 1]) * cell_m, 3)
+    found_size, found_m = grid_of(cells, east, north)
+    # Small cells near the corner say little of the grid: as much as is written.
+    assert abs((found_size - 0.5 - cells[0, 1]) * found_m - north[0]) < 2e-3
+    if cell_m > 10 and size < 1000:
+        assert found_size == size
+        assert found_m == pytest.approx(cell_m, abs=2e-3)
+
+
+def test_a_mission_that_was_cut_off_is_read_to_its_last_whole_step(tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    env = environment()
+    fly(env, Log(path, env), steps=3)
+    whole = path.read_bytes()
+    (before,) = read_csv(path)
+    rows = whole.splitlines(keepends=True)
+    per_step = 4
+    for kept in range(len(whole) - len(rows[-1]) - 1, len(whole), 7):
+        path.write_bytes(whole[:kept])
+        (record,) = read_csv(path)
+        assert record.steps.tolist() == [0, 1, 2] and not record.complete
+        assert np.array_equal(record.cells, before.cells[:3])
+    path.write_bytes(b"".join(rows[:1]))
+    with pytest.raises(FieldError, match="no step of a mission"):
+        read_csv(path)
+    path.write_bytes(b"".join([*rows[: 1 + per_step], *rows[2 + per_step :]]))
+    with pytest.raises(FieldError, match="mission 1: step 1 has other drones and persons"):
+        read_csv(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ((",drone0,3,4,", ",drone0,3,x,"), "mission 1: invalid literal"),
+        ((",drone0,3,4,", ",drone0,7,4,"), "its cells and metres do not belong together"),
+        (("drone", "plane"), "mission 1: no drone"),
+        (("mission,step", "mission,stop"), "is neither the CSV of a mission nor a bag"),
+    ],
+)
+def test_a_file_that_makes_no_sense_is_refused(
+    change: tuple[str, str], says: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "mission.csv"
+    env = environment()
+    fly(env, Log(path, env), steps=2)
+    path.write_text(path.read_text().replace(*change))
+    with pytest.raises(FieldError, match=says) as error:
+        read_csv(path)
+    assert "\n" not in str(error.value)
+
+
+def test_another_scenario_than_that_of_the_record_is_refused(tmp_path: Path) -> None:
+    _, env, missions = recorded(tmp_path / "mission.csv")
+    for other, says in (
+        ({"grid_size": 12}, "scenario: grid_size 12 is not allowed; 9 is, as it was recorded"),
+        ({"cell_size": 10.0}, "scenario: cell_size 10.0 is not allowed; 130.0 is"),
+    ):
+        scenario = environment(**other).scenario
+        with pytest.raises(FieldError, match=says):
+            with_search(missions[0], env.rules, scenario)
+    record = with_search(missions[0], env.rules, environment(sigma=5.0).scenario)
+    with pytest.raises(FieldError, match="scenario: it is not that of the record; in step"):
+        views(record, {0})
+    assert views(replace(record, probabilities=None), {0})
+
+
+def test_a_bag_is_known_by_its_first_bytes(tmp_path: Path) -> None:
+    (tmp_path / "bag").write_bytes(b"\x89MCAP0\r\n...")
+    (tmp_path / "log").write_bytes(b"\x89MCAP")
+    paths = ("bag", "log", "nothing", ".")
+    assert [is_bag(tmp_path / path) for path in paths] == [True, False, False, True]
