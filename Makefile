@@ -15,7 +15,7 @@ SOURCED := $(if $(ROS_DISTRO),$(shell $(PYTHON) -c 'import rclpy' 2>/dev/null &&
 VENV := .venv
 BIN := $(VENV)/bin
 BASE := $(VENV)/.made-of-$(if $(SOURCED),sourced-$(SOURCED),wheels-$(DISTRO))-$(subst /,_,$(PYTHON))
-SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz scripts \
+SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz scripts viewers \
 	-name __pycache__ -prune -o -print) package.xml
 # Errors only; Python compiles what it imports, a small part of what is installed.
 PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no-compile
@@ -119,7 +119,7 @@ $(BASE):
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz,area,movie
 $(VENV)/.view: EXTRAS := viz,area,movie,dashboard
-$(VENV)/.test: EXTRAS := viz,area,movie,test,sitl,routes,record,dashboard,browser,docs
+$(VENV)/.test: EXTRAS := viz,area,movie,test,sitl,routes,record,dashboard,browser,docs,viewer
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt

@@ -59,6 +59,8 @@ setup(
         "docs": ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8.1"],
         # It brings an ffmpeg with it.
         "movie": ["imageio-ffmpeg>=0.5"],
+        # What `foxglove_viewer` serves with.
+        "viewer": ["foxglove-sdk>=0.22"],
         "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],
         # The program `dashboard`; `browser` drives one in its tests.
         "dashboard": ["nicegui>=3.18", "pillow>=10.2"],
@@ -74,12 +76,16 @@ setup(
             "ruff>=0.9",
             "setuptools>=70.1",
             "types-PyYAML",
+            "websockets>=14.2",
         ],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml"]),
-        *((f"share/{name}/{sub}", files(f"{sub}/*")) for sub in ("config", "launch", "rviz")),
+        *(
+            (f"share/{name}/{sub}", files(f"{sub}/*"))
+            for sub in ("config", "launch", "rviz", "viewers")
+        ),
         (f"lib/{name}", scripts),
     ],
     entry_points={

@@ -34,6 +34,7 @@ NAVIGATION = {
         "docs/dashboard",
         "docs/recording",
         "docs/report",
+        "docs/viewers",
     ],
     "Reference": [
         "docs/frames",

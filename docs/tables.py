@@ -25,6 +25,7 @@ from dsse_ros.nodes.settings import (
     PlannerSettings,
     RecorderSettings,
     SimSettings,
+    ViewerSettings,
 )
 from dsse_ros.report.metrics import METRICS
 from dsse_ros.search import PROFILES, Rules, Scenario
@@ -185,12 +186,13 @@ TABLES = {
     "dashboard": lambda: settings_table(DashboardSettings),
     "metrics": metrics_table,
     "recorder": lambda: settings_table(RecorderSettings),
+    "viewer": lambda: settings_table(ViewerSettings),
     "scenario": scenario_table,
     "rules": rules_table,
 }
 PAGES = tuple(
     f"docs/{name}.md"
-    for name in ("dashboard", "flight", "parameters", "recording", "report", "ros")
+    for name in ("dashboard", "flight", "parameters", "recording", "report", "ros", "viewers")
 )
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 

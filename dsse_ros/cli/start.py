@@ -17,6 +17,7 @@ _DASHBOARD = ("dashboard", "make sim VIEW=1")
 _OF_EXTRAS = {
     "PIL": _DASHBOARD,
     "fastapi": _DASHBOARD,
+    "foxglove": ("viewer", ""),
     "mcap": ("record", ""),
     "nicegui": _DASHBOARD,
     "uvicorn": _DASHBOARD,
@@ -93,6 +94,11 @@ def report() -> int:
 def recorder() -> int:
     """`ros2 run dsse_ros recorder`."""
     return start("nodes.recorder")
+
+
+def foxglove_viewer() -> int:
+    """`ros2 run dsse_ros foxglove_viewer`."""
+    return start("nodes.foxglove_viewer")
 
 
 def replay() -> int:

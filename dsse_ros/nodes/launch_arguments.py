@@ -25,6 +25,7 @@ NODES = {
     "sim_node": "dsse_sim",
     "planner_node": "dsse_planner",
     "mavlink_bridge": "dsse_bridge",
+    "foxglove_viewer": "dsse_viewer",
     "rviz2": "rviz2",
 }
 """Names of the nodes by their executables."""
@@ -131,6 +132,7 @@ def _integer(item: Any) -> int:
 
 
 _SIM, _PLANNER, _BRIDGE = ("sim_node",), ("planner_node",), ("mavlink_bridge",)
+_VIEWER = ("foxglove_viewer",)
 
 MISSION: Mapping[str, Argument] = {
     "scenario": Argument("str", "YAML file, or name of a scenario of the package.", "santos", _SIM),
@@ -170,8 +172,8 @@ MISSION: Mapping[str, Argument] = {
         "searches so far.", "false", _SIM,
     ),
     "use_sim_time": Argument(
-        "bool", "Whether planner and RViz take their time from /clock; by default if it is "
-        "published.", "true", ("planner_node", "rviz2"),
+        "bool", "Whether planner and viewers take their time from /clock; by default if it is "
+        "published.", "true", ("planner_node", "foxglove_viewer", "rviz2"),
     ),
     "params_file": Argument(
         "str", "File of parameters of any of the nodes; arguments that are given win over it."
@@ -186,6 +188,17 @@ MISSION: Mapping[str, Argument] = {
         "", ("recorder",),
     ),
     "rviz": Argument("bool", "Whether to show the mission in RViz.", "false"),
+    "viewer": Argument(
+        "str", "Whether to serve the topics to Foxglove.", "none", choices=("none", "foxglove")
+    ),
+    "viewer_port": Argument(
+        "int", "TCP port for Foxglove; by default 8765.", "", _VIEWER,
+        renamed={"foxglove_viewer": "port"}, low=0, high=65535,
+    ),
+    "accept_commands": Argument(
+        "bool", "Whether clients such as Foxglove may command drones; any web page in a browser of "
+        "this machine is one.", "false", _VIEWER,
+    ),
 }  # fmt: skip
 """The arguments of mission.launch.py."""
 
@@ -304,6 +317,7 @@ def starts(
         *(["recorder"] if values["record"] else []),
         *("sim_node", "planner_node"),
         *(["mavlink_bridge"] if flight else []),
+        *(["foxglove_viewer"] if values["viewer"] == "foxglove" else []),
     ]
     made = {}
     for executable in executables:

@@ -15,7 +15,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from dsse_ros.nodes.launch_arguments import Argument, Start, starts
 
-_WATCHERS = ("recorder", "rviz2")
+_WATCHERS = ("recorder", "foxglove_viewer", "rviz2")
 
 
 def describe(arguments: Mapping[str, Argument]) -> LaunchDescription:

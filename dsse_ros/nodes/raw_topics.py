@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
 from dsse_ros.recording.offered_qos import common
@@ -42,7 +42,7 @@ class RawMessage(NamedTuple):
 
 
 class RawTopics:
-    """Subscribes all topics of a namespace, and those that all missions share.
+    """The topics of a namespace, and those that all missions share, all subscribed or some of them.
 
     The subscriptions are in a node of their own that no executor spins: messages wait until they
     are taken. To wake up for each of them would cost several times as much.
@@ -53,7 +53,7 @@ class RawTopics:
         exclude: Patterns of topics that are left out.
 
     Attributes:
-        types: Names of the types of the topics subscribed so far, by topic.
+        types: Names of the types of the topics found so far, by topic.
     """
 
     def __init__(
@@ -80,14 +80,46 @@ class RawTopics:
 
     def discover(self) -> list[str]:
         """Subscribe topics that are new, and return their names."""
+        self.find()
+        new = [topic for topic in self.types if topic not in self._subscriptions]
+        return [topic for topic in new if self.subscribe(topic)]
+
+    def find(self) -> list[str]:
+        """Return the names of topics that are new, without subscribing them."""
         new = []
         for topic, types in self._node.get_topic_names_and_types():
-            if topic in self._subscriptions:
+            if topic in self.types:
                 if topic in self._without_publisher and self._node.count_publishers(topic):
                     self._subscribe_anew(topic)
-            elif self._is_wanted(topic) and self._subscribe(topic, types[0]):
+            elif self._is_wanted(topic) and self._is_known(topic, types[0]):
+                self.types[topic] = types[0]
                 new.append(topic)
         return new
+
+    def subscribe(self, topic: str) -> bool:
+        """Subscribe a topic that was found; return whether there is anybody on it."""
+        profiles = self._profiles(topic)
+        if not profiles:
+            return False
+        kind = message_class(self.types[topic])
+        self._subscriptions[topic] = self._node.create_subscription(
+            kind, topic, _spun_by_nobody, common(profiles, _DEPTH), raw=True
+        )
+        return True
+
+    def unsubscribe(self, topic: str) -> None:
+        """End the subscription of a topic."""
+        self._node.destroy_subscription(self._subscriptions.pop(topic))
+        self._without_publisher.discard(topic)
+
+    def is_subscribed(self, topic: str) -> bool:
+        """Return whether a topic is subscribed."""
+        return topic in self._subscriptions
+
+    def is_latched(self, topic: str) -> bool:
+        """Return whether late joiners get the last messages of a topic that is subscribed."""
+        profile = self._subscriptions[topic].qos_profile
+        return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
     def offers(self, topic: str) -> list[Any]:
         """Return what is known of the publishers of a topic, rclpy's TopicEndpointInfo each."""
@@ -118,22 +150,15 @@ class RawTopics:
             return False
         return topic.startswith(self._prefix) or topic in OF_ALL
 
-    def _subscribe(self, topic: str, type_name: str) -> bool:
-        profiles = self._profiles(topic)
-        if not profiles:
-            return False
+    def _is_known(self, topic: str, type_name: str) -> bool:
         try:
-            kind = message_class(type_name)
+            message_class(type_name)
             # Who gets the bytes needs to know what they are.
             definition(type_name)
         except FieldError as error:
             self._refused.add(topic)
             self._warn(topic, f"{topic} is left out: {error}")
             return False
-        self.types[topic] = type_name
-        self._subscriptions[topic] = self._node.create_subscription(
-            kind, topic, _spun_by_nobody, common(profiles, _DEPTH), raw=True
-        )
         return True
 
     def _subscribe_anew(self, topic: str) -> None:
@@ -143,8 +168,8 @@ class RawTopics:
         subscription = self._subscriptions[topic]
         if common(profiles, _DEPTH) != subscription.qos_profile:
             self._take_from(topic, subscription)
-            self._node.destroy_subscription(subscription)
-            self._subscribe(topic, self.types[topic])
+            self.unsubscribe(topic)
+            self.subscribe(topic)
 
     def _profiles(self, topic: str) -> list[QoSProfile]:
         """Return what publishers offer, or what others ask for where nobody publishes."""

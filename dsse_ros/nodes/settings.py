@@ -213,6 +213,33 @@ class RecorderSettings:
         check_all(self)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ViewerSettings:
+    """Settings of `foxglove_viewer`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    host: str = field(
+        "str", "Address that clients connect to; any other than the default one opens the topics "
+        "to the network.", "127.0.0.1",
+    )  # fmt: skip
+    port: int = field(
+        "int", "TCP port that clients connect to, 0 for one that is free.", 8765, low=0, high=65535
+    )
+    accept_commands: bool = field(
+        "bool", "Whether clients may command drones; any web page in a browser of this machine is "
+        "one.", False,
+    )  # fmt: skip
+    exclude: tuple[str, ...] = field(
+        "names", "Patterns of topics that are left out, such as */odom.", ()
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self)
+
+
 MODES = ("guided", "mission", "export")
 """What `mavlink_bridge` does with the steps of a search."""
 ENDS = ("return", "land", "hold")

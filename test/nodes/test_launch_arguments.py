@@ -19,6 +19,7 @@ from dsse_ros.nodes.settings import (
     PlannerSettings,
     RecorderSettings,
     SimSettings,
+    ViewerSettings,
 )
 from dsse_ros.search import Rules, Scenario
 from dsse_ros.search.fields import Spec, specs
@@ -30,6 +31,7 @@ SETTINGS = {
     "planner_node": (PlannerSettings,),
     "mavlink_bridge": (BridgeSettings,),
     "recorder": (RecorderSettings,),
+    "foxglove_viewer": (ViewerSettings,),
 }
 SPECS: dict[str, dict[str, Spec]] = {
     node: {name: spec for cls in classes for name, spec in specs(cls).items()}
@@ -42,6 +44,9 @@ ARGUMENTS = [
 ]
 # Launch files for people go at a pace that can be watched, in a place; and they end.
 OF_LAUNCH = {"scenario", "step_rate", "exit_at_end", "use_sim_time"}
+
+
+EVERYTHING = {"record": "true", "rviz": "true", "viewer": "foxglove"}
 
 
 def made(arguments: Mapping[str, Argument], **given: str) -> dict[str, Start]:
@@ -103,6 +108,8 @@ def test_the_names_of_the_nodes_are_theirs() -> None:
         ("auto_reset", "False", False),
         ("record_file", "123", "123"),
         ("bag", "123", "123"),
+        ("viewer_port", "0", 0),
+        ("accept_commands", "true", True),
         ("map_frame", "no", "no"),
         ("connections", "[udpin:127.0.0.1:14550, '/dev/ttyUSB0,57600']",
          ["udpin:127.0.0.1:14550", "/dev/ttyUSB0,57600"]),
@@ -117,7 +124,7 @@ def test_a_text_becomes_a_value_of_the_type_of_the_parameter(
     for arguments in (a for a in FILES.values() if name in a):
         got = {}
         for node in arguments[name].to:
-            start = made(arguments, **{name: text, "record": "true", "rviz": "true"})[node]
+            start = made(arguments, **EVERYTHING | {name: text})[node]
             got[node] = start.after[arguments[name].renamed.get(node, name)]
             assert got[node] == value and type(got[node]) is type(value)
         assert got
@@ -128,7 +135,8 @@ def test_a_text_becomes_a_value_of_the_type_of_the_parameter(
     [
         ("seed", "six"), ("seed", "1.0"), ("seed", "-2"), ("num_drones", "0"),
         ("num_drones", "many"), ("step_rate", "nan"), ("step_rate", "-1"), ("auto_reset", "maybe"),
-        ("rviz", "2"), ("rules", "v9"), ("log_level", "loud"),
+        ("rviz", "2"), ("viewer", "rerun"), ("viewer_port", "65536"),
+        ("rules", "v9"), ("log_level", "loud"),
         ("params_file", "/no/such.yaml"), ("system_ids", "[1, x]"), ("system_ids", "[0]"),
         ("system_ids", "[]"), ("connections", "[a"), ("mode", "manual"), ("bridge", "/no/such.yml"),
     ],
@@ -218,9 +226,9 @@ def test_who_takes_the_time_from_the_clock_does_so_only_if_there_is_one(tmp_path
         ({"publish_clock": "false", "use_sim_time": "true"}, True),
         ({"use_sim_time": "false"}, False),
     ):
-        start = made(MISSION, rviz="true", **given)
+        start = made(MISSION, **EVERYTHING | given)
         assert "use_sim_time" not in parameters(start["sim_node"])
-        for node in ("planner_node", "rviz2"):
+        for node in ("planner_node", "foxglove_viewer", "rviz2"):
             assert parameters(start[node])["use_sim_time"] is uses
 
 
@@ -228,6 +236,14 @@ def test_a_recorder_is_started_where_it_is_wanted_and_before_what_it_records() -
     for arguments in FILES.values():
         assert "recorder" not in made(arguments)
         assert next(iter(made(arguments, record="true"))) == "recorder"
+
+
+def test_foxglove_is_served_where_it_is_wanted() -> None:
+    for arguments in FILES.values():
+        assert "foxglove_viewer" not in made(arguments)
+        assert parameters(made(arguments, viewer="foxglove")["foxglove_viewer"]) == {
+            "use_sim_time": True, "accept_commands": False,
+        }  # fmt: skip
 
 
 def test_a_drawn_seed_is_the_simulation_s_alone() -> None:
@@ -252,12 +268,13 @@ def test_the_nodes_know_all_that_they_get(arguments: Mapping[str, Argument]) -> 
         "planner_node": {*PLANNER_PARAMETERS},
         "mavlink_bridge": {*SPECS["mavlink_bridge"]},
         "recorder": {*SPECS["recorder"]},
+        "foxglove_viewer": {*SPECS["foxglove_viewer"], "use_sim_time"},
     }
     every = {
         name: one.default or {"int": "2", "names": "[a, b]", "ints": "[1, 2]"}.get(one.kind, "")
         for name, one in arguments.items()
     }
-    for executable, start in made(arguments, **every | {"record": "true"}).items():
+    for executable, start in made(arguments, **every | EVERYTHING | {"rviz": "false"}).items():
         assert parameters(start).keys() <= known[executable]
 
 

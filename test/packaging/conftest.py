@@ -29,6 +29,7 @@ SOURCES = (
     "rviz",
     "scripts",
     "setup.py",
+    "viewers",
 )
 
 

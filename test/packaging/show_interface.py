@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from dsse_ros.nodes.dashboard import OF_VEHICLE, TOPICS, DashboardNode
+from dsse_ros.nodes.foxglove_viewer import ViewerNode
 from dsse_ros.nodes.mavlink_bridge import BridgeNode
 from dsse_ros.nodes.planner_node import PlannerNode
 from dsse_ros.nodes.recorder import RecorderNode
@@ -92,6 +93,7 @@ if __name__ == "__main__":
         "mavlink_bridge": started(BridgeNode, *of_bridge),
         # What has no value has no type.
         "recorder": started(RecorderNode, "-p", "exclude:=['*/odom']"),
+        "foxglove_viewer": started(ViewerNode, "-p", "exclude:=['*/odom']", "-p", "port:=0"),
         "dashboard": started(DashboardNode, "-p", "allowed_hosts:=['name.example']"),
     }
     # Which it subscribes to once there is a simulation.

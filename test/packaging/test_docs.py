@@ -35,9 +35,18 @@ from msg_adapters.step_report import step_report_dtype
 ROOT = Path(__file__).resolve().parents[2]
 README, CONTRIBUTING = ROOT / "README.md", ROOT / "CONTRIBUTING.md"
 DOCS = ROOT / "docs"
-DASHBOARD, FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS = (
+DASHBOARD, FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS, VIEWERS = (
     DOCS / f"{name}.md"
-    for name in ("dashboard", "flight", "parameters", "recording", "ros", "rules", "topics")
+    for name in (
+        "dashboard",
+        "flight",
+        "parameters",
+        "recording",
+        "ros",
+        "rules",
+        "topics",
+        "viewers",
+    )
 )
 PAGES = [README, CONTRIBUTING, *sorted(DOCS.rglob("*.md"))]
 README_LINES = 200
@@ -272,6 +281,7 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
         ("planner_node", [(PARAMETERS, "Of the planner")]),
         ("mavlink_bridge", [(FLIGHT, "Parameters")]),
         ("recorder", [(RECORDING, "Recording")]),
+        ("foxglove_viewer", [(VIEWERS, "Foxglove")]),
         ("dashboard", [(DASHBOARD, "Parameters")]),
     ],
 )
@@ -458,7 +468,7 @@ def test_every_dependency_is_explained() -> None:
         *ast.literal_eval(given["install_requires"]),
         *(
             requirement
-            for extra in ("area", "dashboard", "land", "movie", "record", "viz")
+            for extra in ("area", "dashboard", "land", "movie", "record", "viewer", "viz")
             for requirement in extras[extra]
         ),
     ]

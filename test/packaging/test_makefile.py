@@ -17,7 +17,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    for name in ("dsse_ros", "msg_adapters", "config", "launch", "resource", "rviz", "scripts"):
+    for name in (
+        "dsse_ros", "msg_adapters", "config", "launch", "resource", "rviz", "scripts", "viewers",
+    ):  # fmt: skip
         (tmp_path / name).mkdir()
     for name in ("Makefile", "package.xml", "pyproject.toml", "setup.py"):
         shutil.copy(ROOT / name, tmp_path)

@@ -88,11 +88,3 @@ def test_a_launch_file_describes_a_launch(file: Path) -> None:
 
 def test_the_launch_files_start_only_executables_that_exist() -> None:
     assert NODES.keys() - {"rviz2"} <= {path.name for path in (ROOT / "scripts").iterdir()}
-
-
-def test_rviz_asks_for_what_the_simulation_latches() -> None:
-    shown = yaml.safe_load((ROOT / "rviz" / "mission.rviz").read_text())["Visualization Manager"]
-    topics = {display["Topic"]["Value"]: display["Topic"] for display in shown["Displays"][:4]}
-    assert set(topics) == {"probability_grid", "belief_grid", "markers", "drones"}
-    assert {topic["Durability Policy"] for topic in topics.values()} == {"Transient Local"}
-    assert shown["Global Options"]["Fixed Frame"] == "map"

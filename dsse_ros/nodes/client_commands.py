@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands as clients of a viewer send them: which there are, and from their bytes to messages."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+from rclpy.serialization import deserialize_message, serialize_message
+
+from dsse_ros.recording.schemas import message_class
+from dsse_ros.search import FieldError
+
+ENCODINGS = ("json", "cdr")
+"""What clients may send; the first one that a client knows is what it takes.
+
+Foxglove makes CDR by the definitions of ROS 1 unless it knows that it is connected to ROS 2, which
+this SDK cannot say.
+"""
+_TYPES = {
+    "cmd_action": "std_msgs/msg/Int8",
+    "cmd_action_name": "std_msgs/msg/String",
+    "command_pose": "geometry_msgs/msg/PoseStamped",
+    "command_path": "nav_msgs/msg/Path",
+}
+_OF_ALL_TYPES = {"joint_action": "std_msgs/msg/Int32MultiArray"}
+_TOPIC = re.compile(rf"drone\d+/({'|'.join(_TYPES)})")
+_SEQUENCE = re.compile(r"sequence<(.+?)(, \d+)?>")
+# Names of the parts of a stamp and of a header in ROS 1, and in Foxglove.
+_OTHER_NAMES = {"nsec": "nanosec", "nsecs": "nanosec", "secs": "sec", "seq": None}
+
+
+def command_type(namespace: str, topic: str) -> str:
+    """Return the type of the messages on a topic of commands.
+
+    Args:
+        namespace: Of the mission, beginning and ending with a slash.
+        topic: Full name.
+
+    Raises:
+        FieldError: If it is none of the mission's.
+    """
+    if topic.startswith(namespace):
+        name = topic.removeprefix(namespace)
+        if match := _TOPIC.fullmatch(name):
+            return _TYPES[match[1]]
+        if name in _OF_ALL_TYPES:
+            return _OF_ALL_TYPES[name]
+    raise FieldError(f"topic: {topic!r} is not allowed; one of commands in {namespace}")
+
+
+def check_offer(type_name: str, schema_name: str, encoding: str) -> None:
+    """Raise unless a client offers messages of this type in an encoding that can be read.
+
+    Raises:
+        FieldError: If it does not.
+    """
+    if encoding not in ENCODINGS:
+        raise FieldError(f"encoding: {encoding!r} is not allowed; one of {', '.join(ENCODINGS)}")
+    # Foxglove leaves out what ROS 1 did not have.
+    if schema_name not in (type_name, type_name.replace("/msg/", "/")):
+        raise FieldError(f"type: {schema_name!r} is not allowed; {type_name}")
+
+
+def read_command(type_name: str, encoding: str, data: bytes) -> Any:
+    """Return a command as a message.
+
+    Args:
+        type_name: Type of the message.
+        encoding: One of `ENCODINGS`.
+        data: What a client has sent.
+
+    Raises:
+        FieldError: If the bytes are no such message.
+    """
+    kind = message_class(type_name)
+    if encoding == "cdr":
+        try:
+            return deserialize_message(data, kind)
+        except Exception as error:
+            # rclpy raises what its middleware says, which has no class of its own.
+            raise FieldError(f"{type_name}: no such message: {_line(error)}") from None
+    try:
+        values = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise FieldError(f"{type_name}: no JSON: {_line(error)}") from None
+    message = _message(type_name, values)
+    try:
+        # A text may be one that UTF-8 does not have.
+        serialize_message(message)
+    except Exception as error:
+        raise FieldError(f"{type_name}: no such message: {_line(error)}") from None
+    return message
+
+
+def _message(type_name: str, values: Any) -> Any:
+    """Return a message with the fields of a JSON object; those that it lacks keep their defaults.
+
+    Raises:
+        FieldError: If a field or a value is not the type's.
+    """
+    if not isinstance(values, dict):
+        raise FieldError(f"{type_name}: {_short(values)} is not allowed; an object")
+    message = message_class(type_name)()
+    kinds = message.get_fields_and_field_types()
+    for given, value in values.items():
+        name = given if given in kinds else _OTHER_NAMES.get(given, given)
+        if name is None:
+            continue
+        if name not in kinds:
+            raise FieldError(f"{type_name}: {given!r} is not allowed; {', '.join(kinds)}")
+        try:
+            setattr(message, name, _value(kinds[name], value))
+        except FieldError:
+            raise
+        except (AssertionError, OverflowError, TypeError, ValueError):
+            raise FieldError(
+                f"{type_name}: {name}: {_short(value)} is not allowed; {kinds[name]}"
+            ) from None
+    return message
+
+
+def _value(kind: str, value: Any) -> Any:
+    """Return a value of JSON as that of a field.
+
+    Raises:
+        FieldError, OverflowError, TypeError, ValueError: If it is none.
+    """
+    if match := _SEQUENCE.fullmatch(kind):
+        if not isinstance(value, list):
+            raise TypeError
+        return [_value(match[1], item) for item in value]
+    if "/" in kind:
+        package, name = kind.split("/")
+        return _message(f"{package}/msg/{name}", value)
+    if kind in ("float", "double"):
+        return float(_number(value, int | float))
+    if "int" in kind:
+        whole: int = _number(value, int)
+        unsigned, bits = kind.startswith("u"), int(kind.lstrip("uint"))
+        low = 0 if unsigned else -(1 << bits - 1)
+        if not low <= whole < low + (1 << bits):
+            raise OverflowError
+        return whole
+    if not isinstance(value, bool if kind == "boolean" else str):
+        raise TypeError
+    return value
+
+
+def _number(value: Any, allowed: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, allowed):
+        raise TypeError
+    return value
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _line(error: object) -> str:
+    return " ".join(str(error).split())

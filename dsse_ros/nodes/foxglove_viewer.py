@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dsse_ros foxglove_viewer`: serves the topics of a mission to Foxglove."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter, deque
+from ipaddress import ip_address
+from typing import NamedTuple
+
+import foxglove
+from foxglove.websocket import (
+    Capability,
+    ChannelView,
+    Client,
+    ClientChannel,
+    ServerListener,
+    WebSocketServer,
+)
+from rclpy.publisher import Publisher
+
+from dsse_ros.nodes.client_commands import ENCODINGS, check_offer, command_type, read_command
+from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.qos import RELIABLE, Endpoints
+from dsse_ros.nodes.raw_topics import RawTopics
+from dsse_ros.nodes.runtime import AlarmNode, run_node
+from dsse_ros.nodes.settings import ViewerSettings
+from dsse_ros.recording.schemas import definition, message_class
+from dsse_ros.search import FieldError
+from dsse_ros.search.fields import specs
+
+DISCOVERY_PERIOD_S = 0.2
+TAKE_PERIOD_S = 0.05
+MATCHED_S = 5.0
+"""Wall time in which a new publisher must have found who obeys."""
+_WAITING = 1000
+"""Messages of clients that may wait; of more the oldest are dropped."""
+
+
+class _Offer(NamedTuple):
+    """What a client says it will send on a channel of its own."""
+
+    topic: str
+    schema_name: str
+    encoding: str
+
+
+class _Requests(ServerListener):
+    """Keeps what clients ask for until the node has time for it: the server has its own threads.
+
+    Attributes:
+        changes: Subscriptions that have begun (True) or ended: client, topic.
+        messages: What clients have sent: the offer it is of, its bytes, and when it came.
+    """
+
+    def __init__(self) -> None:
+        self.changes: deque[tuple[bool, int, str]] = deque()
+        self.messages: deque[tuple[_Offer, bytes, float]] = deque(maxlen=_WAITING)
+        self._offers: dict[tuple[int, int], _Offer] = {}
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        """Keep it."""
+        self.changes.append((True, client.id, channel.topic))
+
+    def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
+        """Keep it."""
+        self.changes.append((False, client.id, channel.topic))
+
+    def on_client_advertise(self, client: Client, channel: ClientChannel) -> None:
+        """Note what the messages to come will be."""
+        offer = _Offer(channel.topic, channel.schema_name, channel.encoding)
+        self._offers[client.id, channel.id] = offer
+
+    def on_client_unadvertise(self, client: Client, client_channel_id: int) -> None:
+        """Forget it."""
+        self._offers.pop((client.id, client_channel_id), None)
+
+    def on_message_data(self, client: Client, client_channel_id: int, data: bytes) -> None:
+        """Keep it."""
+        offer = self._offers.get((client.id, client_channel_id))
+        if offer is not None:
+            self.messages.append((offer, data, time.monotonic()))
+
+
+class ViewerNode(AlarmNode):
+    """Offers what is published in its namespace to clients of a WebSocket, as it comes.
+
+    It subscribes what a client wants, and only as long as one does.
+
+    Raises:
+        FieldError: If a parameter is not allowed, or nothing can be served there.
+    """
+
+    # Here, as a node that could not be made is destroyed too.
+    _server: WebSocketServer | None = None
+    _topics: RawTopics | None = None
+
+    def __init__(self) -> None:
+        super().__init__("dsse_viewer")
+        known = specs(ViewerSettings)
+        given, qos = take_overrides(self, known)
+        self.settings = ViewerSettings(**given)
+        declare(self, known, vars(self.settings))
+        Endpoints(self, qos).check_all_used()
+        self._namespace = self.get_namespace().rstrip("/") + "/"
+        self._requests = _Requests()
+        # The clients that want a topic, and the last message of those that are latched.
+        self._wanted: dict[str, Counter[int]] = {}
+        self._last: dict[str, bytes] = {}
+        self._channels: dict[str, foxglove.Channel] = {}
+        self._commands: dict[str, Publisher] = {}
+        self._broadcast_ns = 0
+        self._sdk_context = foxglove.Context()
+        self._server = self._serve()
+        self._topics = RawTopics(self, self.warn, self.settings.exclude)
+        self.alarms.make(self._discover).repeat(DISCOVERY_PERIOD_S)
+        self.alarms.make(self._turn).repeat(TAKE_PERIOD_S)
+        self._discover()
+
+    @property
+    def _sim_time(self) -> bool:
+        return bool(self.get_parameter("use_sim_time").value)
+
+    def _serve(self) -> WebSocketServer:
+        settings = self.settings
+        capabilities = [Capability.Time] if self._sim_time else []
+        if settings.accept_commands:
+            capabilities.append(Capability.ClientPublish)
+        try:
+            server = foxglove.start_server(
+                name=f"dsse_ros {self.get_namespace()}",
+                host=settings.host,
+                port=settings.port,
+                capabilities=capabilities,
+                server_listener=self._requests,
+                supported_encodings=list(ENCODINGS),
+                context=self._sdk_context,
+            )
+        except RuntimeError as error:
+            place = f"{settings.host!r}, port: {settings.port}"
+            raise FieldError(f"host: {place}: {' '.join(str(error).split())}") from None
+        url = f"ws://{settings.host}:{server.port}"
+        self.get_logger().info(f"serving {self.get_namespace()} to Foxglove at {url}")
+        if not _is_loopback(settings.host):
+            may = "read and command" if settings.accept_commands else "read"
+            self.get_logger().warning(f"who reaches {url} may {may}, without a password")
+        return server
+
+    def _discover(self) -> None:
+        """Offer the topics that are new."""
+        if self._topics is None:
+            return
+        for topic in self._topics.find():
+            name = self._topics.types[topic]
+            schema = foxglove.Schema(
+                name=name, encoding="ros2msg", data=definition(name).encode("utf-8")
+            )
+            self._channels[topic] = foxglove.Channel(
+                topic, schema=schema, message_encoding="cdr", context=self._sdk_context
+            )
+        for topic in self._wanted:
+            if not self._topics.is_subscribed(topic):
+                # Nobody was there to subscribe it from.
+                self._topics.subscribe(topic)
+
+    def _turn(self) -> None:
+        """Do what clients want, and send them what has come since."""
+        if self._topics is None or self._server is None:
+            return
+        while self._requests.changes:
+            begun, client, topic = self._requests.changes.popleft()
+            (self._begin if begun else self._end)(self._topics, client, topic)
+        self._take_commands()
+        now_ns = self.get_clock().now().nanoseconds
+        if self._sim_time and now_ns != self._broadcast_ns:
+            self._broadcast_ns = now_ns
+            self._server.broadcast_time(now_ns)
+        for message in self._topics.take():
+            if message.topic in self._wanted:
+                self._channels[message.topic].log(message.data, log_time=now_ns)
+                if self._topics.is_latched(message.topic):
+                    self._last[message.topic] = message.data
+
+    def _begin(self, topics: RawTopics, client: int, topic: str) -> None:
+        """Subscribe a topic, or hand its last message to one who comes later than others."""
+        if topic not in self._wanted:
+            self._wanted[topic] = Counter()
+            topics.subscribe(topic)
+        elif topic in self._last:
+            now_ns = self.get_clock().now().nanoseconds
+            self._channels[topic].log(self._last[topic], log_time=now_ns, sink_id=client)
+        self._wanted[topic][client] += 1
+
+    def _end(self, topics: RawTopics, client: int, topic: str) -> None:
+        clients = self._wanted.get(topic, Counter())
+        clients -= Counter([client])
+        if topic in self._wanted and not clients:
+            del self._wanted[topic]
+            self._last.pop(topic, None)
+            if topics.is_subscribed(topic):
+                topics.unsubscribe(topic)
+
+    def _take_commands(self) -> None:
+        """Publish what clients have sent, if it is a command."""
+        messages = self._requests.messages
+        later = []
+        while messages:
+            offer, data, since_s = messages.popleft()
+            try:
+                if not self._command(offer, data):
+                    if time.monotonic() - since_s > MATCHED_S:
+                        raise FieldError("nobody obeys it")
+                    later.append((offer, data, since_s))
+            except FieldError as error:
+                self._refuse(f"refused from a client: {offer.topic}: {error}")
+        messages.extendleft(reversed(later))
+
+    def _command(self, offer: _Offer, data: bytes) -> bool:
+        """Publish a command; return whether there is anybody to receive it.
+
+        Raises:
+            FieldError: If it is none.
+        """
+        type_name = command_type(self._namespace, offer.topic)
+        check_offer(type_name, offer.schema_name, offer.encoding)
+        message = read_command(type_name, offer.encoding, data)
+        if offer.topic not in self._commands:
+            if not self.count_subscribers(offer.topic):
+                raise FieldError("nobody obeys it")
+            self._commands[offer.topic] = self.create_publisher(
+                message_class(type_name), offer.topic, RELIABLE
+            )
+        publisher = self._commands[offer.topic]
+        if not publisher.get_subscription_count():
+            return False
+        publisher.publish(message)
+        return True
+
+    def _refuse(self, text: str) -> None:
+        self.warn("refused", text)
+        if self._server is not None:
+            self._server.publish_status(text, foxglove.StatusLevel.Warning, "refused")
+
+    def destroy_node(self) -> None:
+        """Let clients go, and end the node."""
+        if self._server is not None:
+            self._server.stop()
+            self._server = None
+        if self._topics is not None:
+            self._topics.destroy()
+            self._topics = None
+        super().destroy_node()
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node until it is interrupted; returns the exit code, 2 for bad input."""
+    return run_node("foxglove_viewer", ViewerNode, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,324 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What Foxglove and RViz get of a mission, and what they can do to it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import foxglove.layouts
+import pytest
+import yaml
+from foxglove_client import FoxgloveClient
+from nav_msgs.msg import OccupancyGrid
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
+from rig import Process, Rig, Sim
+from std_msgs.msg import String
+
+from dsse_ros.nodes.exit_codes import BAD_INPUT
+
+ROOT = Path(__file__).resolve().parents[2]
+DRONES = 4
+MISSION = {
+    "num_drones": DRONES, "grid_size": 8, "seed": 3, "rules": "v2", "publish_belief": True,
+    "probability_of_detection": 0.0, "person_pod_multipliers": [0.0],
+}  # fmt: skip
+LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
+RVIZ = yaml.safe_load((ROOT / "rviz" / "mission.rviz").read_text())["Visualization Manager"]
+LAYOUT = json.loads((ROOT / "viewers" / "foxglove_layout.json").read_text())
+TYPES = {
+    "rviz_default_plugins/Map": "nav_msgs/msg/OccupancyGrid",
+    "rviz_default_plugins/MarkerArray": "visualization_msgs/msg/MarkerArray",
+    "rviz_default_plugins/Pose": "geometry_msgs/msg/PoseStamped",
+    "rviz_default_plugins/PoseArray": "geometry_msgs/msg/PoseArray",
+    "rviz_default_plugins/SetGoal": "geometry_msgs/msg/PoseStamped",
+}
+
+
+@dataclass
+class Mission:
+    """A mission with its viewer.
+
+    Attributes:
+        sim: The simulation.
+        viewer: The viewer's process.
+        client: One that may command.
+    """
+
+    sim: Sim
+    viewer: Process
+    client: FoxgloveClient
+
+
+@pytest.fixture(scope="module")
+def mission(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mission]:
+    viewer = rig.start(
+        "foxglove_viewer", {"port": 0, "accept_commands": True, "use_sim_time": True}
+    )
+    # Of its vehicles there is none: it offers what they would say.
+    rig.start(
+        "mavlink_bridge",
+        {
+            "connections": [f"udpout:127.0.0.1:{port}" for port in range(9, 9 + DRONES)],
+            "state_directory": str(tmp_path_factory.mktemp("state")),
+        },
+    )
+    sim = rig.sim(MISSION)
+    client = FoxgloveClient(rig, viewer)
+    yield Mission(sim, viewer, client)
+    client.close()
+
+
+# Foxglove
+
+
+def test_every_topic_of_the_mission_is_offered_with_its_definition(
+    mission: Mission, rig: Rig
+) -> None:
+    def ours() -> dict[str, str]:
+        found = dict(rig.node.get_topic_names_and_types())
+        return {topic: kinds[0] for topic, kinds in found.items() if is_ours(topic)}
+
+    def is_ours(topic: str) -> bool:
+        return topic not in ("/rosout", "/parameter_events")
+
+    client = mission.client
+    client.until(lambda: {"/step_report", "/drone3/vehicle_state"} <= ours().keys(), "all topics")
+    client.until(lambda: ours().keys() <= client.channels.keys(), "a channel for each")
+    for topic, kind in ours().items():
+        channel = client.channels[topic]
+        assert (channel["schemaName"], channel["encoding"]) == (kind, "cdr")
+        assert channel["schemaEncoding"] == "ros2msg" and channel["schema"]
+
+
+def test_what_is_latched_comes_at_once_and_to_a_second_client_too(
+    mission: Mission, rig: Rig
+) -> None:
+    agents = rig.first(String, "/agents")
+    grid = rig.first(OccupancyGrid, "/probability_grid")
+    other = FoxgloveClient(rig, mission.viewer)
+    try:
+        for client in (mission.client, other):
+            assert client.first("/agents").data == agents.data
+            got = client.first("/probability_grid")
+            assert list(got.data) == list(grid.data)
+            assert (got.info.width, got.info.resolution) == (8, grid.info.resolution)
+            assert got.header.frame_id == grid.header.frame_id
+    finally:
+        other.close()
+
+
+def test_steps_come_as_they_are_published_with_the_time_of_the_mission(mission: Mission) -> None:
+    client, sim = mission.client, mission.sim
+    client.first("/step_report")
+    sim.fly(RIGHT, SEARCH, SEARCH, SEARCH)
+    client.until(lambda: len(client.messages["/step_report"]) >= len(sim.reports), "the reports")
+    for got, published in zip(client.messages["/step_report"], sim.reports, strict=False):
+        assert bytes(got.data) == bytes(published.data)
+    stamp = sim.reports.last.header.stamp
+    client.until(
+        lambda: client.time_ns == stamp.sec * 10**9 + stamp.nanosec, "the time of the step"
+    )
+
+
+def test_a_topic_is_subscribed_only_while_a_client_wants_it(mission: Mission, rig: Rig) -> None:
+    client = mission.client
+
+    def listeners() -> int:
+        return rig.node.count_subscribers("/drone0/odom")
+
+    assert listeners() == 0
+    client.subscribe("/drone0/odom")
+    client.until(lambda: listeners() == 1, "a subscription")
+    client.unsubscribe("/drone0/odom")
+    client.until(lambda: listeners() == 0, "its end")
+
+
+@pytest.mark.parametrize("style", ["ROS 1", "ROS 2"])
+def test_a_goal_of_a_client_is_flown_to(mission: Mission, style: str) -> None:
+    client, sim = mission.client, mission.sim
+    nsec = "nsec" if style == "ROS 1" else "nanosec"
+    header: dict[str, Any] = {"frame_id": "map", "stamp": {"sec": 0, nsec: 0}}
+    if style == "ROS 1":
+        header["seq"] = 0
+    # Where drone 0 is, once to the right and once back.
+    col, row = sim.cells[0]
+    to = col + 1 if style == "ROS 1" else col - 1
+    size = json.loads(client.first("/agents").data)["cell_size_m"]
+    goal = {
+        "header": header,
+        "pose": {
+            "position": {"x": (to + 0.5) * size, "y": (8 - row - 0.5) * size, "z": 0},
+            "orientation": {"x": 0, "y": 0, "z": 0, "w": 1},
+        },
+    }
+    name = "geometry_msgs/PoseStamped" if style == "ROS 1" else "geometry_msgs/msg/PoseStamped"
+    seen = len(sim.reports)
+    client.publish("/drone0/command_pose", name, goal)
+    for i in range(1, DRONES):
+        client.publish(f"/drone{i}/cmd_action", "std_msgs/msg/Int8", {"data": SEARCH})
+    client.until(lambda: len(sim.reports) > seen, "a step")
+    assert sim.cells[0] == (to, row)
+
+
+@pytest.mark.parametrize(
+    ("topic", "schema", "encoding", "data", "line"),
+    [
+        ("/drone0/cmd_action", "std_msgs/msg/Int8", "json", {"data": 300}, "data: 300"),
+        ("/drone0/cmd_action", "std_msgs/msg/Int8", "json", b"{", "no JSON"),
+        ("/drone0/cmd_action", "std_msgs/msg/Int8", "cdr", b"", "no such message"),
+        ("/drone0/cmd_action", "std_msgs/msg/Int8", "ros1", b"\1", "encoding: 'ros1'"),
+        ("/drone0/cmd_action", "std_msgs/msg/String", "json", {}, "type: 'std_msgs/msg/String'"),
+        ("/drone9/cmd_action", "std_msgs/msg/Int8", "json", {"data": 1}, "nobody obeys"),
+        ("/agents", "std_msgs/msg/String", "json", {"data": ""}, "topic: '/agents'"),
+    ],
+)  # fmt: skip
+def test_bad_input_of_a_client_gets_one_line_and_changes_nothing(
+    mission: Mission, topic: str, schema: str, encoding: str, data: Any, line: str
+) -> None:
+    client = mission.client
+    before = len(mission.sim.reports)
+    client.publish(topic, schema, data, encoding)
+
+    def refusals() -> list[str]:
+        return [text for text in client.status if topic in text and line in text]
+
+    refusal = client.until(refusals, "a refusal")[0]
+    assert refusal.startswith("refused from a client") and "\n" not in refusal
+    assert len(mission.sim.reports) == before
+
+
+def test_a_client_that_does_not_keep_to_the_protocol_ends_nothing(mission: Mission) -> None:
+    client = mission.client
+    for data in ("", "garbage", b"", b"\xff\x00", b"\x01", '{"op": "subscribe"}'):
+        client.send_raw(data)
+    client.unsubscribe("/agents")
+    assert client.first("/belief_grid").info.width == 8
+    assert mission.viewer.running
+
+
+def test_who_does_not_ask_for_it_gets_no_commands_and_no_time(mission: Mission, rig: Rig) -> None:
+    viewer = rig.start("foxglove_viewer", {"port": 0}, "-r", "__ns:=/elsewhere")
+    taken = rig.start("foxglove_viewer", {"port": mission.client.port})
+    client = FoxgloveClient(rig, viewer)
+    assert client.info["capabilities"] == []
+    # Of other missions it offers what all of them share.
+    client.subscribe("/clock")
+    assert "/agents" not in client.channels
+    client.close()
+    viewer.stop()
+    assert taken.wait() == BAD_INPUT
+    assert "Address already in use" in taken.output and "Traceback" not in taken.output
+
+
+# The layout
+
+
+def test_the_layout_has_panels_of_foxglove_with_settings_that_it_knows() -> None:
+    known = {
+        "3D": foxglove.layouts.ThreeDeeConfig(),
+        "Plot": foxglove.layouts.PlotConfig(),
+        "StateTransitions": foxglove.layouts.StateTransitionsConfig(),
+        "DiagnosticSummary": foxglove.layouts.DiagnosticsSummaryConfig(),
+        "RawMessages": foxglove.layouts.RawMessagesConfig(),
+    }
+    panels = LAYOUT["configById"]
+    assert {name.partition("!")[0] for name in panels} == known.keys()
+    for name, config in panels.items():
+        of_panel = known[name.partition("!")[0]]._to_dict()
+        assert config.keys() - {"foxglovePanelTitle"} <= of_panel.keys(), name
+
+    def shown(part: Any) -> list[str]:
+        return [part] if isinstance(part, str) else shown(part["first"]) + shown(part["second"])
+
+    assert sorted(shown(LAYOUT["layout"])) == sorted(panels)
+
+
+def test_the_layout_shows_topics_that_there_are(mission: Mission) -> None:
+    panels = LAYOUT["configById"]
+    topics = set(panels["3D!map"]["topics"]) | {panels["3D!map"]["publish"]["poseTopic"]}
+    for name in ("Plot!pos", "StateTransitions!nodes"):
+        topics |= {path["value"].partition(".")[0] for path in panels[name]["paths"]}
+    topics |= {panels["DiagnosticSummary!all"]["topicToRender"]}
+    topics |= {panels["RawMessages!agents"]["topicPath"]}
+    mission.client.until(lambda: topics <= mission.client.channels.keys(), "its topics")
+
+
+# RViz
+
+
+def displays(parts: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    for part in parts:
+        yield part
+        yield from displays(part.get("Displays", []))
+
+
+def profile(topic: dict[str, Any]) -> QoSProfile:
+    """Return the quality of service that a display or a tool is set to."""
+    policies = {
+        name: topic[f"{name} Policy"].upper().replace(" ", "_")
+        for name in ("Reliability", "Durability")
+    }
+    return QoSProfile(
+        depth=topic["Depth"],
+        reliability=ReliabilityPolicy[policies["Reliability"]],
+        durability=DurabilityPolicy[policies["Durability"]],
+    )
+
+
+def seen(endpoint: Any) -> QoSProfile:
+    """Return the quality of service of another's endpoint, without limits of time."""
+    found = endpoint.qos_profile
+    return QoSProfile(depth=1, reliability=found.reliability, durability=found.durability)
+
+
+@pytest.mark.parametrize(
+    "display",
+    [one for one in displays(RVIZ["Displays"]) if "Topic" in one],
+    ids=lambda one: str(one["Topic"]["Value"]),
+)
+def test_a_display_of_rviz_gets_what_is_published(
+    mission: Mission, rig: Rig, display: dict[str, Any]
+) -> None:
+    topic = f"/{display['Topic']['Value']}"
+    (offer,) = rig.until(lambda: rig.node.get_publishers_info_by_topic(topic), topic)
+    assert offer.topic_type == TYPES[display["Class"]]
+    asked = profile(display["Topic"])
+    compatible, reason = qos_check_compatible(seen(offer), asked)
+    assert compatible != QoSCompatibility.ERROR, reason
+    # Otherwise what was published before RViz has started would be missing.
+    assert asked.durability == offer.qos_profile.durability
+
+
+def test_the_displays_of_rviz_are_those_of_a_mission_and_its_vehicles() -> None:
+    shown = {one["Topic"]["Value"] for one in displays(RVIZ["Displays"]) if "Topic" in one}
+    vehicles = {f"drone{i}/vehicle_pose" for i in range(DRONES)}
+    assert shown == {"probability_grid", "belief_grid", "markers", "drones"} | vehicles
+    assert "rviz_default_plugins/TF" in {one["Class"] for one in RVIZ["Displays"]}
+    assert RVIZ["Global Options"]["Fixed Frame"] == "map"
+
+
+@pytest.mark.parametrize("drone", range(DRONES))
+def test_a_goal_of_rviz_is_a_command(mission: Mission, rig: Rig, drone: int) -> None:
+    tools = [tool for tool in RVIZ["Tools"] if tool["Class"].endswith("/SetGoal")]
+    assert len(tools) == DRONES
+    topic = tools[drone]["Topic"]
+    assert topic["Value"] == f"drone{drone}/command_pose"
+
+    def obeying() -> list[Any]:
+        found = rig.node.get_subscriptions_info_by_topic(f"/{topic['Value']}")
+        return [one for one in found if one.node_name == "dsse_sim"]
+
+    (listener,) = rig.until(obeying, "who obeys")
+    assert listener.topic_type == TYPES[tools[drone]["Class"]]
+    compatible, reason = qos_check_compatible(profile(topic), seen(listener))
+    assert compatible != QoSCompatibility.ERROR, reason
