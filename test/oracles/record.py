@@ -12,6 +12,7 @@ from pathlib import Path
 
 import oracle_v1
 import oracle_v2
+import oracle_wrappers
 from oracle_common import WHEELS, provenance, write_drift, write_json, write_maps
 
 
@@ -26,7 +27,7 @@ def main() -> None:
     prefix, oracle = {"0.1.13": ("v1", oracle_v1), "1.1.9": ("v2", oracle_v2)}[arguments.version]
     source = {
         what: provenance(arguments.version, arguments.wheel, what)
-        for what in ("maps", "episodes", "person", "drift")
+        for what in ("maps", "episodes", "person", "drift", "wrappers")
     }
     out = arguments.directory
     out.mkdir(parents=True, exist_ok=True)
@@ -42,6 +43,7 @@ def main() -> None:
     )
     if prefix == "v2":
         write_drift(out / "v2_drift.npz", source["drift"], *oracle_v2.record_drift())
+        oracle_wrappers.write(out / "v2_wrappers.npz", source["wrappers"])
 
 
 if __name__ == "__main__":
