@@ -43,7 +43,12 @@ def read_matrix(path: str | Path) -> NDArray[np.float64]:
     else:
         matrix = np.asarray(np.load(path, allow_pickle=False), np.float64)
     square = matrix.ndim == 2 and matrix.shape[0] == matrix.shape[1]
-    if not square or not np.isfinite(matrix).all() or matrix.min() < 0 or matrix.max() < MIN_PROBABILITY:
+    if (
+        not square
+        or not np.isfinite(matrix).all()
+        or matrix.min() < 0
+        or matrix.max() < MIN_PROBABILITY
+    ):
         raise ValueError(
             f"prob_matrix_path: {str(path)!r} is not allowed; "
             "a square matrix of numbers >= 0, not all 0"
@@ -219,7 +224,7 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         else:
             rewards = {
                 agent: self._visit(i, number, time_left)
-                for i, (agent, number) in enumerate(zip(agents, numbers))
+                for i, (agent, number) in enumerate(zip(agents, numbers, strict=True))
             }
         completed = not self.not_seen_states
         if completed:
@@ -255,7 +260,8 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
     def _observe(self) -> Observations:
         probability = self.probability
         return {
-            agent: (cell, probability) for agent, cell in zip(self.agents, self.agents_positions)
+            agent: (cell, probability)
+            for agent, cell in zip(self.agents, self.agents_positions, strict=True)
         }
 
     def _infos(self, completed: bool) -> Infos:
@@ -304,7 +310,7 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         """Return what a picture of the mission shows."""
         return rendering.MissionView(
             probability=self.probability.astype(np.float32),
-            tracks=np.array(self._tracks or [self._scenario.drones_positions]).swapaxes(0, 1),
+            tracks=np.array(self._tracks or [list(self._scenario.drones_positions)]).swapaxes(0, 1),
             alive=np.ones(len(self.possible_agents), bool),
             persons=np.zeros((0, 2), np.int64),
             found=np.zeros(0, bool),

@@ -261,11 +261,12 @@ class DroneSwarmSearch(ParallelEnv[str, Any, int]):
         search.advance(np.array(joint_action(actions, agents, len(Actions)), np.int8))
         self.timestep += 1
         world = search.world
-        rewards = dict(zip(agents, world.rewards[0].tolist()))
+        rewards = dict(zip(agents, world.rewards[0].tolist(), strict=True))
         for agent, reward in rewards.items():
             self.rewards_sum[agent] += reward
         terminations, truncations = (
-            dict(zip(agents, flags[0].tolist())) for flags in (world.terminated, world.truncated)
+            dict(zip(agents, flags[0].tolist(), strict=True))
+            for flags in (world.terminated, world.truncated)
         )
         found = bool(world.worlds["num_missing"][0] == 0)
         observations = self._observe()
@@ -280,7 +281,8 @@ class DroneSwarmSearch(ParallelEnv[str, Any, int]):
         self.agents_positions = list(map(tuple, search.positions.tolist()))
         probability = search.world.maps[0]
         return {
-            agent: (cell, probability) for agent, cell in zip(self.agents, self.agents_positions)
+            agent: (cell, probability)
+            for agent, cell in zip(self.agents, self.agents_positions, strict=True)
         }
 
     @property

@@ -140,9 +140,7 @@ class DroneSwarmSearch:
 
     def step(
         self, actions: Mapping[str, Any]
-    ) -> tuple[
-        Observations, dict[str, float], dict[str, bool], dict[str, bool], dict[str, bool]
-    ]:
+    ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], dict[str, bool]]:
         """Advance the mission by one step; an unknown action does nothing.
 
         Raises:
@@ -161,13 +159,18 @@ class DroneSwarmSearch:
             joint = [actions[a] if actions[a] in known else HOLD for a in agents]
             search.advance(np.array(joint, np.int8))
             self.timestep += 1
-        rewards = dict.fromkeys(agents, 0.0) if over else dict(zip(agents, world.rewards[0].tolist()))
+        rewards = (
+            dict.fromkeys(agents, 0.0)
+            if over
+            else dict(zip(agents, world.rewards[0].tolist(), strict=True))
+        )
         for agent, reward in rewards.items():
             self.rewards_sum[agent] += reward
         rewards["total_reward"] = sum(rewards.values())
         self.rewards_sum["total"] += rewards["total_reward"]
         terminations, truncations = (
-            dict(zip(agents, flags[0].tolist())) for flags in (world.terminated, world.truncated)
+            dict(zip(agents, flags[0].tolist(), strict=True))
+            for flags in (world.terminated, world.truncated)
         )
         if self.render_mode == "human":
             self.render()
@@ -176,7 +179,7 @@ class DroneSwarmSearch:
 
     def _observe(self) -> Observations:
         cells = list(map(tuple, self._search.positions.tolist()))
-        self.agents_positions = dict(zip(self.possible_agents, cells))
+        self.agents_positions = dict(zip(self.possible_agents, cells, strict=True))
         probability = self.probability_matrix.get_matrix()
         return {
             agent: {"observation": (cell, probability)}

@@ -167,7 +167,9 @@ class SeenDiscount:
         step = np.broadcast_to(steps, len(seen))
         seen[step == 0] = 0.0
         x, y = cells[..., 0], cells[..., 1]
-        world, drone = np.nonzero((x >= 0) & (x < grid) & (y >= 0) & (y < grid) & (step > 0)[:, None])
+        world, drone = np.nonzero(
+            (x >= 0) & (x < grid) & (y >= 0) & (y < grid) & (step > 0)[:, None]
+        )
         seen[world, y[world, drone], x[world, drone]] = step[world]
 
     def discount(self, probability: Array, steps: Array | int) -> Array:

@@ -157,7 +157,9 @@ def test_a_batch_observes_what_single_environments_do(name: str) -> None:
         for b, single in enumerate(expected):
             for i, value in enumerate(single.values()):
                 ours = tuple(part[b, i] for part in observed) if name == "all_positions" else None
-                parts = zip(ours, value) if ours is not None else [(observed[b, i], value)]
+                parts = (
+                    zip(ours, value, strict=True) if ours is not None else [(observed[b, i], value)]
+                )
                 for own, other in parts:
                     np.testing.assert_array_equal(own, other)
         joint = rng.integers(0, 9, (count, 2)).astype(np.int8)
