@@ -20,6 +20,7 @@ from benchmarks import (
     lockstep,
     memory,
     plot,
+    published_scripts,
     seeding,
     speed,
     start_up,
@@ -38,6 +39,7 @@ SECTIONS = (
     "lockstep",
     "belief_over_ros",
     "belief_step",
+    "published_scripts",
 )
 
 
@@ -75,6 +77,9 @@ def main(arguments: list[str] | None = None) -> int:
             rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
         ),
         "belief_step": lambda: belief_step.measure(rounds=1 if quick else 3, log=_print),
+        "published_scripts": lambda: published_scripts.measure(
+            pythons, rounds=3 if quick else 10, seconds=0.2, log=_print
+        ),
     }
     for name in given.only or SECTIONS:
         _print(f"\n{name.replace('_', '-')}")
