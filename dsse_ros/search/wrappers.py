@@ -2,15 +2,15 @@
 """Other forms of an observation, with their spaces, on PettingZoo's and the batch interface.
 
 An encoding is two functions. `encode` takes the cells of all drones (..., N, 2) as (x, y) and the
-map (..., G, G) as [y, x], and returns what each drone observes (..., N, ...): without leading axes
-in one mission, with B of them in a batch. `space` is what one drone's has. Shapes and values are
-those of the wrappers of DSSE 1.1.9.
+map (..., G, G) as [y, x], and returns what each drone observes (..., N, ...), or a tuple of that
+and the map, which all drones share; leading axes are B in a batch and none in one mission. `space`
+is that of one drone. Shapes and values are those of the wrappers of DSSE 1.1.9.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,11 +40,16 @@ class Encoding(NamedTuple):
 
 def own_first(positions: Array) -> Array:
     """Return for each drone the cells of all (..., N, N, 2), its own swapped with the first."""
-    count = positions.shape[-2]
+    return positions[..., _order(positions.shape[-2]), :]
+
+
+@cache
+def _order(count: int) -> Array:
+    """Return (N, N): row i is 0 to N - 1 with 0 and i swapped."""
     order = np.tile(np.arange(count), (count, 1))
     order[:, 0] = np.arange(count)
     order[np.arange(count), np.arange(count)] = 0
-    return positions[..., order, :]
+    return order
 
 
 def _own_first_flat(positions: Array) -> Array:
@@ -60,9 +65,8 @@ def _for_each(drones: int, values: Array, axes: int) -> Array:
 
 
 def with_all_positions(positions: Array, probability: Array) -> tuple[Array, Array]:
-    """Return (..., N, 2N) int64, the cells of `own_first`, and the map (..., N, G, G)."""
-    count = positions.shape[-2]
-    return _own_first_flat(positions.astype(np.int64)), _for_each(count, probability, 2)
+    """Return (..., N, 2N) int64, the cells of `own_first`, and the map, which all share."""
+    return _own_first_flat(positions.astype(np.int64)), probability
 
 
 def flattened(positions: Array, probability: Array) -> Array:
@@ -157,26 +161,27 @@ class SeenDiscount:
 
     def reset(self, probability: Array) -> None:
         """Forget all, for maps (..., G, G) like this."""
-        self._last_seen = np.zeros(probability.shape)
+        *batch, grid, _ = probability.shape
+        # With a margin, for drones just outside the grid.
+        self._last_seen = np.zeros((*batch, grid + 2, grid + 2))
 
     def see(self, positions: Array, steps: Array | int) -> None:
         """Note the cells (..., N, 2) after that many steps; a mission at step 0 begins anew."""
-        grid = self._last_seen.shape[-1]
-        seen = self._last_seen.reshape(-1, grid, grid)
-        cells = positions.reshape(len(seen), -1, 2)
+        side = self._last_seen.shape[-1]
+        seen = self._last_seen.reshape(-1, side, side)
+        cells = positions.reshape(len(seen), -1, 2) + 1
         step = np.broadcast_to(steps, len(seen))
         seen[step == 0] = 0.0
-        x, y = cells[..., 0], cells[..., 1]
-        world, drone = np.nonzero(
-            (x >= 0) & (x < grid) & (y >= 0) & (y < grid) & (step > 0)[:, None]
-        )
-        seen[world, y[world, drone], x[world, drone]] = step[world]
+        seen[np.arange(len(seen))[:, None], cells[..., 1], cells[..., 0]] = step[:, None]
 
     def discount(self, probability: Array, steps: Array | int) -> Array:
         """Return the maps (..., G, G) after that many steps; at step 0 as they are."""
-        now = np.asarray(steps)[..., None, None]
-        factor = np.minimum((now - self._last_seen) / self.n_steps, 1.0)
-        return np.where(now == 0, probability, probability * factor).astype(probability.dtype)
+        now = np.asarray(steps)
+        factor = now[..., None, None] - self._last_seen[..., 1:-1, 1:-1]
+        factor /= self.n_steps
+        np.minimum(factor, 1.0, out=factor)
+        factor[now == 0] = 1.0
+        return np.multiply(probability, factor, out=factor).astype(probability.dtype)
 
 
 class RetainedPositions(BaseParallelWrapper[str, Any, int]):
@@ -240,9 +245,9 @@ class EncodedObservations(_ChangedObservations):
     def __init__(self, env: ParallelEnv[str, Any, int], encoding: Encoding) -> None:
         super().__init__(env)
         self.encoding = encoding
-        search: Any = env.unwrapped
+        self._search: Any = env.unwrapped
         self._number = {agent: i for i, agent in enumerate(env.possible_agents)}
-        space = encoding.space(len(env.possible_agents), len(search.probability))
+        space = encoding.space(len(env.possible_agents), len(self._search.probability))
         self.observation_spaces = dict.fromkeys(env.possible_agents, space)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -250,14 +255,11 @@ class EncodedObservations(_ChangedObservations):
         return self.observation_spaces[agent]
 
     def _change(self, observations: dict[str, Any]) -> dict[str, Any]:
-        search: Any = self.env.unwrapped
-        (_, probability), *_ = observations.values()
-        encoded = self.encoding.encode(search.positions, probability)
+        _, probability = next(iter(observations.values()))
+        encoded = self.encoding.encode(self._search.positions, probability)
         if isinstance(encoded, tuple):
-            return {
-                agent: tuple(part[self._number[agent]] for part in encoded)
-                for agent in observations
-            }
+            own, shared = encoded
+            return {agent: (own[self._number[agent]], shared) for agent in observations}
         return {agent: encoded[self._number[agent]] for agent in observations}
 
 
@@ -271,18 +273,19 @@ class DiscountedObservations(_ChangedObservations):
 
     def __init__(self, env: ParallelEnv[str, Any, int], n_steps: int = 20) -> None:
         super().__init__(env)
+        self._search: Any = env.unwrapped
         self._seen = SeenDiscount(n_steps)
 
     def _begin(self, observations: dict[str, Any]) -> dict[str, Any]:
-        (*_, probability), *_ = observations.values()
+        *_, probability = next(iter(observations.values()))
         self._seen.reset(probability)
         return observations
 
     def _change(self, observations: dict[str, Any]) -> dict[str, Any]:
-        search: Any = self.env.unwrapped
-        (*_, probability), *_ = observations.values()
-        self._seen.see(search.positions, search.steps_done)
-        lowered = self._seen.discount(probability, search.steps_done)
+        *_, probability = next(iter(observations.values()))
+        steps = self._search.steps_done
+        self._seen.see(self._search.positions, steps)
+        lowered = self._seen.discount(probability, steps)
         return {agent: (*first, lowered) for agent, (*first, _) in observations.items()}
 
 
