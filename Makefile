@@ -32,8 +32,8 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,dashboard flight mission msg_adapters packaging planners \
-	recording report search)
+TESTS_OF_CHECK := $(addprefix test/,compat dashboard flight mission msg_adapters packaging \
+	planners recording report search)
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')

@@ -20,6 +20,7 @@ from benchmarks import (
     lockstep,
     memory,
     plot,
+    published_scripts,
     recorded,
     seeding,
     speed,
@@ -41,6 +42,7 @@ SECTIONS = (
     "belief_over_ros",
     "belief_step",
     "recorded",
+    "published_scripts",
 )
 
 
@@ -80,6 +82,9 @@ def main(arguments: list[str] | None = None) -> int:
         "belief_step": lambda: belief_step.measure(rounds=1 if quick else 3, log=_print),
         "recorded": lambda: recorded.measure(
             rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
+        ),
+        "published_scripts": lambda: published_scripts.measure(
+            pythons, rounds=3 if quick else 10, seconds=0.2, log=_print
         ),
     }
     for name in progress(given.only or SECTIONS, "bench"):

@@ -35,6 +35,7 @@ NAVIGATION = {
         "docs/recording",
         "docs/report",
         "docs/viewers",
+        "docs/coming_from_dsse",
     ],
     "Reference": [
         "docs/frames",

@@ -10,8 +10,10 @@ import argparse
 import os
 from pathlib import Path
 
+import oracle_coverage
 import oracle_v1
 import oracle_v2
+import oracle_wrappers
 from oracle_common import WHEELS, provenance, write_drift, write_json, write_maps
 
 
@@ -26,7 +28,7 @@ def main() -> None:
     prefix, oracle = {"0.1.13": ("v1", oracle_v1), "1.1.9": ("v2", oracle_v2)}[arguments.version]
     source = {
         what: provenance(arguments.version, arguments.wheel, what)
-        for what in ("maps", "episodes", "person", "drift")
+        for what in ("maps", "episodes", "person", "drift", "wrappers", "coverage")
     }
     out = arguments.directory
     out.mkdir(parents=True, exist_ok=True)
@@ -42,6 +44,10 @@ def main() -> None:
     )
     if prefix == "v2":
         write_drift(out / "v2_drift.npz", source["drift"], *oracle_v2.record_drift())
+        oracle_wrappers.write(out / "v2_wrappers.npz", source["wrappers"])
+        oracle_coverage.allow_without_opendrift()
+        played = [oracle_coverage.play(script) for script in oracle_coverage.scripts()]
+        write_json(out / "v2_coverage.json", source["coverage"], "episodes", played)
 
 
 if __name__ == "__main__":

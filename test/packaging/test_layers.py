@@ -21,6 +21,10 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"dsse_ros.planners", "dsse_ros.search", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
     ),
+    "dsse_ros.compat": (
+        {"dsse_ros.compat", "dsse_ros.search"},
+        {"ros", "messages", "mavlink"},
+    ),
     "msg_adapters": ({"msg_adapters", "dsse_ros.search"}, {"effects", "ros"}),
     "dsse_ros.mission": (
         {"dsse_ros.mission", "msg_adapters", "dsse_ros.search"},

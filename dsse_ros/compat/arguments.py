@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments under their published names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from operator import index
+from typing import Any, TypeVar
+
+from dsse_ros.search.fields import FieldError
+
+T = TypeVar("T")
+
+
+def with_names(names: Mapping[str, str], make: Callable[[], T]) -> T:
+    """Return what `make` makes; an error names arguments as the caller knows them.
+
+    Args:
+        names: Of each published name ours.
+        make: Raises a `FieldError` for a value that is not allowed.
+
+    Raises:
+        FieldError: As `make` does.
+    """
+    try:
+        return make()
+    except FieldError as error:
+        published = {ours: name for name, ours in names.items()}
+        field, colon, rest = str(error).partition(":")
+        raise FieldError(f"{published.get(field, field)}{colon}{rest}") from None
+
+
+def check_render_mode(mode: Any) -> str:
+    """Return a published render mode.
+
+    Raises:
+        FieldError: If it is none.
+    """
+    if mode not in ("ansi", "human"):
+        raise FieldError(f"render_mode: {mode!r} is not allowed; ansi or human")
+    return str(mode)
+
+
+def joint_action(actions: Mapping[str, Any], agents: list[str], count: int) -> list[int]:
+    """Return the numbers of the actions of these agents.
+
+    Raises:
+        FieldError: If one is missing or not from 0 to count - 1.
+    """
+    numbers = []
+    for agent in agents:
+        if agent not in actions:
+            raise FieldError(f"Missing action for {agent}")
+        try:
+            number = index(actions[agent])
+        except TypeError:
+            number = -1
+        if not 0 <= number < count:
+            raise FieldError(
+                f"Invalid action for {agent}: {actions[agent]!r} is not from 0 to {count - 1}"
+            )
+        numbers.append(number)
+    return numbers

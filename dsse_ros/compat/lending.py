@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lends the published module names to this process, for scripts that import them."""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import Any
+
+import dsse_ros.compat as v2
+from dsse_ros.compat import v1, wrappers
+
+VERSIONS: dict[str, dict[str, dict[str, Any]]] = {
+    "1.1.9": {
+        "DSSE": {name: getattr(v2, name) for name in v2.__all__ if name != "Reward"},
+        "DSSE.environment": {},
+        "DSSE.environment.constants": {"Actions": v2.Actions, "Reward": v2.Reward},
+        "DSSE.environment.env": {"DroneSwarmSearch": v2.DroneSwarmSearch},
+        "DSSE.environment.coverage_env": {"CoverageDroneSwarmSearch": v2.CoverageDroneSwarmSearch},
+        "DSSE.environment.wrappers": {
+            name: getattr(wrappers, name)
+            for name in wrappers.__all__
+            if name != "CommunicationWrapper"
+        },
+        **{
+            f"DSSE.environment.wrappers.{module}": {name: getattr(wrappers, name)}
+            for module, name in (
+                ("all_flatten_wrapper", "AllFlattenWrapper"),
+                ("all_positions_wrapper", "AllPositionsWrapper"),
+                ("communication_wrapper", "CommunicationWrapper"),
+                ("matrix_encode_wrapper", "MatrixEncodeWrapper"),
+                ("retain_drone_pos_wrapper", "RetainDronePosWrapper"),
+                ("top_n_cells_wrapper", "TopNProbsWrapper"),
+            )
+        },
+    },
+    "0.1.13": {
+        "DSSE": {},
+        "DSSE.env": {"DroneSwarmSearch": v1.DroneSwarmSearch},
+    },
+}
+"""The published modules with their names, of each version."""
+
+
+def lend(version: str = "1.1.9") -> None:
+    """Let this process import `DSSE` as that version had it; an installed one is hidden.
+
+    Raises:
+        ValueError: If the version is neither 1.1.9 nor 0.1.13.
+    """
+    if version not in VERSIONS:
+        raise ValueError(f"version: {version!r} is not allowed; one of {', '.join(VERSIONS)}")
+    for name in [name for name in sys.modules if name.split(".")[0] == "DSSE"]:
+        del sys.modules[name]
+    for name, contents in VERSIONS[version].items():
+        module = ModuleType(name, f"Lent by dsse_ros.compat, in place of DSSE {version}.")
+        # With a path it is a package, and what it lacks is a ModuleNotFoundError with its name.
+        module.__path__ = []
+        vars(module).update(contents)
+        sys.modules[name] = module
+        parent, _, own = name.rpartition(".")
+        if parent:
+            setattr(sys.modules[parent], own, module)

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`DroneSwarmSearch` of DSSE 0.1.13 over `SearchEnv` with the profile v1."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from dsse_ros.compat.arguments import check_render_mode, with_names
+from dsse_ros.compat.search import ProbabilityMatrix
+from dsse_ros.search import rendering
+from dsse_ros.search.parallel_env import SearchEnv
+from dsse_ros.search.rules import Rules, profile
+from dsse_ros.search.scenario import Scenario
+from dsse_ros.search.world import HOLD
+
+Observations = dict[str, dict[str, tuple[tuple[int, int], NDArray[np.float32]]]]
+
+NAMES = {"n_drones": "num_drones", "disperse_constant": "sigma"}
+"""Published names of arguments whose fields of the scenario have other names."""
+
+
+def rules_of(rewards: Mapping[str, float]) -> Rules:
+    """Return the profile v1 with these rewards."""
+    return profile(
+        "v1",
+        move=rewards["default"],
+        leave_grid=rewards["leave_grid"],
+        collision=rewards["drones_collision"],
+        time_out=rewards["exceed_timestep"],
+        find=rewards["search_and_find"],
+        find_bonus=rewards["search_and_find"],
+    )
+
+
+class DroneSwarmSearch:
+    """The search of DSSE 0.1.13, which has the shape of no PettingZoo environment of today.
+
+    `reset` returns observations alone, `{agent: {"observation": ((x, y), map)}}`, the map (G, G)
+    float32 as [y, x]. `step` returns them with rewards, which have `total_reward` too,
+    terminations, truncations and `{"Found": bool}`. Once any drone is terminated or truncated the
+    mission is over: later steps change nothing.
+
+    Raises:
+        ValueError: If an argument is not allowed.
+    """
+
+    metadata: dict[str, Any] = {}
+
+    def __init__(
+        self,
+        grid_size: int = 7,
+        render_mode: str = "ansi",
+        render_grid: bool = False,
+        render_gradient: bool = True,
+        n_drones: int = 1,
+        vector: tuple[float, float] = (-0.5, -0.5),
+        person_initial_position: Sequence[int] = (0, 0),
+        disperse_constant: float = 10,
+        timestep_limit: int = 100,
+    ) -> None:
+        self.render_mode = check_render_mode(render_mode)
+        self.grid_size = grid_size
+        self.vector = vector
+        self.person_initial_position = person_initial_position
+        self.disperse_constant = disperse_constant
+        self.timestep_limit = timestep_limit
+        self.reward_scheme = {
+            "default": 1,
+            "leave_grid": -100000,
+            "exceed_timestep": -100000,
+            "drones_collision": -100000,
+            "search_cell": 1,
+            "search_and_find": 100000,
+        }
+        self._scenario = with_names(
+            NAMES,
+            lambda: Scenario(
+                grid_size=grid_size,
+                num_drones=n_drones,
+                vector=vector,
+                person_initial_position=tuple(person_initial_position),  # type: ignore[arg-type]
+                sigma=disperse_constant,
+                timestep_limit=timestep_limit,
+            ),
+        )
+        self._make()
+        self.possible_agents = self._search.possible_agents
+        self.agents: list[str] = []
+        self.agents_positions: dict[str, Any] = {a: [None, None] for a in self.possible_agents}
+        self.timestep: int | None = None
+        self.rewards_sum: dict[str, float] = {}
+        self._forget_rewards()
+
+    def _make(self) -> None:
+        mode = "human" if self.render_mode == "human" else None
+        rules = rules_of(self.reward_scheme)
+        self._search = with_names(NAMES, lambda: SearchEnv(self._scenario, rules, mode))
+        self.probability_matrix = ProbabilityMatrix(self._search)
+
+    def _forget_rewards(self) -> None:
+        self.rewards_sum = {**dict.fromkeys(self.possible_agents, 0), "total": 0}
+
+    def reset(
+        self,
+        seed: int | None = None,
+        return_info: bool = False,
+        options: Mapping[str, Any] | None = None,
+        drones_positions: Sequence[Sequence[int]] | None = None,
+        vector: tuple[float, float] | None = None,
+    ) -> Observations:
+        """Start a new mission and return observations.
+
+        Args:
+            seed: The same seed gives the same mission.
+            return_info: Ignored.
+            options: Ignored.
+            drones_positions: Cells (x, y); by default row by row from the north-west corner.
+            vector: Drift, for later missions too.
+
+        Raises:
+            ValueError: If an argument is not allowed; the mission under way stays as it is.
+        """
+        if rules_of(self.reward_scheme) != self._search.rules:
+            state = self._search.world.worlds["rng"].copy()
+            self._make()
+            self._search.world.worlds["rng"] = state
+        vector = vector or self.vector
+        start = {"drones_positions": drones_positions, "vector": vector}
+        self._search.reset(seed, start)
+        self.vector = vector
+        self.agents = self.possible_agents.copy()
+        self.timestep = 0
+        self._forget_rewards()
+        return self._observe()
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], dict[str, bool]]:
+        """Advance the mission by one step; an unknown action does nothing.
+
+        Raises:
+            ValueError: If there was no reset, or an action is missing; the mission stays as it is.
+        """
+        if self.timestep is None:
+            raise ValueError("Please reset the env before interacting with it")
+        missing = [agent for agent in self.agents if agent not in actions]
+        if missing:
+            raise ValueError(f"Missing action for {missing[0]}")
+        search, agents = self._search, self.possible_agents
+        world = search.world
+        over = bool(world.worlds["done"][0])
+        if not over:
+            known = range(len(search.rules.actions))
+            joint = [actions[a] if actions[a] in known else HOLD for a in agents]
+            search.advance(np.array(joint, np.int8))
+            self.timestep += 1
+        rewards = (
+            dict.fromkeys(agents, 0.0)
+            if over
+            else dict(zip(agents, world.rewards[0].tolist(), strict=True))
+        )
+        for agent, reward in rewards.items():
+            self.rewards_sum[agent] += reward
+        rewards["total_reward"] = sum(rewards.values())
+        self.rewards_sum["total"] += rewards["total_reward"]
+        terminations, truncations = (
+            dict(zip(agents, flags[0].tolist(), strict=True))
+            for flags in (world.terminated, world.truncated)
+        )
+        if self.render_mode == "human":
+            self.render()
+        infos = {"Found": bool(world.worlds["num_missing"][0] == 0)}
+        return self._observe(), rewards, terminations, truncations, infos
+
+    def _observe(self) -> Observations:
+        cells = list(map(tuple, self._search.positions.tolist()))
+        self.agents_positions = dict(zip(self.possible_agents, cells, strict=True))
+        probability = self.probability_matrix.get_matrix()
+        return {
+            agent: {"observation": (cell, probability)}
+            for agent, cell in self.agents_positions.items()
+        }
+
+    @property
+    def person_x(self) -> int:
+        """Column of the person's cell."""
+        return int(self._search.world.persons["x"][0, 0])
+
+    @property
+    def person_y(self) -> int:
+        """Row of the person's cell."""
+        return int(self._search.world.persons["y"][0, 0])
+
+    def get_agents(self) -> list[str]:
+        """Return the names of all drones."""
+        return self.possible_agents
+
+    def observation_space(self, agent: str) -> spaces.MultiDiscrete:
+        """Return the space of a cell, as published: the map is not in it."""
+        return spaces.MultiDiscrete([self.grid_size] * 2)
+
+    def action_space(self, agent: str) -> list[int]:
+        """Return the numbers of the actions, as published: no space."""
+        return list(range(len(self._search.rules.actions)))
+
+    def render(self) -> str | None:
+        """Show the mission in a window in the mode human; return it as text else."""
+        if self.render_mode == "human":
+            self._search.render()
+            return None
+        return rendering.to_ansi(self._search.view())
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._search.close()

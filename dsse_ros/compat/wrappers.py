@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The wrappers of DSSE 1.1.9, which are those of `dsse_ros.search.wrappers` by other names."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dsse_ros.search.wrappers import (
+    ALL_POSITIONS,
+    FLATTENED,
+    IN_MATRIX,
+    DiscountedObservations,
+    EncodedObservations,
+    RetainedPositions,
+    top_cells,
+)
+
+__all__ = [
+    "AllFlattenWrapper",
+    "AllPositionsWrapper",
+    "CommunicationWrapper",
+    "MatrixEncodeWrapper",
+    "RetainDronePosWrapper",
+    "TopNProbsWrapper",
+]
+
+
+class AllPositionsWrapper(EncodedObservations):
+    """Agents observe the cells of all drones, their own first, and the map."""
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env, ALL_POSITIONS)
+
+
+class AllFlattenWrapper(EncodedObservations):
+    """Agents observe one vector: the cells of all drones from 0 to 1, and the map."""
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env, FLATTENED)
+
+
+class MatrixEncodeWrapper(EncodedObservations):
+    """Agents observe the map with the drones drawn into it."""
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env, IN_MATRIX)
+
+
+class TopNProbsWrapper(EncodedObservations):
+    """Agents observe the cells of all drones, and the most probable cells."""
+
+    def __init__(self, env: Any, n_positions: int = 10) -> None:
+        super().__init__(env, top_cells(n_positions))
+
+
+class CommunicationWrapper(DiscountedObservations):
+    """Agents observe less probability where drones have just been."""
+
+    def __init__(self, env: Any, n_steps: int = 20) -> None:
+        super().__init__(env, n_steps)
+
+
+class RetainDronePosWrapper(RetainedPositions):
+    """Every reset puts the drones into the same cells."""
+
+    def __init__(self, env: Any, drone_positions: list[tuple[int, int]]) -> None:
+        super().__init__(env, drone_positions)

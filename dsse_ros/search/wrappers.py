@@ -1,0 +1,351 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Other forms of an observation, with their spaces, on PettingZoo's and the batch interface.
+
+An encoding is two functions. `encode` takes the cells of all drones (..., N, 2) as (x, y) and the
+map (..., G, G) as [y, x], and returns what each drone observes (..., N, ...), or a tuple of that
+and the map, which all drones share; leading axes are B in a batch and none in one mission. `space`
+is that of one drone. Shapes and values are those of the wrappers of DSSE 1.1.9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+from pettingzoo.utils.wrappers import BaseParallelWrapper
+
+from dsse_ros.search.fields import FieldError, Spec, shown
+from dsse_ros.search.options import check_options
+from dsse_ros.search.vector_env import VectorEnv
+
+Array = NDArray[Any]
+
+
+class Encoding(NamedTuple):
+    """A form of observations.
+
+    Attributes:
+        encode: encode(positions, probability), see the module.
+        space: space(num_drones, grid_size) of one drone's observation.
+    """
+
+    encode: Callable[[Array, Array], Any]
+    space: Callable[[int, int], spaces.Space[Any]]
+
+
+def own_first(positions: Array) -> Array:
+    """Return for each drone the cells of all (..., N, N, 2), its own swapped with the first."""
+    return positions[..., _order(positions.shape[-2]), :]
+
+
+@cache
+def _order(count: int) -> Array:
+    """Return (N, N): row i is 0 to N - 1 with 0 and i swapped."""
+    order = np.tile(np.arange(count), (count, 1))
+    order[:, 0] = np.arange(count)
+    order[np.arange(count), np.arange(count)] = 0
+    return order
+
+
+def _own_first_flat(positions: Array) -> Array:
+    cells = own_first(positions)
+    return cells.reshape(*cells.shape[:-2], -1)
+
+
+def _for_each(drones: int, values: Array, axes: int) -> Array:
+    """Return values (..., *rest), with `axes` axes in the rest, as (..., N, *rest)."""
+    at = values.ndim - axes
+    shape = (*values.shape[:at], drones, *values.shape[at:])
+    return np.broadcast_to(np.expand_dims(values, at), shape)
+
+
+def with_all_positions(positions: Array, probability: Array) -> tuple[Array, Array]:
+    """Return (..., N, 2N) int64, the cells of `own_first`, and the map, which all share."""
+    return _own_first_flat(positions.astype(np.int64)), probability
+
+
+def flattened(positions: Array, probability: Array) -> Array:
+    """Return (..., N, 2N + G * G) float64: the cells of `own_first` over G - 1, and the map."""
+    count, grid = positions.shape[-2], probability.shape[-1]
+    flat = probability.reshape(*probability.shape[:-2], grid * grid)
+    shares = _own_first_flat(positions) / max(grid - 1, 1)
+    return np.concatenate([shares, _for_each(count, flat, 1)], axis=-1)
+
+
+def most_probable_cells(positions: Array, probability: Array, *, count: int) -> Array:
+    """Return (..., N, 2N + 2 count) int64: the cells of `own_first`, then the most probable ones.
+
+    The best one is first; of equally probable ones the one further south, then further east.
+    """
+    drones, grid = positions.shape[-2], probability.shape[-1]
+    flat = probability.reshape(*probability.shape[:-2], grid * grid)
+    best = np.argsort(flat, axis=-1, kind="stable")[..., : -count - 1 : -1]
+    cells = np.stack([best % grid, best // grid], axis=-1)
+    cells = cells.reshape(*cells.shape[:-2], -1)
+    own = _own_first_flat(positions.astype(np.int64))
+    return np.concatenate([own, _for_each(drones, cells, 1)], axis=-1)
+
+
+def encoded_in_matrix(positions: Array, probability: Array) -> Array:
+    """Return (..., N, G, G): the map with -1 in the other drones' cells, and 2 more in one's own.
+
+    Drones are written one after the other, so that those after oneself hide oneself in the same
+    cell; those off the grid are left out.
+    """
+    drones, grid = positions.shape[-2], probability.shape[-1]
+    out = _for_each(drones, probability, 2).copy()
+    flat = out.reshape(-1, drones, grid, grid)
+    for world, cells in zip(flat, positions.reshape(-1, drones, 2).tolist(), strict=True):
+        for i, (x, y) in enumerate(cells):
+            if 0 <= x < grid and 0 <= y < grid:
+                own = world[i, y, x] + 2
+                world[:, y, x] = -1
+                world[i, y, x] = own
+    return out
+
+
+def _positions_space(drones: int, grid: int, more: int = 0) -> spaces.Box:
+    return spaces.Box(0, grid, (2 * drones + 2 * more,), np.int64)
+
+
+ALL_POSITIONS = Encoding(
+    with_all_positions,
+    lambda drones, grid: spaces.Tuple(
+        (_positions_space(drones, grid), spaces.Box(0, 1, (grid, grid), np.float32))
+    ),
+)
+"""The cells of all drones, and the map."""
+
+FLATTENED = Encoding(
+    flattened, lambda drones, grid: spaces.Box(0, 1, (2 * drones + grid * grid,), np.float64)
+)
+"""One vector: the cells of all drones from 0 to 1, and the map."""
+
+IN_MATRIX = Encoding(encoded_in_matrix, lambda _, grid: spaces.Box(-1, 3, (grid, grid), np.float32))
+"""The map alone, with the drones drawn into it."""
+
+
+def top_cells(count: int = 10) -> Encoding:
+    """Return the encoding of the cells of all drones and the `count` most probable ones.
+
+    Raises:
+        FieldError: If the count is not an integer >= 1.
+    """
+    count = Spec("int", "", low=1).check("count", count)
+    return Encoding(
+        partial(most_probable_cells, count=count),
+        lambda drones, grid: _positions_space(drones, grid, count),
+    )
+
+
+class SeenDiscount:
+    """Lowers the probability of cells that drones have just flown over: they share what they saw.
+
+    A cell flown over k steps ago counts min(k / n_steps, 1) of its probability.
+
+    Args:
+        n_steps: Steps until a cell counts in full again.
+
+    Raises:
+        FieldError: If n_steps is not an integer >= 1.
+    """
+
+    def __init__(self, n_steps: int = 20) -> None:
+        self.n_steps = Spec("int", "", low=1).check("n_steps", n_steps)
+        self._last_seen = np.zeros(0)
+
+    def reset(self, probability: Array) -> None:
+        """Forget all, for maps (..., G, G) like this."""
+        *batch, grid, _ = probability.shape
+        # With a margin, for drones just outside the grid.
+        self._last_seen = np.zeros((*batch, grid + 2, grid + 2))
+
+    def see(self, positions: Array, steps: Array | int) -> None:
+        """Note the cells (..., N, 2) after that many steps; a mission at step 0 begins anew."""
+        side = self._last_seen.shape[-1]
+        seen = self._last_seen.reshape(-1, side, side)
+        cells = positions.reshape(len(seen), -1, 2) + 1
+        step = np.broadcast_to(steps, len(seen))
+        seen[step == 0] = 0.0
+        seen[np.arange(len(seen))[:, None], cells[..., 1], cells[..., 0]] = step[:, None]
+
+    def discount(self, probability: Array, steps: Array | int) -> Array:
+        """Return the maps (..., G, G) after that many steps; at step 0 as they are."""
+        now = np.asarray(steps)
+        factor = now[..., None, None] - self._last_seen[..., 1:-1, 1:-1]
+        factor /= self.n_steps
+        np.minimum(factor, 1.0, out=factor)
+        factor[now == 0] = 1.0
+        return np.multiply(probability, factor, out=factor).astype(probability.dtype)
+
+
+class RetainedPositions(BaseParallelWrapper[str, Any, int]):
+    """Every reset puts the drones into the same cells.
+
+    Args:
+        env: A search.
+        drones_positions: Their cells (x, y).
+
+    Raises:
+        FieldError: If there is not one for each drone.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int], drones_positions: Any) -> None:
+        super().__init__(env)
+        if len(drones_positions) != len(env.possible_agents):
+            raise FieldError(
+                f"drones_positions: {shown(drones_positions)} is not allowed; "
+                f"{len(env.possible_agents)} cells, one per drone"
+            )
+        self.drones_positions = drones_positions
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        """Start a new mission; see the environment's own."""
+        options = {**(options or {}), "drones_positions": self.drones_positions}
+        return self.env.reset(seed=seed, options=options)
+
+
+class _ChangedObservations(BaseParallelWrapper[str, Any, int]):
+    """Hands out observations that `_change` makes of the environment's own."""
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        """Start a new mission; see the environment's own."""
+        observations, infos = self.env.reset(seed=seed, options=dict(options or {}))
+        return self._begin(observations), infos
+
+    def step(self, actions: Mapping[str, int]) -> tuple[dict[str, Any], Any, Any, Any, Any]:
+        """Advance the mission by one step; see the environment's own."""
+        observations, *rest = self.env.step(dict(actions))
+        return (self._change(observations) if observations else observations, *rest)
+
+    def _begin(self, observations: dict[str, Any]) -> dict[str, Any]:
+        return self._change(observations)
+
+    def _change(self, observations: dict[str, Any]) -> dict[str, Any]:
+        raise NotImplementedError
+
+
+class EncodedObservations(_ChangedObservations):
+    """A search whose agents observe an encoding.
+
+    Args:
+        env: A search, or a wrapper whose observations are tuples of a cell, or cells, and the map.
+        encoding: What they observe instead.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int], encoding: Encoding) -> None:
+        super().__init__(env)
+        self.encoding = encoding
+        self._search: Any = env.unwrapped
+        self._number = {agent: i for i, agent in enumerate(env.possible_agents)}
+        space = encoding.space(len(env.possible_agents), len(self._search.probability))
+        self.observation_spaces = dict.fromkeys(env.possible_agents, space)
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's observation space, always the same object."""
+        return self.observation_spaces[agent]
+
+    def _change(self, observations: dict[str, Any]) -> dict[str, Any]:
+        _, probability = next(iter(observations.values()))
+        encoded = self.encoding.encode(self._search.positions, probability)
+        if isinstance(encoded, tuple):
+            own, shared = encoded
+            return {agent: (own[self._number[agent]], shared) for agent in observations}
+        return {agent: encoded[self._number[agent]] for agent in observations}
+
+
+class DiscountedObservations(_ChangedObservations):
+    """A search whose agents observe the map as `SeenDiscount` lowers it.
+
+    Args:
+        env: A search, or a wrapper whose observations are tuples that end in the map.
+        n_steps: Steps until a cell counts in full again.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int], n_steps: int = 20) -> None:
+        super().__init__(env)
+        self._search: Any = env.unwrapped
+        self._seen = SeenDiscount(n_steps)
+
+    def _begin(self, observations: dict[str, Any]) -> dict[str, Any]:
+        *_, probability = next(iter(observations.values()))
+        self._seen.reset(probability)
+        return observations
+
+    def _change(self, observations: dict[str, Any]) -> dict[str, Any]:
+        *_, probability = next(iter(observations.values()))
+        steps = self._search.steps_done
+        self._seen.see(self._search.positions, steps)
+        lowered = self._seen.discount(probability, steps)
+        return {agent: (*first, lowered) for agent, (*first, _) in observations.items()}
+
+
+class EncodedVectorEnv:
+    """A batch of searches whose agents observe an encoding, instead of positions and maps.
+
+    Args:
+        env: The batch; not a lazy one.
+        encoding: What they observe; by default as before.
+        seen: Lowers the maps first, as `SeenDiscount` does.
+        drones_positions: Where every reset puts the drones.
+
+    Attributes:
+        env: As given.
+        single_observation_space: Of one drone, if there is an encoding.
+
+    Raises:
+        FieldError: If the batch is lazy.
+    """
+
+    def __init__(
+        self,
+        env: VectorEnv,
+        encoding: Encoding | None = None,
+        *,
+        seen: SeenDiscount | None = None,
+        drones_positions: Any = None,
+    ) -> None:
+        if env.lazy:
+            raise FieldError("lazy: true is not allowed with other observations")
+        self.env = env
+        self._encoding, self._seen = encoding, seen
+        self._start = {"drones_positions": drones_positions}
+        check_options(self._start, env.scenario, env.rules)
+        world = env.world
+        self.single_observation_space = encoding and encoding.space(
+            world.num_drones, world.grid_size
+        )
+
+    def reset(self, seed: Any = None, options: Mapping[str, Any] | None = None) -> tuple[Any, Any]:
+        """Start a new mission in every world, see `VectorEnv.reset`."""
+        observations, infos = self.env.reset(seed, {**(options or {}), **self._start})
+        if self._seen is not None:
+            self._seen.reset(observations["probability"])
+        return self._observe(observations, infos), infos
+
+    def step(self, actions: NDArray[np.int8]) -> tuple[Any, Any, Any, Any, Any]:
+        """Advance every world by one step, see `VectorEnv.step`."""
+        observations, *rest, infos = self.env.step(actions)
+        return (self._observe(observations, infos), *rest, infos)
+
+    def close(self) -> None:
+        """End the batch's threads."""
+        self.env.close()
+
+    def _observe(self, observations: dict[str, Any], infos: Mapping[str, Array]) -> Any:
+        positions, probability = observations["positions"], observations["probability"]
+        if self._seen is not None:
+            self._seen.see(positions, infos["step"])
+            probability = self._seen.discount(probability, infos["step"])
+        if self._encoding is None:
+            return {"positions": positions, "probability": probability}
+        return self._encoding.encode(positions, probability)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scripts for DSSE 1.1.9 find what they know: names, episodes, errors."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.compat import Actions, DroneSwarmSearch, Reward
+
+DATA = Path(__file__).parent.parent / "oracles" / "data" / "v2_episodes.json"
+EPISODES: list[dict[str, Any]] = json.loads(DATA.read_text(encoding="utf-8"))["episodes"]
+
+
+def env_of(episode: dict[str, Any]) -> DroneSwarmSearch:
+    return DroneSwarmSearch(
+        grid_size=episode["grid"],
+        vector=episode["vector"],
+        person_initial_position=episode["person_initial_position"],
+        person_amount=episode["person_amount"],
+        probability_of_detection=episode["probability_of_detection"],
+        timestep_limit=episode["timestep_limit"],
+        drone_amount=len(episode["options"]["drones_positions"]),
+    )
+
+
+@pytest.mark.parametrize("episode", EPISODES, ids=lambda episode: str(episode["name"]))
+def test_an_episode_runs_as_on_the_package(episode: dict[str, Any]) -> None:
+    env = env_of(episode)
+    env.reset(seed=1, options=episode["options"])
+    agents = list(env.possible_agents)
+    for step in episode["steps"]:
+        for person in env.get_persons():
+            person.x, person.y = step["persons"][person.index]
+        assert env.timestep == step["t"]
+        actions = dict(zip(agents, step["actions"], strict=True))
+        if "error" in step:
+            with pytest.raises(ValueError, match="Invalid action for drone1"):
+                env.step(actions)
+            return
+        observations, rewards, terminated, truncated, infos = env.step(actions)
+        assert list(rewards.values()) == step["rewards"]
+        assert list(terminated.values()) == step["terminated"]
+        assert list(truncated.values()) == step["truncated"]
+        assert [info["Found"] for info in infos.values()] == step["found"]
+        assert [list(cell) for cell in env.agents_positions] == step["positions"]
+        assert all(observations[a][0] == env.agents_positions[agents.index(a)] for a in rewards)
+        assert len(env.agents) == step["agents_left"]
+
+
+def play(seed: int | None) -> list[Any]:
+    env = DroneSwarmSearch(grid_size=8, vector=(1.5, 1.0), drone_amount=2, person_amount=3)
+    env.reset(seed=seed)
+    persons = []
+    for _ in range(30):
+        if env.agents:
+            env.step(dict.fromkeys(env.agents, Actions.SEARCH.value))
+        persons.append(sorted(person.get_position() for person in env.get_persons()))
+    return persons
+
+
+def test_a_seed_counts() -> None:
+    assert play(3) == play(3) != play(4)
+
+
+def test_rewards_that_were_replaced_count_from_the_next_reset() -> None:
+    env = DroneSwarmSearch(grid_size=3, timestep_limit=2)
+    env.reward_scheme = Reward(-1.0, -5.0, -7.0, 0, 0, 1)
+    env.reset()
+    assert env.step({"drone0": Actions.LEFT.value})[1] == {"drone0": -5.0}
+    assert env.step({"drone0": Actions.RIGHT.value})[1] == {"drone0": -1.0}
+    assert env.step({"drone0": Actions.RIGHT.value})[1] == {"drone0": -7.0}
+    assert env.rewards_sum == {"drone0": -13.0, "total": 0}
+
+
+def test_a_search_that_finds_nobody_earns_the_default() -> None:
+    class Cheap(DroneSwarmSearch):
+        reward_scheme = Reward(-1.0, -5.0, -7.0, 0, 0, 1)
+
+    env = Cheap(grid_size=9, vector=(0, 0), person_initial_position=(8, 8), dispersion_inc=0)
+    env.reset()
+    assert env.step({"drone0": Actions.SEARCH.value})[1] == {"drone0": -1.0}
+
+
+def test_the_published_names_are_there() -> None:
+    env = DroneSwarmSearch(drone_amount=2, pre_render_time=3, vector=(0.5, 0.2))
+    assert env.agents_positions == [(None, None)] * 2 and env.probability_matrix is None
+    env.reset(options={"vector": (0.1, 0.3), "person_pod_multipliers": [0.5]})
+    assert env.vector == (0.1, 0.3)
+    env.reset()
+    assert env.vector == (0.1, 0.3)
+    assert env.get_agents() == env.possible_agents == ["drone0", "drone1"]
+    assert env.pre_render_steps == 14 and env.time_step_relation == 13.0
+    assert env.agents_positions == [(0, 0), (1, 0)]
+    assert env.probability_matrix is not None
+    assert env.probability_matrix.get_matrix().sum() == pytest.approx(1.0)
+    assert env.action_space("drone0").n == len(Actions) == 9
+    assert (env.drone.amount, env.drone.speed, env.drone.pod) == (2, 10, 1.0)
+    assert not env.is_valid_position((20, 0)) and isinstance(env.render(), str)
+    env.close()
+
+
+def test_a_script_may_write_into_what_it_observed() -> None:
+    env, other = (DroneSwarmSearch(grid_size=6) for _ in range(2))
+    observed, expected = env.reset(seed=1)[0], other.reset(seed=1)[0]
+    observed["drone0"][1][:] = 0
+    observed, expected = env.step({"drone0": 1})[0], other.step({"drone0": 1})[0]
+    np.testing.assert_array_equal(observed["drone0"][1], expected["drone0"][1])
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"drone_amount": 0},
+        {"drone_amount": 1.5},
+        {"drone_amount": 50, "grid_size": 7},
+        {"render_mode": "loud"},
+        {"person_amount": 0},
+        {"dispersion_start": 0},
+        {"person_initial_position": (20, 0)},
+    ],
+)
+def test_an_argument_that_is_not_allowed_is_named_as_the_script_knows_it(
+    arguments: dict[str, Any],
+) -> None:
+    with pytest.raises(ValueError, match=rf"^{next(iter(arguments))}: .* is not allowed; "):
+        DroneSwarmSearch(**arguments)
+
+
+def test_a_step_without_a_reset_or_an_action_is_refused() -> None:
+    env = DroneSwarmSearch(drone_amount=2)
+    with pytest.raises(ValueError, match="reset"):
+        env.step({})
+    env.reset()
+    with pytest.raises(ValueError, match="Missing action for drone1"):
+        env.step({"drone0": 1})
+    assert env.timestep == 0

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scripts for DSSE 0.1.13 find what they know."""
+
+from __future__ import annotations
+
+import pytest
+
+from dsse_ros.compat.v1 import DroneSwarmSearch
+
+
+def test_a_mission_has_the_published_shapes() -> None:
+    env = DroneSwarmSearch(grid_size=9, n_drones=2, vector=(0.5, 0.5), disperse_constant=5)
+    observations = env.reset(drones_positions=[(4, 4), (8, 8)], seed=3)
+    assert [list(each) for each in observations.values()] == [["observation"]] * 2
+    cell, probability = observations["drone0"]["observation"]
+    assert cell == (4, 4) and probability.shape == (9, 9)
+    observations, rewards, terminated, truncated, infos = env.step({"drone0": 0, "drone1": 4})
+    assert observations["drone0"]["observation"][0] == env.agents_positions["drone0"] == (3, 4)
+    assert list(rewards) == ["drone0", "drone1", "total_reward"]
+    assert rewards["drone0"] == 1 and rewards["total_reward"] == rewards["drone1"] + 1
+    assert terminated == truncated == {"drone0": False, "drone1": False}
+    assert infos == {"Found": False}
+    assert env.action_space("drone0") == [0, 1, 2, 3, 4]
+    assert env.rewards_sum["total"] == rewards["total_reward"]
+
+
+def test_leaving_the_grid_ends_the_mission_and_later_steps_change_nothing() -> None:
+    env = DroneSwarmSearch(n_drones=2)
+    env.reset()
+    _, rewards, terminated, _, _ = env.step({"drone0": 0, "drone1": 3})
+    assert rewards["drone0"] == -100000 and terminated["drone0"]
+    positions, total = env.agents_positions, env.rewards_sum["total"]
+    env.step({"drone0": 1, "drone1": 1})
+    assert (env.agents_positions, env.rewards_sum["total"]) == (positions, total)
+
+
+def test_rewards_that_were_replaced_count_from_the_next_reset() -> None:
+    env = DroneSwarmSearch()
+    env.reward_scheme["default"] = 7
+    env.reset()
+    assert env.step({"drone0": 1})[1]["drone0"] == 7
+
+
+def test_a_missing_action_is_named() -> None:
+    env = DroneSwarmSearch(n_drones=2)
+    with pytest.raises(ValueError, match="reset"):
+        env.step({})
+    env.reset()
+    with pytest.raises(ValueError, match="Missing action for drone1"):
+        env.step({"drone0": 1})
+    with pytest.raises(ValueError, match=r"^n_drones: .* is not allowed; "):
+        DroneSwarmSearch(n_drones=50)
