@@ -35,7 +35,7 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 TESTS_OF_CHECK := $(addprefix test/,dashboard flight mission msg_adapters packaging planners \
 	recording report search)
 
-MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
+MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -109,9 +109,9 @@ $(BASE):
 
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
-$(VENV)/.sim: EXTRAS := viz,area
-$(VENV)/.view: EXTRAS := viz,area,dashboard
-$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record,dashboard,browser
+$(VENV)/.sim: EXTRAS := viz,area,onnx
+$(VENV)/.view: EXTRAS := viz,area,onnx,dashboard
+$(VENV)/.test: EXTRAS := viz,area,test,sitl,routes,record,dashboard,browser,onnx
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt

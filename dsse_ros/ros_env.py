@@ -188,9 +188,10 @@ class DsseRosEnv(ParallelEnv[str, AgentObservation, int]):
         self._leave()
         deadline_s = time.monotonic() + self.timeout_s
         parameter = Parameter("seed", value=seed).to_parameter_msg()
-        self._set_result(
-            self._call(self._set, SetParameters.Request(parameters=[parameter]), deadline_s)
-        )
+        request = SetParameters.Request(parameters=[parameter])
+        for result in self._call(self._set, request, deadline_s).results:
+            if not result.successful:
+                raise FieldError(f"seed: the node refuses it: {result.reason}")
         self._inbox.forget_step()
         answer = self._call(self._reset, Trigger.Request(), deadline_s)
         if not answer.success:
@@ -365,10 +366,11 @@ class DsseRosEnv(ParallelEnv[str, AgentObservation, int]):
         Raises:
             TimeoutError: If there is none in time.
         """
-        self._wait(client.service_is_ready, f"service {client.srv_name}", deadline_s)
+        name = self._node.resolve_service_name(client.srv_name)
+        self._wait(client.service_is_ready, f"service {name}", deadline_s)
         future = client.call_async(request)
         try:
-            self._wait(future.done, f"answer of service {client.srv_name}", deadline_s)
+            self._wait(future.done, f"answer of service {name}", deadline_s)
         except TimeoutError:
             client.remove_pending_request(future)
             raise

@@ -20,7 +20,7 @@ from dsse_ros.nodes.qos import COMPLETE, LATCHED, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
-from dsse_ros.search import HOLD
+from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
 from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo
@@ -52,6 +52,11 @@ class PlannerNode(AlarmNode):
         self.settings = PlannerSettings(**given)
         # A planner that cannot be loaded is bad input, before any simulation is there.
         load_planner(self.settings.planner)
+        if (self.settings.planner == "onnx") != bool(self.settings.model):
+            raise FieldError(
+                f"model: {self.settings.model!r} is not allowed with planner "
+                f"{self.settings.planner}; the planner onnx has a file there, no other one"
+            )
         declare(self, known, vars(self.settings))
         self._inbox = StepInbox()
         self._planner: Planner | None = None
@@ -177,7 +182,8 @@ class PlannerNode(AlarmNode):
             return make_planner(name, info.actions, seed=seed, area=info.area_mask)
         if info.definition is None:
             raise ValueError("agents.definition: missing; this planner needs it")
-        return planner_for(info.definition, name, seed=seed)
+        options = {"model": self.settings.model} if self.settings.model else {}
+        return planner_for(info.definition, name, seed=seed, **options)
 
     def _report_failure(self, step: StepId, error: Exception) -> None:
         """Log that the planner has failed, once for each step."""
