@@ -10,10 +10,10 @@ A model has inputs of these names, any of them, all float32 with the drones as t
 | `probability` | (N, G, G) | the map [y, x] over its maximum |
 | `action_mask` | (N, A) | 0 where a move would leave the grid or the area |
 
-In `positions` a drone that is out of the search stays where it was. The first output is (N, A): a score of each action. A drone does the action with the highest score
-of those that its mask allows. The metadata `dsse_ros` of the file is a JSON object with `actions`
-(their names by number), `rules` (the name of the profile) and, where the model fits no other,
-`grid_size` and `num_drones`.
+In `positions` a drone that is out of the search stays where it was. The first output is (N, A): a
+score of each action. A drone does the action with the highest score of those that its mask allows.
+The metadata `dsse_ros` of the file is a JSON object with `actions` (their names by number), `rules`
+(the name of the profile) and, where the model fits no other, `grid_size` and `num_drones`.
 """
 
 from __future__ import annotations

@@ -208,7 +208,8 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
                 "planner_timeout": 60.0, "setpoint_rate": min(5.0 * arguments.speedup, 200.0),
             },
             "planner_node": {
-                "planner": arguments.planner, "model": arguments.model or "", "seed": arguments.seed,
+                "planner": arguments.planner, "model": arguments.model or "",
+                "seed": arguments.seed,
             },
         }  # fmt: skip
         processes = {
