@@ -52,10 +52,14 @@ class PlannerNode(AlarmNode):
         self.settings = PlannerSettings(**given)
         # A planner that cannot be loaded is bad input, before any simulation is there.
         load_planner(self.settings.planner)
-        if (self.settings.planner == "onnx") != bool(self.settings.model):
+        if self.settings.planner == "onnx":
+            from dsse_ros.planners.onnx import read_model
+
+            read_model(self.settings.model)
+        elif self.settings.model:
             raise FieldError(
                 f"model: {self.settings.model!r} is not allowed with planner "
-                f"{self.settings.planner}; the planner onnx has a file there, no other one"
+                f"{self.settings.planner}; only onnx has one"
             )
         declare(self, known, vars(self.settings))
         self._inbox = StepInbox()

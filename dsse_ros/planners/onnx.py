@@ -106,16 +106,11 @@ def encode(
     return {name: np.ascontiguousarray(value, np.float32) for name, value in inputs.items()}
 
 
-def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
-    """Return the planner of a model.
-
-    Args:
-        search: What is searched.
-        seed: Not used: a model draws nothing.
-        model: ONNX file.
+def read_model(model: str) -> onnxruntime.InferenceSession:
+    """Return the model in an ONNX file.
 
     Raises:
-        FieldError: If there is no such model, or it is one of another search.
+        FieldError: If there is none, or it has inputs that are not known.
     """
     if not model:
         raise FieldError("model: missing; the planner onnx needs an ONNX file")
@@ -134,6 +129,21 @@ def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
     unknown = [one.name for one in session.get_inputs() if one.name not in INPUTS]
     if unknown:
         raise FieldError(f"model: input {unknown[0]!r} is not known; {', '.join(INPUTS)}")
+    return session
+
+
+def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
+    """Return the planner of a model.
+
+    Args:
+        search: What is searched.
+        seed: Not used: a model draws nothing.
+        model: ONNX file.
+
+    Raises:
+        FieldError: If there is no such model, or it is one of another search.
+    """
+    session = read_model(model)
     _check_metadata(session.get_modelmeta().custom_metadata_map, search)
     return OnnxPolicy(session)
 
