@@ -74,7 +74,7 @@ class ObservedStep:
             self.info.agents[i]: {"Found": found, "action_mask": masks[i]} for i in drones
         }
         definition = self.info.definition
-        # Not known of the persons: then it is said rather than left out.
+        # Where the number of persons is not known there may be several.
         if definition is None or definition.scenario.person_amount > 1:
             for i, info in zip(drones, infos.values(), strict=True):
                 info["found_person"] = bool(self.report["found"][i])
