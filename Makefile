@@ -35,7 +35,7 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 TESTS_OF_CHECK := $(addprefix test/,compat dashboard flight mission msg_adapters packaging \
 	planners recording report search)
 
-MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') \
+MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
 MOVIE_OF = $(if $(MOVIE),--movie '$(MOVIE)')
 
@@ -117,9 +117,10 @@ $(BASE):
 
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
-$(VENV)/.sim: EXTRAS := viz,area,movie
-$(VENV)/.view: EXTRAS := viz,area,movie,dashboard
-$(VENV)/.test: EXTRAS := viz,area,movie,test,sitl,routes,record,dashboard,browser,docs,viewer
+$(VENV)/.sim: EXTRAS := viz,area,movie,onnx
+$(VENV)/.view: EXTRAS := viz,area,movie,onnx,dashboard
+$(VENV)/.test: EXTRAS := \
+	viz,area,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt

@@ -47,6 +47,8 @@ setup(
     extras_require={
         # The solver of the planner `route`.
         "routes": ["ortools>=9.10"],
+        # What the planner `onnx` runs models with.
+        "onnx": ["onnxruntime>=1.17"],
         # Ground stations that the tests fly with. MAVProxy needs `future` without saying so; from
         # 1.8.75 on it brings 800 MB of 3D libraries.
         "sitl": ["MAVProxy>=1.8.71,<1.8.75", "future>=1.0", "mavsdk>=4.1,<5"],
@@ -70,6 +72,7 @@ setup(
             "hypothesis>=6.100",
             "mcap-ros2-support>=0.6",
             "mypy>=1.15",
+            "onnx>=1.16",
             "pytest==8.3.*",
             "pytest-xdist>=3.8",
             "rosbags>=0.11",

@@ -38,6 +38,7 @@ POINT = (
 )
 """Fields of a drone in a step, in the reports of a step and of a mission."""
 
+_ALL_FOUND = "all_found"
 _MASK = "action_mask"
 
 
@@ -47,15 +48,15 @@ def step_report_dtype(num_actions: int) -> np.dtype[Any]:
 
     Fields: x, y, z (m, map frame, float32), step (uint32), run_id and mission (uint32, as in
     `AgentsInfo`), reward (float64), col, row (int16), action (int8: the one applied, -1 if none),
-    terminated, truncated, found, held (uint8: 0 or 1), action_mask (uint8 x num_actions: 0 if the
-    action would leave the grid).
+    terminated, truncated, found, held, all_found (uint8: 0 or 1), action_mask (uint8 x num_actions:
+    0 if the action would leave the grid).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
     """
     if not 1 <= num_actions <= MAX_ACTIONS:
         raise ValueError(f"num_actions: {num_actions!r} is not allowed; 1 to {MAX_ACTIONS}")
-    return np.dtype([*POINT, (_MASK, "u1", (int(num_actions),))])
+    return np.dtype([*POINT, (_ALL_FOUND, "u1"), (_MASK, "u1", (int(num_actions),))])
 
 
 def make_step_report(
@@ -72,6 +73,7 @@ def make_step_report(
     found: ArrayLike,
     held: ArrayLike,
     action_mask: ArrayLike,
+    all_found: bool = False,
 ) -> NDArray[Any]:
     """Return the report of all N drones in the order of the agents.
 
@@ -88,6 +90,7 @@ def make_step_report(
         found: (N,) flags: the drone found a person in this step.
         held: (N,) flags: no command came in time and the drone was held.
         action_mask: (N, A), 0 where the action would leave the grid.
+        all_found: Whether every person has been found.
 
     Returns:
         (N,) of `step_report_dtype(A)`.
@@ -108,6 +111,7 @@ def make_step_report(
     report["reward"] = rewards
     for name, flags in zip(FLAGS, (terminated, truncated, found, held), strict=True):
         report[name] = np.asarray(flags, dtype=bool)
+    report[_ALL_FOUND] = all_found
     report[_MASK] = mask
     return report
 
@@ -136,11 +140,20 @@ def step_report_message(
 def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     """Return the report in a cloud: the inverse of `step_report_message`.
 
+    `all_found` is 0 where the cloud does not have it: reports were without it once.
+
     Raises:
         ValueError: If the cloud is not a report.
     """
     if message.height != 1:
         raise ValueError(f"height: {message.height} is not allowed; 1 is")
     num_actions = next((field.count for field in message.fields if field.name == _MASK), 1)
-    report: NDArray[Any] = points_from_message(message, step_report_dtype(num_actions))[0]
+    dtype = step_report_dtype(num_actions)
+    if any(field.name == _ALL_FOUND for field in message.fields):
+        report: NDArray[Any] = points_from_message(message, dtype)[0]
+        return report
+    read = points_from_message(message, np.dtype([*POINT, (_MASK, dtype[_MASK])]))[0]
+    report = np.zeros(len(read), dtype)
+    for name in read.dtype.names or ():
+        report[name] = read[name]
     return report

@@ -30,6 +30,7 @@ _OF_SEARCH = {
     "scenario": ("scenario", Spec("str", "")),
     "rules": ("rules", Spec("str", "", choices=tuple(PROFILES))),
     "planner": ("planner", Spec("str", "", choices=PLANNER_NAMES)),
+    "model": ("model", Spec("str", "")),
     "num_drones": ("drones", specs(Scenario)["num_drones"]),
     "seed": ("seed", Spec("int", "", low=0, high=MAX_SEED)),
 }
@@ -51,6 +52,7 @@ class Parser(argparse.ArgumentParser):
         self.add("--scenario", default=scenario, help="YAML file or name")
         self.add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
         self.add("--planner", default="greedy", choices=PLANNER_NAMES, help="planner")
+        self.add("--model", help="ONNX file of the planner onnx")
         self.add("--drones", type=int, help="number of drones, by default the scenario's")
         seeded = "random seed of the map, the persons and the planner"
         self.add("--seed", type=int, default=0, help=seeded)

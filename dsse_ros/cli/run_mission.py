@@ -249,7 +249,7 @@ def fly(
     }  # fmt: skip
     if arguments.drones is not None:
         sim["num_drones"] = arguments.drones
-    planner = {"planner": arguments.planner, "seed": arguments.seed}
+    planner = {"planner": arguments.planner, "seed": arguments.seed, "model": arguments.model or ""}
     sim_ros = ros_for(SIM_PARAMETERS, arguments.ros)
     planner_ros = ros_for(PLANNER_PARAMETERS, arguments.ros)
     sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"

@@ -20,17 +20,12 @@ from dsse_ros.nodes.qos import COMPLETE, LATCHED, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
-from dsse_ros.search import HOLD, Observation
+from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
 from dsse_ros.search.fields import specs
-from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.agents import AgentsInfo
 from msg_adapters.commands import joint_action_message
-from msg_adapters.images import image_to_probability
-from msg_adapters.stamps import to_nanoseconds
-from msg_adapters.step_report import step_report_from_message
-
-Step = tuple[int, int, int]
-"""run_id, mission and step of a report: no two steps have all alike."""
+from msg_adapters.observed_step import ObservedStep, StepId, StepInbox, step_id_of
 
 _RETRY_S = 1.0
 """Wall time after which a planner that failed is asked again, and what is waited for is logged."""
@@ -38,8 +33,6 @@ _SHARE = 0.8
 """Of the time that a step waits, a planner gets this: the rest is for the messages on their way."""
 _PENDING_S = 10.0
 """Wall time after which a step that does not come is worth a line: vehicles take that long."""
-_RUNS = 10
-"""Runs whose `agents` are kept: more than there are simulations in a namespace by mistake."""
 
 
 class PlannerNode(AlarmNode):
@@ -59,16 +52,23 @@ class PlannerNode(AlarmNode):
         self.settings = PlannerSettings(**given)
         # A planner that cannot be loaded is bad input, before any simulation is there.
         load_planner(self.settings.planner)
+        if self.settings.planner == "onnx":
+            from dsse_ros.planners.onnx import read_model
+
+            read_model(self.settings.model)
+        elif self.settings.model:
+            raise FieldError(
+                f"model: {self.settings.model!r} is not allowed with planner "
+                f"{self.settings.planner}; only onnx has one"
+            )
         declare(self, known, vars(self.settings))
-        self._infos: dict[int, AgentsInfo] = {}  # by run_id, the latest last
-        self._map: tuple[int, NDArray[np.float32]] | None = None
-        self._report: tuple[int, NDArray[Any]] | None = None
+        self._inbox = StepInbox()
         self._planner: Planner | None = None
-        self._answered: Step | None = None
+        self._answered: StepId | None = None
         self._map_used: object = None
         self._answer: Int32MultiArray | None = None
         self._answered_s = 0.0
-        self._failed: Step | None = None
+        self._failed: StepId | None = None
         self._late: tuple[NDArray[Any], list[int]] | None = None
         self._waits_for = ""
         endpoints = Endpoints(self, qos)
@@ -78,7 +78,7 @@ class PlannerNode(AlarmNode):
             endpoints.subscription(kind, topic, partial(self._on, topic, read), LATCHED)
             for kind, topic, read in (
                 (String, "agents", self._on_agents),
-                (Image, "probability", self._on_map),
+                (Image, "probability", self._inbox.take_map),
                 (PointCloud2, "step_report", self._on_report),
             )
         ]
@@ -97,11 +97,7 @@ class PlannerNode(AlarmNode):
             self._plan()
 
     def _on_agents(self, message: String) -> None:
-        info = agents_from_message(message)
-        self._infos.pop(info.run_id, None)
-        self._infos[info.run_id] = info
-        if len(self._infos) > _RUNS:
-            del self._infos[next(iter(self._infos))]
+        info = self._inbox.take_agents(message)
         self._leave_search(info.run_id, info.mission)
 
     def _leave_search(self, run_id: int, mission: int) -> None:
@@ -109,32 +105,25 @@ class PlannerNode(AlarmNode):
         if self._answered is not None and self._answered[:2] != (run_id, mission):
             self._forget_answer()
 
-    def _on_map(self, message: Image) -> None:
-        self._map = (to_nanoseconds(message.header.stamp), image_to_probability(message))
-
     def _on_report(self, message: PointCloud2) -> None:
-        report = step_report_from_message(message)
+        last = self._inbox.report
+        report = self._inbox.take_report(message)
         if len(report):
-            before = self._report and _step_of(self._report[1])
-            self._report = (to_nanoseconds(message.header.stamp), report)
-            step = _step_of(report)
+            before, step = last and step_id_of(last[1]), step_id_of(report)
             self._leave_search(*step[:2])
             if before and before[:2] == step[:2] and step[2] > before[2] + 1:
                 self.get_logger().debug(f"steps {before[2] + 1} to {step[2] - 1} were not received")
 
     def _plan(self) -> None:
         """Answer the step if it is not answered yet and all about it is here."""
-        if self._map is None or self._report is None:
+        observed = self._inbox.step()
+        if observed is None:
             return
-        (stamp, report), (map_stamp, probability) = self._report, self._map
-        step, last = _step_of(report), self._answered
-        info = self._infos.get(step[0])
-        if info is None or stamp != map_stamp or not _fits(info, report, probability):
-            return
+        step, last = observed.step_id, self._answered
         # A map names no search: one that was used for another may have this stamp too.
-        if last is not None and last[:2] != step[:2] and self._map is self._map_used:
+        if last is not None and last[:2] != step[:2] and self._inbox.map is self._map_used:
             return
-        live = ~((report["terminated"] | report["truncated"]).astype(bool))
+        live = observed.live
         if step == last:
             if not live.any():
                 # The last drone was lost since: there is nobody to command any more.
@@ -146,8 +135,8 @@ class PlannerNode(AlarmNode):
             try:
                 with announced(self.get_logger().info):
                     if last is None or step[:2] != last[:2] or step[2] < last[2]:
-                        self._planner, self._late = self._make_planner(info), None
-                    actions = self._decide(info, report, probability, live)
+                        self._planner, self._late = self._make_planner(observed.info), None
+                    actions = self._decide(observed)
                 answer = joint_action_message(step[2], actions, mission=step[1])
             except Exception as error:
                 # Planners of others may raise anything.
@@ -156,16 +145,10 @@ class PlannerNode(AlarmNode):
                 return
         self._answer = answer
         self._send()
-        self._answered, self._map_used = step, self._map
+        self._answered, self._map_used = step, self._inbox.map
         self._answered_s = time.monotonic()
 
-    def _decide(
-        self,
-        info: AgentsInfo,
-        report: NDArray[Any],
-        probability: NDArray[np.float32],
-        live: NDArray[np.bool_],
-    ) -> list[int]:
+    def _decide(self, observed: ObservedStep) -> list[int]:
         """Return the planner's actions for a step.
 
         A decision that took longer than its step has waited is for a later one, if the drones are
@@ -175,16 +158,16 @@ class PlannerNode(AlarmNode):
             Exception: See `_ask`.
         """
         assert self._planner is not None
-        places = np.stack([live, report["col"], report["row"]])
+        places = np.column_stack([observed.live, observed.cells])
         late, self._late = self._late, None
         if late is not None and np.array_equal(late[0], places):
             return late[1]
-        began_s, time_s = time.monotonic(), info.decision_time_s
-        actions = _ask(self._planner, info, report, probability, live)
+        began_s, time_s = time.monotonic(), observed.info.decision_time_s
+        actions = _ask(self._planner, observed)
         took_s = time.monotonic() - began_s
         if time_s is not None and took_s > time_s:
             self._late = places, actions
-            _, mission, step = _step_of(report)
+            _, mission, step = observed.step_id
             self.warn(
                 "late",
                 f"planner {self.settings.planner} is too slow: {took_s:.2f} s for step {step} of "
@@ -203,9 +186,10 @@ class PlannerNode(AlarmNode):
             return make_planner(name, info.actions, seed=seed, area=info.area_mask)
         if info.definition is None:
             raise ValueError("agents.definition: missing; this planner needs it")
-        return planner_for(info.definition, name, seed=seed)
+        options = {"model": self.settings.model} if self.settings.model else {}
+        return planner_for(info.definition, name, seed=seed, **options)
 
-    def _report_failure(self, step: Step, error: Exception) -> None:
+    def _report_failure(self, step: StepId, error: Exception) -> None:
         """Log that the planner has failed, once for each step."""
         if step == self._failed:
             return
@@ -225,7 +209,7 @@ class PlannerNode(AlarmNode):
 
     def _missing(self) -> str:
         """Return what is waited for; "" for nothing worth a line."""
-        received = (self._infos, self._map, self._report)
+        received = (self._inbox.infos, self._inbox.map, self._inbox.report)
         silent = [
             subscription.topic_name
             for subscription, one in zip(self._inputs, received, strict=True)
@@ -233,8 +217,8 @@ class PlannerNode(AlarmNode):
         ]
         if silent:
             return f"a simulation: nothing on {', '.join(silent)} yet"
-        assert self._report is not None
-        step = _step_of(self._report[1])
+        assert self._inbox.report is not None
+        step = step_id_of(self._inbox.report[1])
         if step == self._failed:
             return ""
         if step != self._answered:
@@ -258,55 +242,23 @@ class PlannerNode(AlarmNode):
             self._resend_alarm.set(self.settings.resend_period)
 
 
-def _ask(
-    planner: Planner,
-    info: AgentsInfo,
-    report: NDArray[Any],
-    probability: NDArray[np.float32],
-    live: NDArray[np.bool_],
-) -> list[int]:
+def _ask(planner: Planner, observed: ObservedStep) -> list[int]:
     """Return a planner's actions in the order of the drones; `HOLD` for those out of the search.
 
     Raises:
         Exception: Whatever the planner raises, or its answer is not made of.
     """
-    agents = {name: i for i, name in enumerate(info.agents) if live[i]}
-    cells = np.stack([report["col"], report["row"]], axis=1).astype(np.int64)
-    masks = report["action_mask"].astype(np.int8)
-    time_s = info.decision_time_s
-    limit = {} if time_s is None else {"decision_time_s": _SHARE * time_s}
-    actions = planner(
-        {name: Observation(cells[i], probability) for name, i in agents.items()},
-        {
-            name: {
-                "Found": False,
-                "found_person": bool(report["found"][i]),
-                "action_mask": masks[i],
-                "step": int(report["step"][i]),
-                "action": int(report["action"][i]),
-                **limit,
-            }
-            for name, i in agents.items()
-        },
-    )
+    drones = np.flatnonzero(observed.live).tolist()
+    infos, report, time_s = observed.infos(drones), observed.report, observed.info.decision_time_s
+    for i, info in zip(drones, infos.values(), strict=True):
+        info |= {"step": int(report["step"][i]), "action": int(report["action"][i])}
+        if time_s is not None:
+            info["decision_time_s"] = _SHARE * time_s
+    numbers = dict(zip(infos, drones, strict=True))
     joint = [HOLD] * len(report)
-    for name, action in actions.items():
-        joint[agents[name]] = int(action)
+    for name, action in planner(observed.observations(drones), infos).items():
+        joint[numbers[name]] = int(action)
     return joint
-
-
-def _step_of(report: NDArray[Any]) -> Step:
-    run_id, mission, step = (int(report[name][0]) for name in ("run_id", "mission", "step"))
-    return run_id, mission, step
-
-
-def _fits(info: AgentsInfo, report: NDArray[Any], probability: NDArray[np.float32]) -> bool:
-    """Return whether all three can be of the same search."""
-    return (
-        len(report) == len(info.agents)
-        and report["action_mask"].shape[1] == len(info.actions)
-        and probability.shape == (info.grid_size, info.grid_size)
-    )
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -68,7 +68,10 @@ _FACTORIES: Mapping[str, PlannerFactory] = MappingProxyType(
 )
 """The planners of this package that need no extra."""
 
-_WITH_EXTRAS = (EntryPoint("route", "dsse_ros.planners.route:make_route", GROUP),)
+_WITH_EXTRAS = (
+    EntryPoint("onnx", "dsse_ros.planners.onnx:make_onnx", GROUP),
+    EntryPoint("route", "dsse_ros.planners.route:make_route", GROUP),
+)
 
 
 def _registered() -> dict[str, list[EntryPoint]]:

@@ -6,9 +6,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dsse_ros.search.actions import Cell
+from dsse_ros.search.rules import Rules
 
 
 class Observation(NamedTuple):
@@ -25,6 +27,19 @@ class Observation(NamedTuple):
 
 AgentObservation = tuple[NDArray[np.integer[Any]], NDArray[np.float32]]
 """What an environment hands out for each agent: `Observation(*it)` has names."""
+
+
+def observation_space(grid_size: int, rules: Rules) -> spaces.Tuple:
+    """Return the space of a drone's observations, for grid_size cells along a side."""
+    # A drone that flies on outside is one cell off the grid when its search ends.
+    margin = int(rules.leave_policy == "fly_on")
+    span, first = [grid_size + 2 * margin] * 2, [-margin] * 2
+    return spaces.Tuple(
+        (
+            spaces.MultiDiscrete(span, start=first),
+            spaces.Box(0.0, 1.0, (grid_size, grid_size), np.float32),
+        )
+    )
 
 
 def most_probable(probability: NDArray[np.float32], count: int) -> list[Cell]:

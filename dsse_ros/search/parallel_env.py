@@ -16,7 +16,7 @@ from pettingzoo import ParallelEnv
 from dsse_ros.search import rendering
 from dsse_ros.search.fields import FieldError, Spec, shown
 from dsse_ros.search.mission_view import Past, view_of
-from dsse_ros.search.observation import AgentObservation
+from dsse_ros.search.observation import AgentObservation, observation_space
 from dsse_ros.search.options import OBSERVED, check_options, check_seed
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario, Scenario, ScenarioSource, scenario_and_rules
@@ -76,19 +76,10 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         self._note_belief()
         self.scenario = self.world.scenario
         g = self.world.grid_size
-        # A drone that flies on outside is one cell off the grid when its search ends.
-        margin = int(rules.leave_policy == "fly_on")
-        span, first = [g + 2 * margin] * 2, [-margin] * 2
         self.possible_agents = [f"drone{i}" for i in range(self.world.num_drones)]
         self.agents: list[str] = []
         # One space for all: its bounds are as large as the map.
-        observation_space = spaces.Tuple(
-            (
-                spaces.MultiDiscrete(span, start=first),
-                spaces.Box(0.0, 1.0, (g, g), np.float32),
-            )
-        )
-        self.observation_spaces = dict.fromkeys(self.possible_agents, observation_space)
+        self.observation_spaces = dict.fromkeys(self.possible_agents, observation_space(g, rules))
         self.action_spaces = {
             agent: spaces.Discrete(len(rules.actions)) for agent in self.possible_agents
         }

@@ -181,7 +181,10 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
                 # Wall time, in which vehicle time goes faster.
                 "planner_timeout": 60.0, "setpoint_rate": min(5.0 * arguments.speedup, 200.0),
             },
-            "planner_node": {"planner": arguments.planner, "seed": arguments.seed},
+            "planner_node": {
+                "planner": arguments.planner, "model": arguments.model or "",
+                "seed": arguments.seed,
+            },
         }  # fmt: skip
         processes = {
             name: stack.enter_context(process(name, values, out / f"{name}.log"))

@@ -244,3 +244,9 @@ def test_an_array_that_is_no_report_is_refused():
     for number in (0, MAX_ACTIONS + 1):
         with pytest.raises(ValueError, match="^num_actions: "):
             step_report_dtype(number)
+
+
+def test_a_cloud_without_all_found_is_read_as_one_where_some_are_missing():
+    message = step_report_message(FRAME, small_report(), STAMP)
+    message.fields = [field for field in message.fields if field.name != "all_found"]
+    assert np.array_equal(step_report_from_message(message), small_report())

@@ -468,7 +468,7 @@ def test_every_dependency_is_explained() -> None:
         *ast.literal_eval(given["install_requires"]),
         *(
             requirement
-            for extra in ("area", "dashboard", "land", "movie", "record", "viewer", "viz")
+            for extra in ("area", "dashboard", "land", "movie", "onnx", "record", "viewer", "viz")
             for requirement in extras[extra]
         ),
     ]

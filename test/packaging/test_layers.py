@@ -66,6 +66,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         },
         set(),
     ),
+    "dsse_ros.ros_env": ({"dsse_ros.nodes", "msg_adapters", "dsse_ros.search"}, {"mavlink"}),
     "dsse_ros.cli": ({"dsse_ros", "msg_adapters"}, set()),
 }
 KINDS = {
@@ -166,6 +167,7 @@ def test_a_module_imports_only_from_below(module: str, file: Path) -> None:
         ("dsse_ros.dashboard.view", "from rclpy.node import Node"),
         ("dsse_ros.dashboard.view", "from std_msgs.msg import String"),
         ("dsse_ros.dashboard.view", "from dsse_ros.nodes.dashboard import DashboardNode"),
+        ("dsse_ros.ros_env", "from dsse_ros.planners import planner_for"),
         ("msg_adapters.poses", "from rclpy.time import Time"),
         ("msg_adapters.poses", "from dsse_ros.nodes import sim_node"),
         ("msg_adapters.poses", "import logging"),

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Policies trained elsewhere: neural networks in ONNX files, run by onnxruntime (extra `onnx`).
+
+A model has inputs of these names, any of them, all float32 with the drones as the first axis:
+
+| Input | Shape | What it is |
+| --- | --- | --- |
+| `position` | (N, 2) | each drone's cell (x, y) over G - 1 |
+| `positions` | (N, 2M) | cells of all M drones over G - 1, its own swapped with the first |
+| `probability` | (N, G, G) | the map [y, x] over its maximum |
+| `action_mask` | (N, A) | 0 where a move would leave the grid or the area |
+
+In `positions` a drone that is out of the search stays where it was. The first output is (N, A): a
+score of each action. A drone does the action with the highest score of those that its mask allows.
+The metadata `dsse_ros` of the file is a JSON object with `actions` (their names by number), `rules`
+(the name of the profile) and, where the model fits no other, `grid_size` and `num_drones`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners.planner import Cell, Planner, Search, cells_of, probability_of
+from dsse_ros.search.fields import FieldError, shown
+from dsse_ros.search.observation import AgentObservation
+
+try:
+    import onnxruntime
+except ImportError as error:
+    raise ImportError(f"{error}; pip install 'dsse_ros[onnx]'") from error
+
+METADATA = "dsse_ros"
+"""Key of the file's metadata."""
+
+INPUTS = ("position", "positions", "probability", "action_mask")
+"""Inputs that a model may have."""
+
+
+class OnnxPolicy:
+    """The policy of a model."""
+
+    def __init__(self, session: onnxruntime.InferenceSession) -> None:
+        self._session = session
+        self._inputs = [one.name for one in session.get_inputs()]
+        # Of all drones, those out of the search too.
+        self._cells: dict[str, Cell] = {}
+
+    def __call__(
+        self,
+        observations: Mapping[str, AgentObservation],
+        infos: Mapping[str, Mapping[str, Any]],
+    ) -> dict[str, int]:
+        """Return the allowed action with the highest score for every drone."""
+        if not observations:
+            return {}
+        self._cells.update(zip(observations, cells_of(observations), strict=True))
+        numbers = [n for n, name in enumerate(self._cells) if name in observations]
+        names = [name for name in self._cells if name in observations]
+        probability = probability_of(observations)
+        masks = np.stack([infos[name]["action_mask"] for name in names])
+        given = encode(list(self._cells.values()), numbers, probability, masks)
+        scores = np.asarray(self._session.run(None, {k: given[k] for k in self._inputs})[0])
+        if scores.shape != masks.shape:
+            raise ValueError(
+                f"model: scores of shape {scores.shape} are not allowed; {masks.shape}, one per "
+                "drone and action"
+            )
+        # Where nothing is allowed nothing is forbidden.
+        barred = (masks == 0) & masks.any(axis=1, keepdims=True)
+        best = np.where(barred, -np.inf, scores).argmax(axis=1)
+        return dict(zip(names, best.tolist(), strict=True))
+
+
+def encode(
+    cells: Sequence[Cell],
+    numbers: Sequence[int],
+    probability: NDArray[np.float32],
+    masks: NDArray[np.int8],
+) -> dict[str, NDArray[np.float32]]:
+    """Return the inputs of a model for some of the drones.
+
+    Args:
+        cells: (col, row) of all M drones.
+        numbers: The N drones that are to act.
+        probability: (G, G), the map [y, x].
+        masks: (N, A), their action masks.
+    """
+    places = np.asarray(cells, np.float32) / max(len(probability) - 1, 1)
+    likely = probability / max(float(probability.max()), float(np.finfo(np.float32).tiny))
+    own = np.asarray(numbers)
+    order = np.tile(np.arange(len(places)), (len(own), 1))
+    order[:, 0] = own
+    order[np.arange(len(own)), own] = 0
+    inputs = {
+        "position": places[own],
+        "positions": places[order].reshape(len(own), -1),
+        "probability": np.repeat(likely[np.newaxis], len(own), axis=0),
+        "action_mask": masks,
+    }
+    return {name: np.ascontiguousarray(value, np.float32) for name, value in inputs.items()}
+
+
+def read_model(model: str) -> onnxruntime.InferenceSession:
+    """Return the model in an ONNX file.
+
+    Raises:
+        FieldError: If there is none, or it has inputs that are not known.
+    """
+    if not model:
+        raise FieldError("model: missing; the planner onnx needs an ONNX file")
+    path = Path(model).expanduser()
+    if not path.is_file():
+        raise FieldError(f"model: {shown(model)} is not allowed; no such file")
+    options = onnxruntime.SessionOptions()
+    # The same sums in the same order on any machine, and no core taken from the nodes.
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        session = onnxruntime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
+    except Exception as error:  # Of classes that are not public.
+        reason = " ".join(str(error).split())
+        raise FieldError(f"model: {shown(model)} cannot be read: {reason}") from None
+    unknown = [one.name for one in session.get_inputs() if one.name not in INPUTS]
+    if unknown:
+        raise FieldError(f"model: input {unknown[0]!r} is not known; {', '.join(INPUTS)}")
+    return session
+
+
+def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
+    """Return the planner of a model.
+
+    Args:
+        search: What is searched.
+        seed: Not used: a model draws nothing.
+        model: ONNX file.
+
+    Raises:
+        FieldError: If there is no such model, or it is one of another search.
+    """
+    session = read_model(model)
+    _check_metadata(session.get_modelmeta().custom_metadata_map, search)
+    return OnnxPolicy(session)
+
+
+def _check_metadata(metadata: Mapping[str, str], search: Search) -> None:
+    """Check that a model is one of this search.
+
+    Raises:
+        FieldError: If it is of another one, or does not state which.
+    """
+    try:
+        stated = json.loads(metadata[METADATA])
+        actions, rules = list(stated["actions"]), stated["rules"]
+    except (KeyError, TypeError, ValueError):
+        raise FieldError(
+            f"model: metadata {METADATA!r} is missing; a JSON object with actions and rules"
+        ) from None
+    scenario = search.scenario.resolve(search.rules)
+    of_search = {
+        "actions": list(search.rules.actions),
+        "rules": search.rules.profile,
+        "grid_size": scenario.grid_size,
+        "num_drones": scenario.num_drones,
+    }
+    of_model = {**stated, "actions": actions, "rules": rules}
+    for name, value in of_search.items():
+        if of_model.get(name, value) != value:
+            raise FieldError(
+                f"model: {name} {of_model[name]!r} of the model is not allowed; the search has "
+                f"{value!r}"
+            )

@@ -1,0 +1,403 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A search that runs in a `sim_node`, as a PettingZoo parallel environment."""
+
+from __future__ import annotations
+
+import contextlib
+import operator
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+import rclpy
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.client import Client
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Int32MultiArray, String
+from std_srvs.srv import Trigger
+
+from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE
+from dsse_ros.search import HOLD, FieldError
+from dsse_ros.search.fields import shown
+from dsse_ros.search.observation import AgentObservation, observation_space
+from dsse_ros.search.options import IGNORED_OPTION, check_seed
+from msg_adapters.agents import AgentsInfo
+from msg_adapters.commands import joint_action_message
+from msg_adapters.observed_step import ObservedStep, StepInbox, step_id_of
+
+T = TypeVar("T")
+
+TIMEOUT_S = 9.0
+"""Wall time that a node has for an answer, by default."""
+
+_RESEND_S = 0.5
+"""Wall time after which an action that nothing has answered is sent again."""
+_MAX_SEED = 2**62
+"""Of the parameter `seed`."""
+_NEEDED = {"step_mode": "lockstep", "auto_reset": False}
+"""Parameters of the node with which it waits for each action, and for a reset."""
+
+
+class SearchLostError(RuntimeError):
+    """The mission is no longer the one that was reset; another reset starts a new one."""
+
+
+class DsseRosEnv(ParallelEnv[str, AgentObservation, int]):
+    """The search of a running `sim_node`, commanded over its topics.
+
+    Observations, rewards, flags and infos are those of `dsse_ros.search.SearchEnv`, bit for bit.
+    It has a ROS context of its own, so that it works beside other nodes of the process and without
+    any; what it waits for it receives in the calling thread.
+
+    Args:
+        namespace: Of the simulation's topics.
+        node_name: Name of the simulation's node.
+        timeout_s: Wall time that the node has to appear, to reset and for each step. Where steps
+            wait for vehicles, they take as long as those fly.
+        domain_id: ROS domain, by default that of ROS_DOMAIN_ID.
+
+    Attributes:
+        info: What the node says of the search: rules, scenario, seed, place.
+
+    Raises:
+        TimeoutError: If there is no such node in time.
+        FieldError: If the node does not wait for each action, or does not state its search.
+    """
+
+    metadata = {"name": "dsse_ros_v1", "render_modes": [], "is_parallelizable": True}
+    render_mode = None
+
+    def __init__(
+        self,
+        namespace: str = "",
+        *,
+        node_name: str = "dsse_sim",
+        timeout_s: float = TIMEOUT_S,
+        domain_id: int | None = None,
+    ) -> None:
+        if not timeout_s > 0:
+            raise FieldError(f"timeout_s: {shown(timeout_s)} is not allowed; above 0")
+        self.timeout_s = timeout_s
+        self.agents: list[str] = []
+        self._live: list[int] = []
+        self._last: ObservedStep | None = None
+        self._inbox = StepInbox()
+        self._refused = ""
+        self._draws = np.random.default_rng()
+        self._context = Context()
+        rclpy.init(
+            args=[],
+            context=self._context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        try:
+            self._connect(namespace, node_name)
+        except BaseException:
+            self.close()
+            raise
+
+    def _connect(self, namespace: str, node_name: str) -> None:
+        """Find the node, and take over from it what is searched and by whom.
+
+        Raises:
+            TimeoutError: If there is none.
+            FieldError: If it cannot be used.
+        """
+        node = rclpy.create_node(
+            "dsse_env", namespace=namespace, context=self._context, enable_rosout=False,
+            start_parameter_services=False,
+        )  # fmt: skip
+        self._node = node
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(node)
+        self._publisher = node.create_publisher(Int32MultiArray, "joint_action", RELIABLE)
+        inbox = self._inbox
+        topics: list[tuple[Any, str, Callable[[Any], Any], Any]] = [
+            (String, "agents", inbox.take_agents, LATCHED),
+            (Image, "probability", inbox.take_map, LATCHED),
+            (PointCloud2, "step_report", inbox.take_report, COMPLETE),
+        ]
+        for kind, topic, take, qos in topics:
+            node.create_subscription(kind, topic, partial(self._on, topic, take), qos)
+        self._reset = node.create_client(Trigger, f"{node_name}/reset")
+        self._set = node.create_client(SetParameters, f"{node_name}/set_parameters")
+        get = node.create_client(GetParameters, f"{node_name}/get_parameters")
+        deadline_s = time.monotonic() + self.timeout_s
+        answer = self._call(get, GetParameters.Request(names=list(_NEEDED)), deadline_s)
+        for (name, needed), value in zip(_NEEDED.items(), answer.values, strict=True):
+            if (found := parameter_value_to_python(value)) != needed:
+                raise FieldError(f"{name}: {found!r} of {node_name} is not allowed; {needed!r} is")
+        self.info = self._wait(self._newest_info, "agents", deadline_s)
+        definition = self.info.definition
+        if definition is None:
+            raise FieldError("agents.definition: missing; the environment needs it")
+        self._wait(self._publisher.get_subscription_count, "a listener to joint_action", deadline_s)
+        self.possible_agents = list(self.info.agents)
+        space = observation_space(self.info.grid_size, definition.rules)
+        self.observation_spaces = dict.fromkeys(self.possible_agents, space)
+        self.action_spaces = {
+            agent: spaces.Discrete(len(self.info.actions)) for agent in self.possible_agents
+        }
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's observation space, always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's action space, always the same object."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, AgentObservation], dict[str, dict[str, Any]]]:
+        """Have the node start a new mission.
+
+        Args:
+            seed: Of the mission, which the node's parameter `seed` becomes. Without one it is
+                drawn: by a generator that the last seed has seeded, or the system.
+            options: None but the name `options`, which PettingZoo's tests pass and which is
+                ignored: the scenario is that of the node.
+
+        Raises:
+            FieldError: If the seed or an option is not allowed; the mission under way stays as it
+                is.
+            TimeoutError: If the node does not answer in time.
+        """
+        for name in {} if options is None else options:
+            if name != IGNORED_OPTION:
+                raise FieldError(
+                    f"options: {shown(name)} is not allowed over ROS; start the node with it"
+                )
+        if seed is not None:
+            seed = check_seed(seed)
+            if seed > _MAX_SEED:
+                raise FieldError(f"seed: {seed} is not allowed over ROS; 0 to {_MAX_SEED}")
+            self._draws = np.random.default_rng(seed)
+        else:
+            seed = int(self._draws.integers(_MAX_SEED))
+        self._leave()
+        deadline_s = time.monotonic() + self.timeout_s
+        parameter = Parameter("seed", value=seed).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        for result in self._call(self._set, request, deadline_s).results:
+            if not result.successful:
+                raise FieldError(f"seed: the node refuses it: {result.reason}")
+        self._inbox.forget_step()
+        answer = self._call(self._reset, Trigger.Request(), deadline_s)
+        if not answer.success:
+            raise FieldError(f"reset: the node refuses it: {answer.message}")
+
+        def begun() -> ObservedStep | None:
+            step = self._inbox.step()
+            if step is None or step.step_id[1:] != (step.info.mission, 0):
+                return None
+            return step if step.info.seed == seed else None
+
+        step = self._wait(begun, f"step 0 of a mission with seed {seed}", deadline_s)
+        if step.info.agents != self.info.agents or step.info.actions != self.info.actions:
+            raise SearchLostError("the node was started again with another search")
+        self.info = step.info
+        drones = list(range(len(self.possible_agents)))
+        self._note(step, drones)
+        return step.observations(drones), step.infos(drones)
+
+    def step(
+        self, actions: Mapping[str, int]
+    ) -> tuple[
+        dict[str, AgentObservation],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Have the node advance the mission by one step.
+
+        A drone whose vehicle is lost is terminated in the step that follows, as one withdrawn
+        from `SearchEnv`. If it was the last one there is no such step: the map stays as it was.
+
+        Args:
+            actions: One action number per live agent; those of other agents are ignored.
+
+        Raises:
+            FieldError: If an action is missing or not allowed; the mission stays as it is.
+            TimeoutError: If the step is not done in time.
+            SearchLostError: If the mission is no longer the one that was reset: the node was
+                started again, or somebody else commands or resets it.
+        """
+        if self._last is None or not self.agents:
+            return {}, {}, {}, {}, {}
+        joint = [HOLD] * len(self.possible_agents)
+        for agent, i in zip(self.agents, self._live, strict=True):
+            joint[i] = self._number_of(agent, actions)
+        live = self._live
+        _, mission, number = self._last.step_id
+        message = joint_action_message(number, joint, mission)
+        self._publisher.publish(message)
+        deadline_s = time.monotonic() + self.timeout_s
+        what = f"step_report and probability of step {number + 1} of mission {mission}"
+        try:
+            step = self._wait(
+                self._next_step, what, deadline_s, partial(self._publisher.publish, message)
+            )
+            self._check_applied(step, joint)
+        except (TimeoutError, SearchLostError):
+            self._leave()
+            raise
+        # Without a step, drones that were left have been lost since the last one.
+        earned = step.report["reward"] * (step.step_id != self._last.step_id)
+        rewards = dict(zip(self.agents, earned[live].tolist(), strict=True))
+        terminated, truncated = (
+            dict(zip(self.agents, step.report[name][live].astype(bool).tolist(), strict=True))
+            for name in ("terminated", "truncated")
+        )
+        self._note(step, np.flatnonzero(step.live).tolist())
+        return step.observations(live), rewards, terminated, truncated, step.infos(live)
+
+    def close(self) -> None:
+        """Leave ROS; the node goes on to wait for commands."""
+        self._leave()
+        for name in ("_executor", "_node"):
+            entity = self.__dict__.pop(name, None)
+            with contextlib.suppress(Exception):
+                if entity is not None:
+                    (entity.shutdown if name == "_executor" else entity.destroy_node)()
+        self._context.try_shutdown()
+
+    def _leave(self) -> None:
+        self.agents, self._live, self._last = [], [], None
+
+    def _note(self, step: ObservedStep, live: list[int]) -> None:
+        self._last, self._live = step, live
+        self.agents = [self.possible_agents[i] for i in live]
+
+    def _number_of(self, agent: str, actions: Mapping[str, int]) -> int:
+        """Return an agent's action number.
+
+        Raises:
+            FieldError: If there is none, or it is not allowed.
+        """
+        if not isinstance(actions, Mapping):
+            raise FieldError(f"actions: {shown(actions)} is not allowed; one number per live agent")
+        if agent not in actions:
+            raise FieldError(f"actions: {agent} is missing; one action per live agent")
+        names = self.info.actions
+        try:
+            return range(len(names)).index(operator.index(actions[agent]))
+        except (TypeError, ValueError):
+            known = ", ".join(f"{number} {name}" for number, name in enumerate(names))
+            raise FieldError(
+                f"{agent}: action {shown(actions[agent])} is not allowed; {known}"
+            ) from None
+
+    # What the node says
+
+    def _on(self, topic: str, take: Callable[[Any], Any], message: Any) -> None:
+        try:
+            take(message)
+        except ValueError as error:
+            self._refused = f"; refused: {topic}: {error}"
+
+    def _newest_info(self) -> AgentsInfo | None:
+        return next(reversed(self._inbox.infos.values()), None)
+
+    def _next_step(self) -> ObservedStep | None:
+        """Return the step after the last one, or None while it is not here.
+
+        Raises:
+            SearchLostError: If it will not come.
+        """
+        assert self._last is not None
+        if self._inbox.report is None:
+            return None
+        report: NDArray[Any] = self._inbox.report[1]
+        run_id, mission, number = self._last.step_id
+        found = step_id_of(report)
+        if found[0] != run_id:
+            raise SearchLostError(
+                f"the node was started again: its run is {found[0]}, was {run_id}; reset it"
+            )
+        if found[1] != mission:
+            raise SearchLostError(
+                f"mission {mission} was cut short: the node is in mission {found[1]}; reset it"
+            )
+        if found[2] > number + 1:
+            raise SearchLostError(
+                f"step {found[2]} of mission {mission} is done, {number + 1} was to be; "
+                "somebody else commands the node"
+            )
+        step = self._inbox.step()
+        if step is None or (found[2] == number and step.live.any()):
+            return None
+        return step
+
+    def _check_applied(self, step: ObservedStep, joint: list[int]) -> None:
+        """Raise if the drones have done something else than they were to do.
+
+        Raises:
+            SearchLostError: If one has.
+        """
+        assert self._last is not None
+        if step.step_id == self._last.step_id:
+            return
+        applied, held = step.report["action"].tolist(), step.report["held"].tolist()
+        for i, (done, asked) in enumerate(zip(applied, joint, strict=True)):
+            # One that was lost since does nothing.
+            if done != asked and (done != HOLD or held[i]):
+                raise SearchLostError(
+                    f"step {step.step_id[2]}: {self.possible_agents[i]} did action {done}, not "
+                    f"{asked}: somebody else commands the node, or its command_timeout is over"
+                )
+
+    # Waiting
+
+    def _call(self, client: Client, request: Any, deadline_s: float) -> Any:
+        """Return the answer of a service.
+
+        Raises:
+            TimeoutError: If there is none in time.
+        """
+        name = self._node.resolve_service_name(client.srv_name)
+        self._wait(client.service_is_ready, f"service {name}", deadline_s)
+        future = client.call_async(request)
+        try:
+            self._wait(future.done, f"answer of service {name}", deadline_s)
+        except TimeoutError:
+            client.remove_pending_request(future)
+            raise
+        return future.result()
+
+    def _wait(
+        self,
+        look: Callable[[], T | None],
+        what: str,
+        deadline_s: float,
+        again: Callable[[], None] | None = None,
+    ) -> T:
+        """Return what `look` returns as soon as it is something, and call `again` now and then.
+
+        Raises:
+            TimeoutError: If it is nothing until then.
+        """
+        resend_s = time.monotonic() + _RESEND_S
+        while not (found := look()):
+            now_s = time.monotonic()
+            if now_s >= deadline_s:
+                raise TimeoutError(
+                    f"no {what} within {self.timeout_s:g} s: is the simulation in namespace "
+                    f"{self._node.get_namespace()} running?{self._refused}"
+                )
+            if again is not None and now_s >= resend_s:
+                again()
+                resend_s = now_s + _RESEND_S
+            self._executor.spin_once(timeout_sec=min(deadline_s - now_s, _RESEND_S / 10))
+        return found

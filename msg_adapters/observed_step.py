@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the messages about a step to observations and infos, as the environment hands them out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import String
+
+from dsse_ros.search.observation import AgentObservation, Observation
+from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.images import image_to_probability
+from msg_adapters.stamps import to_nanoseconds
+from msg_adapters.step_report import step_report_from_message
+
+StepId = tuple[int, int, int]
+"""run_id, mission and step of a report: no two steps have all alike."""
+
+_RUNS = 10
+"""Runs whose `agents` are kept: more than there are simulations in a namespace by mistake."""
+
+
+def step_id_of(report: NDArray[Any]) -> StepId:
+    """Return which step a report is of; it must have a drone."""
+    run_id, mission, step = (int(report[name][0]) for name in ("run_id", "mission", "step"))
+    return run_id, mission, step
+
+
+@dataclass(frozen=True)
+class ObservedStep:
+    """All that is known of a step.
+
+    Attributes:
+        info: What is searched, and by whom.
+        report: (N,) of a `step_report_dtype`.
+        probability: (G, G) float32, read-only, row 0 north.
+    """
+
+    info: AgentsInfo
+    report: NDArray[Any]
+    probability: NDArray[np.float32]
+
+    @property
+    def step_id(self) -> StepId:
+        """Which step it is."""
+        return step_id_of(self.report)
+
+    @property
+    def live(self) -> NDArray[np.bool_]:
+        """Which drones (N,) are still in the search."""
+        live: NDArray[np.bool_] = (self.report["terminated"] | self.report["truncated"]) == 0
+        return live
+
+    @property
+    def cells(self) -> NDArray[np.int64]:
+        """Cells (N, 2) as (col, row) of all drones."""
+        return np.stack([self.report["col"], self.report["row"]], axis=1).astype(np.int64)
+
+    def observations(self, drones: Sequence[int]) -> dict[str, AgentObservation]:
+        """Return what these drones observe, by name."""
+        cells = self.cells
+        return {self.info.agents[i]: Observation(cells[i], self.probability) for i in drones}
+
+    def infos(self, drones: Sequence[int]) -> dict[str, dict[str, Any]]:
+        """Return the infos of these drones, by name: those of `SearchEnv`."""
+        masks = self.report["action_mask"].astype(np.int8)
+        found = bool(self.report["all_found"].any())
+        infos: dict[str, dict[str, Any]] = {
+            self.info.agents[i]: {"Found": found, "action_mask": masks[i]} for i in drones
+        }
+        definition = self.info.definition
+        # Where the number of persons is not known there may be several.
+        if definition is None or definition.scenario.person_amount > 1:
+            for i, info in zip(drones, infos.values(), strict=True):
+                info["found_person"] = bool(self.report["found"][i])
+        return infos
+
+
+class StepInbox:
+    """Puts together what the topics `agents`, `probability` and `step_report` have of a step.
+
+    Attributes:
+        infos: The last `agents` of each run by run_id, the latest last.
+        map: Stamp in nanoseconds and values (G, G) of the last map.
+        report: Stamp in nanoseconds and entries (N,) of the last report.
+    """
+
+    def __init__(self) -> None:
+        self.infos: dict[int, AgentsInfo] = {}
+        self.map: tuple[int, NDArray[np.float32]] | None = None
+        self.report: tuple[int, NDArray[Any]] | None = None
+
+    def take_agents(self, message: String) -> AgentsInfo:
+        """Take and return an `agents`.
+
+        Raises:
+            ValueError: If it is malformed; the last one stays.
+        """
+        info = agents_from_message(message)
+        self.infos.pop(info.run_id, None)
+        self.infos[info.run_id] = info
+        if len(self.infos) > _RUNS:
+            del self.infos[next(iter(self.infos))]
+        return info
+
+    def take_map(self, message: Image) -> None:
+        """Take a `probability`.
+
+        Raises:
+            ValueError: If it is malformed; the last one stays.
+        """
+        self.map = (to_nanoseconds(message.header.stamp), image_to_probability(message))
+
+    def take_report(self, message: PointCloud2) -> NDArray[Any]:
+        """Take a `step_report`, unless it is empty, and return its entries.
+
+        Raises:
+            ValueError: If it is malformed; the last one stays.
+        """
+        report = step_report_from_message(message)
+        if len(report):
+            self.report = (to_nanoseconds(message.header.stamp), report)
+        return report
+
+    def forget_step(self) -> None:
+        """Wait for another step than the last one."""
+        self.map = self.report = None
+
+    def step(self) -> ObservedStep | None:
+        """Return the last step if all about it is here: report and map have the same stamp."""
+        if self.map is None or self.report is None:
+            return None
+        (stamp, report), (map_stamp, probability) = self.report, self.map
+        info = self.infos.get(int(report["run_id"][0]))
+        if info is None or stamp != map_stamp:
+            return None
+        fits = (
+            len(report) == len(info.agents)
+            and report["action_mask"].shape[1] == len(info.actions)
+            and probability.shape == (info.grid_size, info.grid_size)
+        )
+        return ObservedStep(info, report, probability) if fits else None

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The planner `onnx`, with real models made here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.planners import planner_for
+from dsse_ros.search import FieldError, parallel_env
+
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnxruntime")
+
+FIELDS: dict[str, Any] = {"rules": "v2", "grid_size": 7, "num_drones": 3}
+INPUTS = {"position": 2, "positions": 6, "action_mask": 9}
+
+
+def model(
+    folder: Path, weights: np.ndarray[Any, Any], name: str = "position", **metadata: Any
+) -> str:
+    """Write a linear layer from an input to the scores of actions; returns the file."""
+    helper, real = onnx.helper, onnx.TensorProto.FLOAT
+    graph = helper.make_graph(
+        [helper.make_node("MatMul", [name, "weights"], ["scores"])],
+        "policy",
+        [helper.make_tensor_value_info(name, real, ["drones", weights.shape[0]])],
+        [helper.make_tensor_value_info("scores", real, ["drones", weights.shape[1]])],
+        [onnx.numpy_helper.from_array(weights.astype(np.float32), "weights")],
+    )
+    made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    if metadata:
+        helper.set_model_props(made, {"dsse_ros": json.dumps(metadata)})
+    path = folder / "policy.onnx"
+    onnx.save(made, path)
+    return str(path)
+
+
+def actions() -> Sequence[str]:
+    """The actions of the search."""
+    return parallel_env(**FIELDS).rules.actions
+
+
+def of_search(**changes: Any) -> dict[str, Any]:
+    """Metadata of a model of the search."""
+    return {"actions": list(actions()), "rules": "v2", **changes}
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_each_drone_does_the_allowed_action_with_the_highest_score(
+    tmp_path: Path, name: str
+) -> None:
+    env = parallel_env(**FIELDS)
+    weights = np.random.default_rng(5).normal(size=(INPUTS[name], len(actions())))
+    path = model(tmp_path, weights, name, **of_search())
+    planner = planner_for(env, "onnx", model=path)
+    observations, infos = env.reset(seed=2)
+    for _ in range(30):
+        if not env.agents:
+            break
+        joint = planner(observations, infos)
+        cells = np.array([observations[agent][0] for agent in env.agents]) / 6
+        for i, agent in enumerate(env.agents):
+            others = [cells[0] if j == i else cells[j] for j in range(1, len(cells))]
+            value = {
+                "position": cells[i],
+                "positions": np.concatenate([cells[i], *others]),
+                "action_mask": infos[agent]["action_mask"],
+            }[name]
+            scores = np.where(infos[agent]["action_mask"] == 1, value @ weights, -np.inf)
+            assert scores[joint[agent]] == pytest.approx(scores.max(), abs=1e-5)
+        observations, _, _, _, infos = env.step(joint)
+
+
+def test_a_drone_that_is_out_of_the_search_stays_among_the_positions_where_it_was(
+    tmp_path: Path,
+) -> None:
+    env = parallel_env(**FIELDS)
+    weights = np.random.default_rng(6).normal(size=(6, len(actions())))
+    planner = planner_for(env, "onnx", model=model(tmp_path, weights, "positions", **of_search()))
+    observations, infos = env.reset(seed=2)
+    before = planner(observations, infos)
+    del observations["drone1"], infos["drone1"]
+    assert planner(observations, infos) == {k: before[k] for k in ("drone0", "drone2")}
+
+
+def test_a_model_of_another_search_is_refused_with_one_line(tmp_path: Path) -> None:
+    env, weights = parallel_env(**FIELDS), np.zeros((2, len(actions())))
+    for metadata, line in (
+        ({}, "metadata 'dsse_ros' is missing"),
+        (of_search(rules="paper"), "model: rules 'paper' of the model is not allowed"),
+        (of_search(actions=["left"]), r"model: actions \['left'\] of the model is not allowed"),
+        (of_search(grid_size=8), "model: grid_size 8 of the model is not allowed; .* 7"),
+    ):
+        with pytest.raises(FieldError, match=line):
+            planner_for(env, "onnx", model=model(tmp_path, weights, **metadata))
+    with pytest.raises(FieldError, match="input 'wind' is not known; position, positions"):
+        planner_for(env, "onnx", model=model(tmp_path, weights, "wind", **of_search()))
+
+
+def test_what_is_no_model_is_refused_with_one_line(tmp_path: Path) -> None:
+    env, broken = parallel_env(**FIELDS), tmp_path / "broken.onnx"
+    broken.write_bytes(b"not a model")
+    for file, line in (
+        ("", "model: missing"),
+        (str(tmp_path / "none.onnx"), "no such file"),
+        (str(broken), "cannot be read"),
+    ):
+        with pytest.raises(FieldError, match=line) as caught:
+            planner_for(env, "onnx", model=file)
+        assert "\n" not in str(caught.value)

@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`DsseRosEnv`, against live nodes and beside the environment that they run."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from pettingzoo.test import parallel_api_test
+from rig import TIMEOUT_S, Rig, Sim, stamp_ns
+
+from dsse_ros.mission.scenario_files import find_scenario
+from dsse_ros.ros_env import TIMEOUT_S as TIMEOUT_S_OF_ENV
+from dsse_ros.ros_env import DsseRosEnv, SearchLostError
+from dsse_ros.search import FieldError, parallel_env
+from msg_adapters.frames import cell_to_map
+from msg_adapters.stamps import to_stamp
+from msg_adapters.vehicles import Progress, vehicle_state_message
+
+SMALL: dict[str, Any] = {"grid_size": 6, "timestep_limit": 12}
+SEARCHES: dict[str, dict[str, Any]] = {
+    "paper": {"num_drones": 3, "person_amount": 2, "person_initial_position": (3, 3), **SMALL},
+    "v1": {"num_drones": 2, "sigma": 2.0, **SMALL},
+    "v2": {"num_drones": 4, "dispersion_inc": 0.05, **SMALL},
+    "santos": {"num_drones": 3, "timestep_limit": 12},
+}
+
+
+def direct(name: str) -> Any:
+    """The search in this process."""
+    if name == "santos":
+        return parallel_env(find_scenario("santos"), **SEARCHES[name])
+    return parallel_env(rules=name, **SEARCHES[name])
+
+
+def parameters(name: str) -> dict[str, Any]:
+    """The search as parameters of a node."""
+    fields = {k: list(v) if isinstance(v, tuple) else v for k, v in SEARCHES[name].items()}
+    if name != "santos":
+        return fields | {"rules": name}
+    return fields | {"scenario": name, "wait_for_vehicles": True}
+
+
+@pytest.fixture(scope="module")
+def sims(rig: Rig) -> dict[str, Sim]:
+    """A node for each search, in a namespace of that name."""
+    for name in SEARCHES:
+        rig.start("sim_node", parameters(name), "-r", f"__ns:=/{name}")
+    return {name: Sim(rig, rig.processes[i], f"/{name}") for i, name in enumerate(SEARCHES)}
+
+
+@pytest.fixture
+def env(rig: Rig, sims: dict[str, Sim]) -> Iterator[DsseRosEnv]:
+    """The search of the node `paper`."""
+    made = DsseRosEnv("/paper", timeout_s=TIMEOUT_S, domain_id=rig.domain)
+    yield made
+    made.close()
+
+
+def assert_equal(mine: Any, theirs: Any) -> None:
+    """Compare what two environments have returned, types and bits of the arrays too."""
+    assert type(mine) is type(theirs) or isinstance(mine, tuple) and isinstance(theirs, tuple)
+    if isinstance(mine, dict):
+        assert list(mine) == list(theirs)
+        for name, value in mine.items():
+            assert_equal(value, theirs[name])
+    elif isinstance(mine, tuple):
+        for one, other in zip(mine, theirs, strict=True):
+            assert_equal(one, other)
+    elif isinstance(mine, np.ndarray):
+        assert mine.dtype == theirs.dtype and mine.shape == theirs.shape
+        assert mine.tobytes() == theirs.tobytes()
+    else:
+        assert mine == theirs
+
+
+@pytest.mark.parametrize("name", ["paper", "v1", "v2"])
+def test_twenty_missions_are_those_of_the_direct_environment_bit_for_bit(
+    rig: Rig, sims: dict[str, Sim], name: str
+) -> None:
+    env, beside = DsseRosEnv(f"/{name}", timeout_s=TIMEOUT_S, domain_id=rig.domain), direct(name)
+    try:
+        for agent in beside.possible_agents:
+            assert env.observation_space(agent) == beside.observation_space(agent)
+            assert env.action_space(agent) == beside.action_space(agent)
+        ends = [fly_both(env, beside, seed) for seed in range(20)]
+    finally:
+        env.close()
+    assert {True, False} == set(ends)
+
+
+def fly_both(env: DsseRosEnv, beside: Any, seed: int, before_step: Any = None) -> bool:
+    """Fly a mission on the node and beside it, step by step equal; returns who has found."""
+    draw = np.random.default_rng(seed)
+    search = beside.rules.actions.index("search") if "search" in beside.rules.actions else 0
+    assert_equal(env.reset(seed=seed), beside.reset(seed=seed))
+    found = False
+    while beside.agents:
+        if before_step is not None:
+            before_step()
+        joint = {
+            agent: search if draw.random() < 0.4 else int(env.action_space(agent).n * draw.random())  # type: ignore[attr-defined]
+            for agent in beside.agents
+        }
+        mine, theirs = env.step(joint), beside.step(joint)
+        assert_equal(mine, theirs)
+        assert env.agents == beside.agents
+        found = any(info["Found"] for info in theirs[4].values())
+    assert env.step({}) == ({}, {}, {}, {}, {})
+    return found
+
+
+def test_missions_that_lose_a_drone_are_those_of_the_direct_environment(
+    rig: Rig, sims: dict[str, Sim]
+) -> None:
+    env, beside = DsseRosEnv("/santos", timeout_s=TIMEOUT_S, domain_id=rig.domain), direct("santos")
+    sim, lost_at = sims["santos"], 3
+
+    def report_vehicles() -> None:
+        rig.until(lambda: sim.search[1] == env.info.mission, "the mission")
+        rig.until(lambda: sim.step_number == beside.steps_done, "the step")
+        # With the last drone the mission ends between two steps: no map is drawn for that.
+        loses = beside.steps_done == lost_at and {"drone2"} < set(beside.agents)
+        seen, stamp = len(sim.reports), stamp_ns(sim.reports.last)
+        for drone in range(len(beside.possible_agents)):
+            progress = Progress(stamp, stamp, "low battery" if loses and drone == 2 else "")
+            name = f"drone{drone}"
+            message = vehicle_state_message(
+                name, "none", to_stamp(0), progress,
+                level=DiagnosticStatus.OK, message="", values={},
+            )  # fmt: skip
+            sim.talk(DiagnosticArray, f"{name}/vehicle_state").publish(message)
+            pose = PoseStamped()
+            pose.header.frame_id = "map"
+            x, y = cell_to_map(env.info.frame, *sim.cells[drone])
+            pose.pose.position.x, pose.pose.position.y = float(x), float(y)
+            sim.talk(PoseStamped, f"{name}/vehicle_pose").publish(pose)
+        if loses:
+            assert sim.next_report(seen)["terminated"].tolist()[2]
+            beside.withdraw(2)
+
+    try:
+        for seed in range(20):
+            fly_both(env, beside, seed, report_vehicles)
+    finally:
+        env.close()
+
+
+def test_the_node_passes_pettingzoo_s_parallel_test(env: DsseRosEnv) -> None:
+    parallel_api_test(env, num_cycles=60)
+
+
+def test_missions_without_a_seed_differ_and_come_again_after_the_same_seed(env: DsseRosEnv) -> None:
+    def seeds() -> list[int | None]:
+        env.reset(seed=3)
+        return [env.info.seed, *(env.reset() and env.info.seed for _ in range(2))]
+
+    first = seeds()
+    assert len(set(first)) == 3 and first[0] == 3
+    assert seeds() == first
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ({"options": {"vector": (1, 0)}}, "options: 'vector' is not allowed over ROS"),
+        ({"seed": -1}, "seed: -1 is not allowed"),
+        ({"seed": 2**63}, f"seed: {2**63} is not allowed"),
+    ],
+)
+def test_what_a_reset_over_ros_cannot_carry_is_refused_and_the_mission_goes_on(
+    env: DsseRosEnv, arguments: dict[str, Any], line: str
+) -> None:
+    env.reset(seed=1)
+    with pytest.raises(FieldError, match=re.escape(line)):
+        env.reset(**arguments)
+    assert env.step(dict.fromkeys(env.agents, 4))[0]
+
+
+def test_an_action_that_the_rules_do_not_have_is_refused_and_the_mission_goes_on(
+    env: DsseRosEnv,
+) -> None:
+    env.reset(seed=1)
+    for actions, line in (
+        (dict.fromkeys(env.agents, 99), "drone0: action 99 is not allowed; 0 left"),
+        ({"drone0": 1}, "actions: drone1 is missing"),
+    ):
+        with pytest.raises(FieldError, match=line):
+            env.step(actions)
+    assert env.step(dict.fromkeys(env.agents, 4))[0]
+
+
+def test_environments_of_two_namespaces_fly_in_turn_in_a_process_that_uses_ros(
+    rig: Rig, env: DsseRosEnv
+) -> None:
+    rclpy.init(args=[], domain_id=rig.domain)
+    try:
+        other = DsseRosEnv("/v2", timeout_s=TIMEOUT_S, domain_id=rig.domain)
+        pairs = [(env, direct("paper")), (other, direct("v2"))]
+        for mine, beside in pairs:
+            assert_equal(mine.reset(seed=8), beside.reset(seed=8))
+        for _ in range(3):
+            for mine, beside in pairs:
+                joint = dict.fromkeys(beside.agents, 3)
+                assert_equal(mine.step(joint), beside.step(joint))
+        other.close()
+        other.close()
+        assert rclpy.ok()
+        names = rig.node.get_node_names_and_namespaces
+        rig.until(lambda: ("dsse_env", "/v2") not in names(), "the node of the environment gone")
+    finally:
+        rclpy.shutdown()
+
+
+def test_a_mission_that_somebody_else_resets_or_steps_is_lost_and_another_can_be_flown(
+    env: DsseRosEnv, sims: dict[str, Sim]
+) -> None:
+    sim = sims["paper"]
+    env.reset(seed=1)
+    sim.reset()
+    with pytest.raises(SearchLostError, match="was cut short"):
+        env.step(dict.fromkeys(env.agents, 4))
+    assert env.agents == []
+    env.reset(seed=1)
+    sim.rig.until(lambda: sim.search[1] == env.info.mission, "the mission")
+    sim.fly(4, 4, 4)
+    with pytest.raises(SearchLostError, match="somebody else commands"):
+        env.step(dict.fromkeys(env.agents, 0))
+    assert env.reset(seed=1)[0]
+
+
+def test_a_node_that_does_not_wait_for_actions_is_refused(rig: Rig, sims: dict[str, Sim]) -> None:
+    sims["v1"].set(auto_reset=True)
+    try:
+        with pytest.raises(FieldError, match="auto_reset: True of dsse_sim is not allowed; False"):
+            DsseRosEnv("/v1", timeout_s=TIMEOUT_S, domain_id=rig.domain)
+    finally:
+        sims["v1"].set(auto_reset=False)
+
+
+def test_a_killed_node_is_an_error_within_ten_seconds_and_a_new_one_is_noticed(rig: Rig) -> None:
+    assert TIMEOUT_S_OF_ENV < 10
+    sim = rig.sim(parameters("paper"), namespace="/killed")
+    env = DsseRosEnv("/killed", timeout_s=TIMEOUT_S, domain_id=rig.domain)
+    try:
+        env.reset(seed=1)
+        sim.process.kill()
+        env.timeout_s = 2.0
+        began_s = time.monotonic()
+        with pytest.raises(
+            TimeoutError, match="no step_report and probability of step 1 of mission 2"
+        ):
+            env.step(dict.fromkeys(env.agents, 4))
+        assert time.monotonic() - began_s < 10
+        assert env.agents == []
+        env.timeout_s = TIMEOUT_S
+        sim = rig.sim(parameters("paper"), namespace="/killed")
+        env.reset(seed=1)
+        sim.process.kill()
+        # Who has an action under way when a node starts again gets no step of another search.
+        rig.sim(parameters("paper"), namespace="/killed")
+        with pytest.raises(SearchLostError, match="was started again"):
+            env.step(dict.fromkeys(env.agents, 4))
+        assert_equal(env.reset(seed=1), direct("paper").reset(seed=1))
+    finally:
+        env.close()
+
+
+def test_a_simulation_that_is_not_there_is_named(rig: Rig) -> None:
+    with pytest.raises(
+        TimeoutError, match="no service /nowhere/dsse_sim/get_parameters within 0.2 s"
+    ):
+        DsseRosEnv("/nowhere", timeout_s=0.2, domain_id=rig.domain)
