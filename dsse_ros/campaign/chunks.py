@@ -111,7 +111,7 @@ class Results:
             raise FieldError(f"out: {str(self._folder)!r} has chunks, but no {MANIFEST}")
         digest, definition = self._campaign.digest, self._campaign.definition
         text = json.dumps({"digest": digest, **definition}, indent=1) + "\n"
-        write_whole(manifest, lambda path: path.write_text(text, encoding="utf-8"))
+        write_bytes(manifest, text.encode())
 
     def _check(self, manifest: Path) -> None:
         where = f"out: {str(self._folder)!r}"
@@ -205,3 +205,12 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
         os.fsync(folder)
     finally:
         os.close(folder)
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file of this content, as `write_whole` does.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    write_whole(path, lambda part: part.write_bytes(content))

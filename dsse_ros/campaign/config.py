@@ -39,7 +39,7 @@ class PlannerEntry:
     name: str = field("str", "Name in the results; empty for the planner's.", "")
     planner_seeds: int = field(
         "int",
-        "Seeds of the planner, dealt to the missions in turn. Missions with one share its decisions "
+        "Seeds of the planner, dealt to the missions in turn. Missions with one share decisions "
         "until they see different things, which is quick; a planner that draws nothing needs 1.",
         1, low=1, high=MAX_MISSIONS,
     )  # fmt: skip
@@ -84,8 +84,8 @@ class CampaignSettings:
         low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     chunk: int = field(
-        "int", "Missions that are played and written together; a kill costs the work on those under "
-        "way.", 500, low=1, high=MAX_MISSIONS,
+        "int", "Missions that are played and written together; what a kill costs is the work on "
+        "those under way.", 500, low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     engine: str = field(
         "str", "What plays: processes here, or Ray.", "local", choices=("local", "ray")

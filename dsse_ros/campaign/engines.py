@@ -7,6 +7,7 @@ under way, which another one plays again.
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import threading
@@ -118,7 +119,7 @@ def on_ray(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Jo
     host = settings.address.rpartition(":")[0]
     here: dict[str, Any] = {"_node_ip_address": host} if host.startswith("127.") else {}
     try:
-        ray.init(settings.address, logging_level="error", log_to_driver=False, **here)
+        ray.init(settings.address, logging_level=logging.ERROR, log_to_driver=False, **here)
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise FieldError(f"address: no Ray cluster at {settings.address!r}: {error}") from None
     try:

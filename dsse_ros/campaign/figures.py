@@ -66,10 +66,10 @@ def estimates_figure(
     for number, played in enumerate(missions):
         share = of_share(played.found, confidence)
         minutes = of_mean(restricted_s(played, horizon_s) / 60.0, confidence)
-        bounded = np.isfinite(minutes.low)
+        reach = [[minutes.value - minutes.low], [minutes.high - minutes.value]]
         axes.errorbar(
             minutes.value, share.value,
-            xerr=[[minutes.value - minutes.low], [minutes.high - minutes.value]] if bounded else None,
+            xerr=reach if np.isfinite(reach).all() else None,
             yerr=[[share.value - share.low], [share.high - share.value]],
             fmt="os^DvP*"[number % 7], color=OKABE_ITO[number % len(OKABE_ITO)], capsize=3,
             label=played.planner,

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from dsse_ros.campaign import figures
-from dsse_ros.campaign.chunks import write_whole
+from dsse_ros.campaign.chunks import write_bytes
 from dsse_ros.campaign.config import Campaign, Case
 from dsse_ros.campaign.statistics import (
     MEASURES,
@@ -98,7 +98,7 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
                    "time_high_s", "wilcoxon_p"),
          [_pair_line(pair) for pair in compared]),
     ):  # fmt: skip
-        _write_text(folder / f"{name}.csv", _csv(head, lines))
+        write_bytes(folder / f"{name}.csv", _csv(head, lines))
     pictures = folder / "figures"
     pictures.mkdir(exist_ok=True)
     sections = []
@@ -106,31 +106,23 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
         of_case = [one for one in missions if one.case is case]
         drawn = list(_illustrations(campaign, of_case, number))
         for one in drawn:
-            write_whole(
-                pictures / f"{one.name}.png", lambda path, one=one: path.write_bytes(one.png)
-            )  # type: ignore[misc]
-            write_whole(
-                pictures / f"{one.name}.svg", lambda path, one=one: path.write_bytes(one.svg)
-            )  # type: ignore[misc]
+            for suffix, content in (("png", one.png), ("svg", one.svg)):
+                write_bytes(pictures / f"{one.name}.{suffix}", content)
         of_pairs = [pair for pair in compared if pair.case is case]
         tables = [_estimates(case, [of for of in rows if of[0].played.case is case])]
         tables += [_comparison(campaign, case, of_pairs)] if of_pairs else []
         sections.append(Section(case.name, _about(case), drawn, tables))
     path = folder / "report.html"
-    _write_text(path, _page(campaign, sections).html())
+    write_bytes(path, _page(campaign, sections).html().encode())
     return path
 
 
-def _write_text(path: Path, text: str) -> None:
-    write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
-
-
-def _csv(head: Sequence[str], lines: Sequence[Sequence[Any]]) -> str:
+def _csv(head: Sequence[str], lines: Sequence[Sequence[Any]]) -> bytes:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(head)
     writer.writerows(lines)
-    return out.getvalue()
+    return out.getvalue().encode()
 
 
 def _summary_line(row: Row) -> tuple[Any, ...]:
