@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import socket
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -26,6 +27,8 @@ MAX_KILLS = 5
 """Times in a row that workers may die with no chunk done."""
 WAITING = 2
 """Chunks for each worker that are handed out at once."""
+CONNECT_S = 10.0
+"""For a connection to the cluster."""
 
 Engine = Callable[[Sequence[Job], CampaignSettings], Iterator[tuple[Job, Columns]]]
 
@@ -116,7 +119,9 @@ def on_ray(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Jo
     """
     import ray
 
-    host = settings.address.rpartition(":")[0]
+    host, _, port = settings.address.rpartition(":")
+    if host:
+        _check_listening(settings.address, host, port)
     here: dict[str, Any] = {"_node_ip_address": host} if host.startswith("127.") else {}
     try:
         ray.init(settings.address, logging_level=logging.ERROR, log_to_driver=False, **here)
@@ -142,6 +147,14 @@ def on_ray(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Jo
                 yield job, played
     finally:
         ray.shutdown()
+
+
+def _check_listening(address: str, host: str, port: str) -> None:
+    # Ray itself would try for minutes.
+    try:
+        socket.create_connection((host, int(port)), timeout=CONNECT_S).close()
+    except (OSError, ValueError, OverflowError) as error:
+        raise FieldError(f"address: no Ray cluster at {address!r}: {error}") from None
 
 
 ENGINES: Mapping[str, Engine] = MappingProxyType({"local": local, "ray": on_ray})
