@@ -457,7 +457,7 @@ def test_every_dependency_is_explained() -> None:
         *ast.literal_eval(given["install_requires"]),
         *(
             requirement
-            for extra in ("area", "dashboard", "land", "record", "viz")
+            for extra in ("area", "campaign", "dashboard", "land", "ray", "record", "viz")
             for requirement in extras[extra]
         ),
     ]
