@@ -48,18 +48,21 @@ def main() -> int:
     parser.add_argument("config", type=Path)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--kills", type=int, default=10)
+    parser.add_argument("--apart", type=int, default=20, help="chunks between kills, at most")
     arguments = parser.parse_args()
     whole, killed = arguments.folder / "whole", arguments.folder / "killed"
-    begun = time.monotonic()
     assert campaign(arguments.config, whole).wait() == 0
-    lasts = time.monotonic() - begun
     on_ray = "engine: ray" in arguments.config.read_text()
     draw, kept = random.Random(1), dict[str, int]()
     process = campaign(arguments.config, killed)
     done = {"worker": 0, "campaign": 0}
     while sum(done.values()) < arguments.kills and process.poll() is None:
         what = "worker" if done["worker"] <= done["campaign"] else "campaign"
-        time.sleep(draw.uniform(0.1, 0.9) * lasts / 2)
+        # At a random moment after some of it is done.
+        goal = len(chunks(killed)) + draw.randrange(arguments.apart)
+        while len(chunks(killed)) < goal and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(draw.uniform(0.0, 1.0))
         there = workers(process, on_ray)
         if process.poll() is not None or (what == "worker" and not there):
             continue
