@@ -32,7 +32,7 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,compat dashboard flight mission msg_adapters packaging \
+TESTS_OF_CHECK := $(addprefix test/,campaign compat dashboard flight mission msg_adapters packaging \
 	planners recording report search)
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
@@ -49,7 +49,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim sitl-demo check test test-oldest lint format docs docs-check bench reproduce compare clean
+.PHONY: help sim sitl-demo campaign check test test-oldest lint format docs docs-check bench reproduce compare clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
@@ -60,6 +60,9 @@ sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file PLANNER=na
 
 sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
+
+campaign: $(VENV)/.campaign ## Play a campaign and report it: CONFIG=file OUT=folder
+	@$(BIN)/campaign '$(or $(CONFIG),examples/campaign.yaml)' $(if $(OUT),--out '$(OUT)')
 
 check: lint $(VENV)/.compiled ## Lint, check the types and run the tests that need no DDS
 	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_CHECK)
@@ -119,13 +122,15 @@ $(BASE):
 # its own each time: setuptools would pack the modules that an earlier one left behind.
 $(VENV)/.sim: EXTRAS := viz,area,movie,onnx
 $(VENV)/.view: EXTRAS := viz,area,movie,onnx,dashboard
+$(VENV)/.campaign: EXTRAS := viz,area,campaign
 $(VENV)/.test: EXTRAS := \
-	viz,area,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer
+	viz,area,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
-$(VENV)/.sim $(VENV)/.view $(VENV)/.test $(VENV)/.docs $(VENV)/.oldest: $(BASE) setup.py pyproject.toml $(SOURCES)
+$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.docs $(VENV)/.oldest: $(BASE) setup.py \
+		pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
 	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg

@@ -33,7 +33,7 @@ setup(
     license=manifest.findtext("license"),
     python_requires=">=3.10",
     packages=find_packages(include=["dsse_ros", "dsse_ros.*", "msg_adapters", "msg_adapters.*"]),
-    package_data={"dsse_ros.dashboard": ["*.css", "*.js"], "dsse_ros.report": ["page.html"]},
+    package_data={"dsse_ros.dashboard": ["*.css", "*.js"], "dsse_ros.report": ["*.html"]},
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
     install_requires=[
         "gymnasium>=1.1",
@@ -63,6 +63,9 @@ setup(
         "movie": ["imageio-ffmpeg>=0.5"],
         # What `foxglove_viewer` serves with.
         "viewer": ["foxglove-sdk>=0.22"],
+        # The program `campaign`, and its engine on a cluster.
+        "campaign": ["pyarrow>=15.0", "scipy>=1.11"],
+        "ray": ["ray>=2.40"],
         "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],
         # The program `dashboard`; `browser` drives one in its tests.
         "dashboard": ["nicegui>=3.18", "pillow>=10.2"],

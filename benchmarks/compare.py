@@ -153,7 +153,8 @@ DISTURBED_CASES = ("v2", "santos_4")
 def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
     """Play the missions of a case."""
     case, disturbed = CASES[key], DISTURBANCES[disturbance]
-    whole = Missions(np.zeros(count, bool), np.zeros(count, np.int64), np.zeros(count, np.int64))
+    kinds = (np.bool_, np.int64, np.int64, np.float64, np.int64)
+    whole = Missions(*(np.zeros(count, kind) for kind in kinds))
     parts = list(case.parts(count))
     seeds = max(1, PLANNER_SEEDS.get(planner, 1) // len(parts))
     for scenario, numbers in parts:
@@ -162,8 +163,8 @@ def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
             len(numbers), planner, world, rules=case.rules, seed=(SEED + numbers).tolist(),
             planner_seeds=range(seeds), assumed=assumed, withdraw_at=disturbed.withdraw_at,
         )  # fmt: skip
-        for name in ("found", "steps", "lost"):
-            getattr(whole, name)[numbers] = getattr(part, name)
+        for field in dataclasses.fields(Missions):
+            getattr(whole, field.name)[numbers] = getattr(part, field.name)
     return whole
 
 

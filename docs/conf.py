@@ -36,6 +36,7 @@ NAVIGATION = {
         "docs/report",
         "docs/viewers",
         "docs/coming_from_dsse",
+        "docs/campaign",
     ],
     "Reference": [
         "docs/frames",

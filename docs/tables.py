@@ -16,6 +16,8 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
+from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
+from dsse_ros.campaign.statistics import MEASURES
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.parameters import descriptor
@@ -178,7 +180,26 @@ def metrics_table() -> str:
     return table(["Metric", "Column", "Unit", "Meaning", "Source"], rows)
 
 
+def fields_table(cls: type) -> str:
+    """Return the table of the fields of a file."""
+    values = defaults(cls)
+    rows = [
+        [f"`{name}`", type_of(spec), spec.unit, shown(values[name]), allowed(spec), spec.doc]
+        for name, spec in specs(cls).items()
+    ]
+    return table(["Field", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
+
+
+def measures_table() -> str:
+    """Return the table of the measures of a campaign."""
+    rows = [[one.label, f"`{one.name}`", one.unit, one.meaning] for one in MEASURES]
+    return table(["Measure", "Name", "Unit", "Meaning and interval"], rows)
+
+
 TABLES = {
+    "campaign": lambda: fields_table(CampaignSettings),
+    "campaign_planner": lambda: fields_table(PlannerEntry),
+    "measures": measures_table,
     "launch": launch_table,
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
@@ -192,7 +213,16 @@ TABLES = {
 }
 PAGES = tuple(
     f"docs/{name}.md"
-    for name in ("dashboard", "flight", "parameters", "recording", "report", "ros", "viewers")
+    for name in (
+        "campaign",
+        "dashboard",
+        "flight",
+        "parameters",
+        "recording",
+        "report",
+        "ros",
+        "viewers",
+    )
 )
 _PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->\n)", re.DOTALL)
 

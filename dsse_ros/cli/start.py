@@ -20,6 +20,9 @@ _OF_EXTRAS = {
     "foxglove": ("viewer", ""),
     "mcap": ("record", ""),
     "nicegui": _DASHBOARD,
+    "pyarrow": ("campaign", "make campaign"),
+    "ray": ("ray", ""),
+    "scipy": ("campaign", "make campaign"),
     "uvicorn": _DASHBOARD,
 }
 """Of modules that `viz` does not bring: the extra that does, and the target, if one does too."""
@@ -109,3 +112,8 @@ def replay() -> int:
 def dashboard() -> int:
     """`ros2 run dsse_ros dashboard`."""
     return start("nodes.dashboard")
+
+
+def campaign() -> int:
+    """`ros2 run dsse_ros campaign`."""
+    return start("cli.campaign")

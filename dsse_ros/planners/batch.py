@@ -36,11 +36,16 @@ class Missions:
         steps: (M,) int64, steps until the end; the limit where not every person was found.
         lost: (M,) int64, drones that had collided, left the grid or been withdrawn when it ended;
             of missions in which every person was found, 0.
+        path_length_m: (M,) float64, flown until the end by all drones, from centre to centre.
+        collisions: (M,) int64, pairs of drones in the search that a step has put into one cell,
+            step by step.
     """
 
     found: NDArray[np.bool_]
     steps: NDArray[np.int64]
     lost: NDArray[np.int64]
+    path_length_m: NDArray[np.float64]
+    collisions: NDArray[np.int64]
 
 
 @dataclass
@@ -100,6 +105,21 @@ class _Group:
             )
             for k in range(len(views))
         ]
+
+
+def _meetings(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the pairs of drones in one cell, (M,), of those that are here, (M, N)."""
+    col, row = drones["x"].astype(np.int64), drones["y"].astype(np.int64)
+    # No two of those that are not here are in one place.
+    away = -1 - np.arange(drones.shape[1])
+    cells = np.sort(np.where(here, (row << 32) + col, away << 48), axis=1)
+    pairs = np.zeros(len(cells), np.int64)
+    for apart in range(1, cells.shape[1]):
+        same = (cells[:, apart:] == cells[:, :-apart]).sum(axis=1)
+        if not same.any():
+            break
+        pairs += same
+    return pairs
 
 
 def _copied(planner: Planner) -> Planner:
@@ -173,6 +193,7 @@ def play_missions(
     going = np.ones(count, bool)
     found = np.zeros(count, bool)
     lost = np.zeros(count, np.int64)
+    path_length, collisions = np.zeros(count), np.zeros(count, np.int64)
     with ThreadPoolExecutor(threads) as pool:
         for step in range(limit):
             # It knows no person, and is the same in all of them.
@@ -186,7 +207,13 @@ def play_missions(
             for group in groups:
                 for drone, action in group.actions.items():
                     joint[group.members, drone] = action
+            here = going[:, None] & ~(world.terminated | world.truncated)
+            x, y = world.drones["x"].copy(), world.drones["y"].copy()
             world.step(joint)
+            legs = np.hypot(world.drones["x"] - x, world.drones["y"] - y) * here
+            for drone in range(world.num_drones):
+                path_length += legs[:, drone]
+            collisions += _meetings(world.drones, here)
             # A world that goes on after its end does not count any more.
             now_found = going & world.worlds["done"] & (world.worlds["num_missing"] == 0)
             found |= now_found
@@ -202,4 +229,5 @@ def play_missions(
             if not groups:
                 break
     world.close()
-    return Missions(found, steps, lost)
+    path_length *= world.scenario.cell_size
+    return Missions(found, steps, lost, path_length, collisions)

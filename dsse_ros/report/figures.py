@@ -27,7 +27,7 @@ PNG_DPI = 160
 OKABE_ITO = (BLUE, ORANGE, GREEN, "#CC79A7", "#D55E00", "#56B4E9", "#999999")
 _BESIDE = 0.7
 """Part of a cell over which the tracks of the drones are spread."""
-_STYLES = ("-", "--", ":", "-.")
+STYLES = ("-", "--", ":", "-.")
 MAX_NAMED = 8
 """Drones that a legend names."""
 _MARGIN = 3
@@ -85,7 +85,8 @@ def map_figure(view: MissionView) -> Figure:
     return figure
 
 
-def _chart(theme: Theme, width: float = 7.2, height: float = 3.6) -> tuple[Figure, Axes]:
+def chart(theme: Theme, width: float = 7.2, height: float = 3.6) -> tuple[Figure, Axes]:
+    """Return a figure with empty axes; width and height are in inches."""
     figure = Figure(figsize=(width, height), layout="constrained", facecolor=theme.paper)
     axes = figure.add_subplot(facecolor=theme.paper)
     axes.tick_params(colors=theme.ink)
@@ -96,7 +97,8 @@ def _chart(theme: Theme, width: float = 7.2, height: float = 3.6) -> tuple[Figur
     return figure, axes
 
 
-def _legend(axes: Axes, theme: Theme, columns: int) -> None:
+def add_legend(axes: Axes, theme: Theme, columns: int) -> None:
+    """Name the lines above the axes."""
     axes.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False,
         labelcolor=theme.ink, borderaxespad=0.2, handlelength=1.6,
@@ -111,7 +113,7 @@ def progress_figure(of: Curves, cells: int, theme: Theme) -> Figure:
         cells: Cells of the search area.
         theme: Colours.
     """
-    figure, axes = _chart(theme)
+    figure, axes = chart(theme)
     minutes = of.times_s / 60.0
     marker = "o" if len(minutes) < 2 else ""
     coverage = of.cells_searched / cells
@@ -137,7 +139,7 @@ def progress_figure(of: Curves, cells: int, theme: Theme) -> Figure:
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.grid(color=theme.faint, linewidth=0.6)
     axes.set_axisbelow(True)
-    _legend(axes, theme, 3)
+    add_legend(axes, theme, 3)
     return figure
 
 
@@ -169,7 +171,7 @@ def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
         x = (cells[:, 0] + 0.5 + beside) * cell_km
         y = (record.grid_size - 0.5 - cells[:, 1] + beside) * cell_km
         colour = OKABE_ITO[i % len(OKABE_ITO)]
-        style = _STYLES[i // len(OKABE_ITO) % len(_STYLES)]
+        style = STYLES[i // len(OKABE_ITO) % len(STYLES)]
         axes.plot(x, y, style, color=colour, linewidth=1.4, label=record.agents[i])
         axes.plot(x[:1], y[:1], "o", color=colour, markersize=4)
         axes.plot(
@@ -178,7 +180,7 @@ def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
         )  # fmt: skip
     _show_part(axes, record)
     if drones <= MAX_NAMED:
-        _legend(axes, theme, 4)
+        add_legend(axes, theme, 4)
     return figure
 
 
@@ -188,7 +190,7 @@ def _side_km(record: RecordedMission) -> float:
 
 def _map_chart(record: RecordedMission, theme: Theme) -> tuple[Figure, Axes]:
     """Return axes with the area and the cells, east to the right and north up."""
-    figure, axes = _chart(theme, 6.0, 5.2)
+    figure, axes = chart(theme, 6.0, 5.2)
     side = _side_km(record)
     axes.set_aspect("equal")
     for spine in axes.spines.values():
@@ -233,7 +235,7 @@ def work_figure(record: RecordedMission, of: Work, theme: Theme) -> Figure:
     count = len(record.agents)
     shown = min(count, MAX_BARS)
     groups = np.array_split(np.arange(count), shown)
-    figure, axes = _chart(theme, height=1.3 + 0.24 * shown)
+    figure, axes = chart(theme, height=1.3 + 0.24 * shown)
     left = np.zeros(shown)
     for name, steps, colour, hatch in (
         ("searching", of.searching, theme.accent, ""),
@@ -257,5 +259,5 @@ def work_figure(record: RecordedMission, of: Work, theme: Theme) -> Figure:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(axis="x", color=theme.faint, linewidth=0.6)
     axes.set_axisbelow(True)
-    _legend(axes, theme, 3)
+    add_legend(axes, theme, 3)
     return figure

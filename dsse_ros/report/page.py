@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a report: one HTML file with everything in it."""
+"""The pages of reports: one HTML file each with everything in it."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -84,9 +85,55 @@ class Page:
 
     def html(self) -> str:
         """Return the page."""
-        environment = Environment(
-            loader=PackageLoader("dsse_ros.report", "."), autoescape=True,
-            undefined=StrictUndefined, trim_blocks=False, keep_trailing_newline=True,
-        )  # fmt: skip
-        generator = f"dsse_ros {metadata.version('dsse_ros')}"
-        return environment.get_template("page.html").render(vars(self), generator=generator)
+        return _rendered("page.html", vars(self))
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page in sections.
+
+    Attributes:
+        title: Its heading.
+        text: Below it; "" for none.
+        figures: All in one row, if there is room.
+        tables: Below them.
+        prose: Whether the tables hold sentences.
+    """
+
+    title: str
+    text: str
+    figures: Sequence[Illustration]
+    tables: Sequence[Table]
+    prose: bool = False
+
+
+@dataclass(frozen=True)
+class SectionPage:
+    """What is on a page in sections.
+
+    Attributes:
+        title: Of the page.
+        subtitles: Below it.
+        facts: Names and values of what is read first.
+        sections: In their order.
+        notices: What the reader must know of what is missing.
+    """
+
+    title: str
+    subtitles: Sequence[str]
+    facts: Sequence[tuple[str, str]]
+    sections: Sequence[Section]
+    notices: Sequence[str] = ()
+
+    def html(self) -> str:
+        """Return the page."""
+        return _rendered("sections.html", vars(self))
+
+
+def _rendered(template: str, values: Mapping[str, Any]) -> str:
+    environment = Environment(
+        loader=PackageLoader("dsse_ros.report", "."), autoescape=True,
+        undefined=StrictUndefined, trim_blocks=False, keep_trailing_newline=True,
+    )  # fmt: skip
+    generator = f"dsse_ros {metadata.version('dsse_ros')}"
+    return environment.get_template(template).render(values, generator=generator)

@@ -21,7 +21,7 @@ from dsse_ros.search.compiler import COMPILING
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = sorted(path.name for path in (ROOT / "scripts").iterdir())
-OF_ROS = [name for name in PROGRAMS if name not in ("export_mission", "report")]
+OF_ROS = [name for name in PROGRAMS if name not in ("campaign", "export_mission", "report")]
 
 
 def launch(

@@ -468,7 +468,18 @@ def test_every_dependency_is_explained() -> None:
         *ast.literal_eval(given["install_requires"]),
         *(
             requirement
-            for extra in ("area", "dashboard", "land", "movie", "onnx", "record", "viewer", "viz")
+            for extra in (
+                "area",
+                "campaign",
+                "dashboard",
+                "land",
+                "movie",
+                "onnx",
+                "ray",
+                "record",
+                "viewer",
+                "viz",
+            )
             for requirement in extras[extra]
         ),
     ]

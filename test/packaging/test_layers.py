@@ -45,6 +45,16 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         },
         {"ros", "messages", "mavlink"},
     ),
+    "dsse_ros.campaign": (
+        {
+            "dsse_ros.campaign",
+            "dsse_ros.report",
+            "dsse_ros.mission",
+            "dsse_ros.planners",
+            "dsse_ros.search",
+        },
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.flight": (
         {"dsse_ros.flight", "msg_adapters"},
         {"ros", "messages"},
@@ -160,6 +170,7 @@ def test_a_module_imports_only_from_below(module: str, file: Path) -> None:
         ("dsse_ros.mission.mission", "from dsse_ros.recording.bag import read_bag"),
         ("dsse_ros.report.bags", "from std_msgs.msg import String"),
         ("dsse_ros.report.metrics", "from dsse_ros.nodes.settings import SimSettings"),
+        ("dsse_ros.campaign.engines", "from dsse_ros.cli.start import missing"),
         ("dsse_ros.flight.link", "from rclpy.node import Node"),
         ("dsse_ros.flight.fence", "from dsse_ros.search.fields import FieldError"),
         ("dsse_ros.flight.fence", "from ..mission.mission import Mission"),

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Chunks of missions: how they are played, and how they are kept through kills.
+
+A chunk is a file that is there as a whole or not at all: it is written beside its place, brought to
+the disk and renamed. So each mission is in the results once, whenever a campaign was killed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+from pyarrow import csv
+
+from dsse_ros.campaign.config import Campaign, Case, Chunk, PlannerEntry
+from dsse_ros.planners.batch import play_missions
+from dsse_ros.search import FieldError
+
+COLUMNS = pa.schema(
+    [
+        ("planner", pa.string()),
+        ("scenario", pa.string()),
+        ("seed", pa.int64()),
+        ("found", pa.bool_()),
+        ("steps", pa.int64()),
+        ("time_s", pa.float64()),
+        ("path_length_m", pa.float64()),
+        ("collisions", pa.int64()),
+        ("drones_lost", pa.int64()),
+    ]
+)
+"""Of the results: one row for each mission."""
+MANIFEST, CHUNKS, LOCK = "campaign.json", "chunks", "campaign.lock"
+_PART = ".part"
+
+Columns = dict[str, NDArray[Any]]
+"""What the missions of a chunk came to: `found` bool, `steps`, `lost`, `collisions` int64 and
+`path_length_m` float64, (M,) each."""
+Job = tuple[Chunk, PlannerEntry, Case, int]
+"""A chunk, with its planner, its scenario and the seed of the campaign."""
+
+
+def job(campaign: Campaign, chunk: Chunk) -> Job:
+    """Return all that is needed to play a chunk anywhere."""
+    return (
+        chunk, campaign.planners[chunk.planner], campaign.cases[chunk.case], campaign.settings.seed
+    )  # fmt: skip
+
+
+def play(of: Job) -> Columns:
+    """Play the missions of a chunk; the same wherever and whenever it is done."""
+    chunk, entry, case, seed = of
+    dealt = range(chunk.first, chunk.first + min(chunk.count, entry.planner_seeds))
+    missions = play_missions(
+        chunk.count, entry.planner, case.scenario, rules=case.rules, seed=seed + chunk.first,
+        planner_seeds=[number % entry.planner_seeds for number in dealt], options=entry.options,
+    )  # fmt: skip
+    return dict(vars(missions))
+
+
+class Results:
+    """The folder of a campaign.
+
+    Only one process may use a folder at a time. It is a context that frees it.
+
+    Args:
+        folder: It is there.
+        campaign: What is played.
+
+    Raises:
+        FieldError: If the folder is of another campaign, or in use.
+    """
+
+    def __init__(self, folder: Path, campaign: Campaign) -> None:
+        self._folder, self._campaign = folder, campaign
+        self._lock: IO[str] = (folder / LOCK).open("w")
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._lock.close()
+            raise FieldError(f"out: {str(folder)!r} is in use by another campaign") from None
+        try:
+            self._open()
+        except BaseException:
+            self._lock.close()
+            raise
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, *args: object) -> None:
+        self._lock.close()
+
+    def _open(self) -> None:
+        manifest = self._folder / MANIFEST
+        (self._folder / CHUNKS).mkdir(exist_ok=True)
+        for left in (*self._folder.glob(f"*{_PART}"), *self._path(0).parent.glob(f"*{_PART}")):
+            left.unlink()
+        if manifest.exists():
+            self._check(manifest)
+            return
+        if any(self._path(0).parent.iterdir()):
+            raise FieldError(f"out: {str(self._folder)!r} has chunks, but no {MANIFEST}")
+        digest, definition = self._campaign.digest, self._campaign.definition
+        text = json.dumps({"digest": digest, **definition}, indent=1) + "\n"
+        write_bytes(manifest, text.encode())
+
+    def _check(self, manifest: Path) -> None:
+        where = f"out: {str(self._folder)!r}"
+        try:
+            there = json.loads(manifest.read_text(encoding="utf-8"))
+            same = there["digest"] == self._campaign.digest
+        except (OSError, ValueError, KeyError, TypeError):
+            raise FieldError(f"{where}: {MANIFEST} is not one of a campaign") from None
+        if not same:
+            differing = [k for k, v in self._campaign.definition.items() if there.get(k) != v]
+            raise FieldError(
+                f"{where} is of another campaign, with other {', '.join(differing)}; "
+                "name a new folder"
+            )
+
+    def _path(self, number: int) -> Path:
+        return self._folder / CHUNKS / f"{number:07}.parquet"
+
+    def missing(self, chunks: Sequence[Chunk]) -> list[Chunk]:
+        """Return the chunks that are not there yet."""
+        return [chunk for chunk in chunks if not self._path(chunk.number).exists()]
+
+    def keep(self, chunk: Chunk, played: Columns) -> None:
+        """Write a chunk.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
+        planner, case = self._campaign.planners[chunk.planner], self._campaign.cases[chunk.case]
+        first = self._campaign.settings.seed + chunk.first
+        table = pa.table(
+            {
+                "planner": [planner.name] * chunk.count,
+                "scenario": [case.name] * chunk.count,
+                "seed": np.arange(first, first + chunk.count),
+                "found": played["found"],
+                "steps": played["steps"],
+                "time_s": played["steps"] * case.scenario.step_duration_s,
+                "path_length_m": played["path_length_m"],
+                "collisions": played["collisions"],
+                "drones_lost": played["lost"],
+            },
+            schema=COLUMNS,
+        )
+        write_whole(self._path(chunk.number), lambda path: pq.write_table(table, path))
+
+    def collect(self) -> pa.Table:
+        """Write `missions.parquet` and `missions.csv` of all chunks; returns the missions.
+
+        Raises:
+            FieldError: If a chunk is not what was written.
+            OSError: If a file cannot be read or written.
+        """
+        table = pa.concat_tables(self._read()).combine_chunks()
+        for name, write in (("parquet", pq.write_table), ("csv", csv.write_csv)):
+            write_whole(
+                self._folder / f"missions.{name}",
+                lambda path, write=write: write(table, path),  # type: ignore[misc]
+            )
+        return table
+
+    def _read(self) -> Iterator[pa.Table]:
+        for chunk in self._campaign.chunks():
+            path = self._path(chunk.number)
+            try:
+                table = pq.read_table(path)
+            except pa.ArrowInvalid:
+                table = None
+            if table is None or table.schema != COLUMNS or len(table) != chunk.count:
+                raise FieldError(f"out: {str(path)!r} is damaged; delete it, to play it again")
+            yield table
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file so that it is there as a whole or not at all, even after a loss of power.
+
+    Args:
+        path: Of the file.
+        write: Called with the path to write to.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    part = path.with_name(path.name + _PART)
+    write(part)
+    with part.open("rb+") as file:
+        os.fsync(file.fileno())
+    part.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file of this content, as `write_whole` does.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    write_whole(path, lambda part: part.write_bytes(content))

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a campaign plays: planners x scenarios x seeds, from one YAML file."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import metadata
+from pathlib import Path
+from typing import Any, TypeVar
+
+from dsse_ros.mission.scenario_files import find_scenario
+from dsse_ros.planners import load_planner
+from dsse_ros.search import FieldError, Rules, Scenario
+from dsse_ros.search.definition import SearchDefinition
+from dsse_ros.search.fields import check_all, check_known, field, shown, specs
+from dsse_ros.search.scenario import ResolvedScenario, scenario_and_rules
+from dsse_ros.search.yaml_file import read_yaml
+
+MAX_SEED = 2**62
+MAX_MISSIONS = 10**8
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class PlannerEntry:
+    """A planner of a campaign.
+
+    Attributes:
+        options: Names and values.
+    """
+
+    planner: str = field("str", "Planner: one of this package, or one that another registers.")
+    name: str = field("str", "Name in the results; empty for the planner's.", "")
+    planner_seeds: int = field(
+        "int",
+        "Seeds of the planner, dealt to the missions in turn. Missions with one share decisions "
+        "until they see different things, which is quick; a planner that draws nothing needs 1.",
+        1, low=1, high=MAX_MISSIONS,
+    )  # fmt: skip
+    options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_all(self)
+        object.__setattr__(self, "name", self.name or self.planner)
+        if not isinstance(self.options, Mapping):
+            raise FieldError(f"options: {shown(self.options)} is not allowed; names and values")
+        check_known("the options", [k for k in self.options if not isinstance(k, str)], ())
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scenario of a campaign, with all that was to be derived.
+
+    Attributes:
+        name: In the results.
+        scenario: What is searched.
+        rules: Of the search.
+    """
+
+    name: str
+    scenario: ResolvedScenario
+    rules: Rules
+
+    @property
+    def limit_s(self) -> float:
+        """The mission time at the step limit."""
+        return self.scenario.timestep_limit * self.scenario.step_duration_s
+
+
+@dataclass(frozen=True)
+class CampaignSettings:
+    """The single values of a campaign's file."""
+
+    name: str = field("str", "Title of the report.", "Campaign")
+    seed: int = field("int", "Seed of the first mission.", 0, low=0, high=MAX_SEED)
+    missions: int = field(
+        "int", "Missions of each planner in each scenario, with seeds that count up.", 1000,
+        low=1, high=MAX_MISSIONS,
+    )  # fmt: skip
+    chunk: int = field(
+        "int", "Missions that are played and written together; what a kill costs is the work on "
+        "those under way.", 500, low=1, high=MAX_MISSIONS,
+    )  # fmt: skip
+    engine: str = field(
+        "str", "What plays: processes here, or Ray.", "local", choices=("local", "ray")
+    )
+    workers: int = field(
+        "int", "Processes of the engine local; 0 for one per core.", 0, low=0, high=4096
+    )
+    address: str = field(
+        "str", "Of the Ray cluster, as `host:port`; `auto` for the one of this machine.", "auto"
+    )
+    horizon_s: float | None = field(
+        "float", "Time to which the time to detection is restricted; by default the step limit.",
+        None, above=0, unit="s",
+    )  # fmt: skip
+    pos_at_s: tuple[float, ...] | None = field(
+        "floats", "Times at which the POS is stated; by default quarters of the step limit.", None,
+        above=0, unit="s",
+    )  # fmt: skip
+    confidence: float = field("float", "Level of the intervals.", 0.95, low=0.5, high=0.9999)
+
+    def __post_init__(self) -> None:
+        check_all(self)
+
+
+ENTRIES = ("planners", "scenarios")
+_OF_RESULTS = ("seed", "missions", "chunk")
+"""Settings that decide what is played, and where it is written."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Missions that are played and written together.
+
+    Attributes:
+        number: Of the chunk, from 0.
+        planner: Its number in the campaign.
+        case: Its number in the campaign.
+        first: Number of the first mission of that planner in that case.
+        count: How many.
+    """
+
+    number: int
+    planner: int
+    case: int
+    first: int
+    count: int
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Planners x scenarios x seeds."""
+
+    settings: CampaignSettings
+    planners: tuple[PlannerEntry, ...]
+    cases: tuple[Case, ...]
+
+    @classmethod
+    def from_yaml(cls, path: str | os.PathLike[str]) -> Campaign:
+        """Return the campaign that a YAML file states; paths in it start from its folder.
+
+        Raises:
+            FieldError: If the file cannot be read, is not YAML, or does not fit.
+        """
+        try:
+            values = read_yaml(path)
+            return cls.from_dict({} if values is None else values, Path(path).parent)
+        except FieldError as error:
+            raise FieldError(f"campaign {os.fspath(path)!r}: {error}") from None
+
+    @classmethod
+    def from_dict(cls, values: Any, folder: Path = Path()) -> Campaign:
+        """Return the campaign with these fields.
+
+        Args:
+            values: As in the YAML file.
+            folder: That paths of scenarios start from.
+
+        Raises:
+            FieldError: If a field is unknown or a value is not allowed.
+        """
+        if not isinstance(values, Mapping):
+            raise FieldError("a campaign must be a mapping of field names to values")
+        check_known("a campaign", values, [*specs(CampaignSettings), *ENTRIES])
+        single = {k: v for k, v in values.items() if k not in ENTRIES}
+        campaign = cls(
+            CampaignSettings(**single),
+            _entries(values, "planners", _planner_of),
+            _entries(values, "scenarios", lambda value: _case_of(value, folder)),
+        )
+        for number, case in enumerate(campaign.cases):
+            search = SearchDefinition(case.rules, case.scenario)
+            for entry in campaign.planners:
+                try:
+                    load_planner(entry.planner)(search, seed=0, **entry.options)
+                except (TypeError, ValueError) as error:
+                    where = f"planners: {entry.name!r} in scenarios[{number}] {case.name!r}"
+                    raise FieldError(f"{where}: {error}") from None
+        return campaign
+
+    def chunks(self) -> list[Chunk]:
+        """Return all that is to be played, in the order of the results."""
+        missions, size = self.settings.missions, self.settings.chunk
+        places = [
+            (planner, case, first, min(size, missions - first))
+            for case in range(len(self.cases))
+            for planner in range(len(self.planners))
+            for first in range(0, missions, size)
+        ]
+        return [Chunk(number, *place) for number, place in enumerate(places)]
+
+    @cached_property
+    def definition(self) -> dict[str, Any]:
+        """All that decides the results, as JSON has it."""
+        given: dict[str, Any] = {
+            "dsse_ros": metadata.version("dsse_ros"),
+            **{name: getattr(self.settings, name) for name in _OF_RESULTS},
+            "planners": [dataclasses.asdict(entry) for entry in self.planners],
+            "scenarios": [
+                {
+                    "name": case.name,
+                    "scenario": dataclasses.asdict(case.scenario),
+                    "cells": _digest_of_area(case.scenario),
+                    "rules": dataclasses.asdict(case.rules),
+                }
+                for case in self.cases
+            ],
+        }
+        plain: dict[str, Any] = json.loads(json.dumps(given, default=repr))
+        return plain
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of `definition`."""
+        text = json.dumps(self.definition, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _digest_of_area(scenario: ResolvedScenario) -> str | None:
+    mask = scenario.area_mask
+    return None if mask is None else hashlib.sha256(mask.tobytes()).hexdigest()
+
+
+def _entries(values: Mapping[str, Any], key: str, make: Callable[[Any], T]) -> tuple[T, ...]:
+    """Return what a list of the file states, each with a name of its own."""
+    items = values.get(key)
+    if not isinstance(items, Sequence) or isinstance(items, str) or not items:
+        raise FieldError(f"{key}: {shown(items)} is not allowed; a list of one or more")
+    made: list[T] = []
+    names: list[str] = []
+    for number, item in enumerate(items):
+        try:
+            made.append(make(item))
+        except FieldError as error:
+            raise FieldError(f"{key}[{number}]: {error}") from None
+        name = made[-1].name  # type: ignore[attr-defined]
+        if name in names:
+            raise FieldError(f"{key}[{number}]: name: {name!r} stands twice; give each its own")
+        names.append(name)
+    return tuple(made)
+
+
+def _planner_of(value: Any) -> PlannerEntry:
+    if not isinstance(value, Mapping):
+        value = {"planner": value}
+    check_known("a planner", value, [field.name for field in dataclasses.fields(PlannerEntry)])
+    if "planner" not in value:
+        raise FieldError("planner is missing")
+    load_planner(value["planner"])
+    return PlannerEntry(**value)
+
+
+def _case_of(value: Any, folder: Path) -> Case:
+    """Return a scenario: a name or a file, or fields with `scenario` and `rules` among them."""
+    fields = dict(value) if isinstance(value, Mapping) else {"scenario": value}
+    source, rules = fields.pop("scenario", None), fields.pop("rules", "paper")
+    check_known("a scenario", [k for k in fields if not isinstance(k, str)], specs(Scenario))
+    path = None
+    if source is not None:
+        if not isinstance(source, str):
+            raise FieldError(f"scenario: {shown(source)} is not allowed; a YAML file or a name")
+        beside = folder / source
+        path = beside.resolve() if beside.is_file() else find_scenario(source)
+    if isinstance(fields.get("area"), str) and fields["area"]:
+        fields["area"] = str(folder / fields["area"])
+    scenario, chosen = scenario_and_rules(path, rules, **fields)
+    resolved = scenario.resolve(chosen)
+    name = resolved.name or (path.stem if path else f"{chosen.profile}_{resolved.grid_size}")
+    return Case(name, resolved, chosen)

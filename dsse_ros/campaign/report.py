@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of a campaign: tables, figures and one page."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from dsse_ros.campaign import figures
+from dsse_ros.campaign.chunks import write_bytes
+from dsse_ros.campaign.config import Campaign, Case
+from dsse_ros.campaign.statistics import (
+    MEASURES,
+    Estimate,
+    Pair,
+    Played,
+    horizon_of,
+    pairs,
+    pos_at,
+    pos_times,
+)
+from dsse_ros.report.figures import DARK, LIGHT, png, svg
+from dsse_ros.report.page import Illustration, Section, SectionPage, Table
+from dsse_ros.report.texts import distance, duration
+
+
+@dataclass(frozen=True)
+class Row:
+    """An estimate of a planner in a scenario, as a line of `summary.csv`."""
+
+    played: Played
+    measure: str
+    label: str
+    unit: str
+    time_s: float | None
+    estimate: Estimate
+
+
+def played_of(campaign: Campaign, table: pa.Table) -> list[Played]:
+    """Return the missions of each scenario and planner, in their order."""
+    found = []
+    for case in campaign.cases:
+        of_case = table.filter(pc.equal(table["scenario"], case.name))
+        for entry in campaign.planners:
+            rows = of_case.filter(pc.equal(of_case["planner"], entry.name))
+            columns = {name: rows[name].to_numpy() for name in rows.column_names}
+            hit = columns["found"].astype(bool)
+            found.append(
+                Played(
+                    entry.name, case, columns["seed"], hit, columns["steps"].astype(float),
+                    np.where(hit, columns["time_s"], np.inf), columns["path_length_m"],
+                    columns["collisions"].astype(float), columns["drones_lost"].astype(float),
+                )
+            )  # fmt: skip
+    return found
+
+
+def rows_of(campaign: Campaign, played: Played) -> list[Row]:
+    """Return all estimates of a planner in a scenario."""
+    level, horizon_s = campaign.settings.confidence, horizon_of(campaign, played.case)
+    rows = [
+        Row(played, one.name, one.label, one.unit, None, one.estimate(played, horizon_s, level))
+        for one in MEASURES
+    ]
+    for time_s in pos_times(campaign, played.case):
+        label = f"POS after {duration(time_s)}"
+        rows.append(Row(played, "pos", label, "share", time_s, pos_at(played, time_s, level)))
+    return rows
+
+
+def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
+    """Write summary, pairs, figures and page; returns the path of the page.
+
+    Args:
+        campaign: What was played.
+        table: Its missions.
+        folder: It is there.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    missions = played_of(campaign, table)
+    rows = [rows_of(campaign, one) for one in missions]
+    compared = list(pairs(campaign, missions))
+    for name, head, lines in (
+        ("summary", ("scenario", "planner", "measure", "time_s", "unit", "value", "low", "high"),
+         [_summary_line(row) for of in rows for row in of]),
+        ("pairs", ("scenario", "first", "second", "only_first", "only_second", "found_difference",
+                   "found_low", "found_high", "mcnemar_p", "time_difference_s", "time_low_s",
+                   "time_high_s", "wilcoxon_p"),
+         [_pair_line(pair) for pair in compared]),
+    ):  # fmt: skip
+        write_bytes(folder / f"{name}.csv", _csv(head, lines))
+    pictures = folder / "figures"
+    pictures.mkdir(exist_ok=True)
+    sections = []
+    for number, case in enumerate(campaign.cases):
+        of_case = [one for one in missions if one.case is case]
+        drawn = list(_illustrations(campaign, of_case, number))
+        for one in drawn:
+            for suffix, content in (("png", one.png), ("svg", one.svg)):
+                write_bytes(pictures / f"{one.name}.{suffix}", content)
+        of_pairs = [pair for pair in compared if pair.case is case]
+        tables = [_estimates(case, [of for of in rows if of[0].played.case is case])]
+        tables += [_comparison(campaign, case, of_pairs)] if of_pairs else []
+        sections.append(Section(case.name, _about(case), drawn, tables))
+    path = folder / "report.html"
+    write_bytes(path, _page(campaign, sections).html().encode())
+    return path
+
+
+def _csv(head: Sequence[str], lines: Sequence[Sequence[Any]]) -> bytes:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(lines)
+    return out.getvalue().encode()
+
+
+def _summary_line(row: Row) -> tuple[Any, ...]:
+    of = row.estimate
+    time = "" if row.time_s is None else row.time_s
+    return (
+        row.played.case.name, row.played.planner, row.measure, time, row.unit, of.value, of.low,
+        of.high,
+    )  # fmt: skip
+
+
+def _pair_line(pair: Pair) -> tuple[Any, ...]:
+    found, time = pair.found, pair.time_s
+    return (
+        pair.case.name, pair.first, pair.second, pair.only_first, pair.only_second, found.value,
+        found.low, found.high, pair.found_p, time.value, time.low, time.high, pair.time_p,
+    )  # fmt: skip
+
+
+def _illustrations(
+    campaign: Campaign, missions: Sequence[Played], number: int
+) -> Iterator[Illustration]:
+    case, level = missions[0].case, campaign.settings.confidence
+    finals = ", ".join(f"{one.planner} {one.found.mean():.1%}" for one in missions)
+    for name, caption, alt, draw in (
+        (
+            "pos",
+            f"Probability of success over the mission time, with its {level:.4g} confidence band.",
+            f"Curves of the POS over time for {case.name}; at the end {finals}.",
+            lambda theme: figures.pos_figure(missions, level, theme),
+        ),
+        (
+            "measures",
+            "Missions with all found, and the restricted mean time to detection, with intervals.",
+            f"Points with intervals for {len(missions)} planners; found: {finals}.",
+            lambda theme: figures.estimates_figure(
+                missions, horizon_of(campaign, case), level, theme
+            ),
+        ),
+    ):
+        figure = draw(LIGHT)
+        yield Illustration(
+            f"{name}_{number}", caption, alt, png(figure), svg(figure), svg(draw(DARK))
+        )
+
+
+def _about(case: Case) -> str:
+    of = case.scenario
+    people = f"{of.person_amount} person{'s' if of.person_amount > 1 else ''}"
+    return (
+        f"Profile {case.rules.profile}, {of.grid_size} x {of.grid_size} cells of {of.cell_size:g} "
+        f"m, {of.num_drones} drone{'s' if of.num_drones > 1 else ''}, {people}, limit of "
+        f"{of.timestep_limit} steps ({duration(case.limit_s)})."
+    )
+
+
+def _shown(value: float, unit: str) -> str:
+    if not np.isfinite(value):
+        return "\N{INFINITY}" if value > 0 else "-\N{INFINITY}"
+    if unit == "share":
+        return f"{value:.1%}"
+    if unit == "s":
+        return f"{value:.0f} s"
+    return distance(value) if unit == "m" else f"{value:.2f}"
+
+
+def _interval(of: Estimate, unit: str) -> str:
+    return f"{_shown(of.value, unit)} [{_shown(of.low, unit)}, {_shown(of.high, unit)}]"
+
+
+def _estimates(case: Case, rows: Sequence[Sequence[Row]]) -> Table:
+    return Table(
+        f"{case.name}: estimates with confidence intervals; summary.csv has all digits",
+        ("Measure", *(of[0].played.planner for of in rows)),
+        [
+            (same[0].label, *(_interval(row.estimate, row.unit) for row in same))
+            for same in zip(*rows, strict=True)
+        ],
+    )
+
+
+def _comparison(campaign: Campaign, case: Case, compared: Sequence[Pair]) -> Table:
+    seconds = duration(horizon_of(campaign, case))
+    return Table(
+        f"{case.name}: planners in pairs on the same seeds, first minus second; times to detection "
+        f"restricted to {seconds}; p-values adjusted for all pairs (Holm)",
+        ("Pair", "Only first found", "Only second found", "Found", "p (McNemar)",
+         "Time to detection", "p (Wilcoxon)"),
+        [
+            (
+                f"{pair.first}, {pair.second}", str(pair.only_first), str(pair.only_second),
+                _interval(pair.found, "share"), _p(pair.found_p), _interval(pair.time_s, "s"),
+                _p(pair.time_p),
+            )
+            for pair in compared
+        ],
+    )  # fmt: skip
+
+
+def _p(value: float) -> str:
+    return "< 0.0001" if value < 1e-4 else f"{value:.4f}"
+
+
+def _page(campaign: Campaign, sections: Sequence[Section]) -> SectionPage:
+    settings = campaign.settings
+    each, seeds = settings.missions, f"{settings.seed} to {settings.seed + settings.missions - 1}"
+    total = each * len(campaign.planners) * len(campaign.cases)
+    meanings = Table(
+        "What each measure means, and how its interval is made",
+        ("Measure", "Meaning"),
+        [
+            *((one.label, one.meaning) for one in MEASURES),
+            ("POS after a time", "The probability of success by then, estimated by the share of "
+             "missions that had found every person. Wilson interval."),
+        ],
+    )  # fmt: skip
+    return SectionPage(
+        title=settings.name,
+        subtitles=(
+            f"{total} missions: {each} of each planner in each scenario, seeds {seeds}.",
+            f"Intervals have a confidence level of {settings.confidence:.4g}.",
+        ),
+        facts=(
+            ("Planners", ", ".join(entry.name for entry in campaign.planners)),
+            ("Scenarios", str(len(campaign.cases))),
+            ("Missions", str(total)),
+        ),
+        sections=(*sections, Section("Measures", "", (), (meanings,), prose=True)),
+    )

@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a campaign shows: estimates with confidence intervals, and planners compared in pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from dsse_ros.campaign.config import Campaign, Case
+
+Floats = NDArray[np.float64]
+QUARTERS = (0.25, 0.5, 0.75, 1.0)
+
+
+@dataclass(frozen=True)
+class Played:
+    """The M missions of a planner in a scenario.
+
+    Attributes:
+        planner: Its name.
+        case: The scenario.
+        seeds: (M,) int64.
+        found: (M,) bool, whether every person was found.
+        steps: (M,) until the end; the limit where not every person was found.
+        detection_s: (M,) mission time of the last find; infinite where one was not found.
+        path_length_m: (M,) flown by all drones.
+        collisions: (M,) pairs of drones that a step has put into one cell.
+        drones_lost: (M,) collided, off the grid or withdrawn before it ended.
+    """
+
+    planner: str
+    case: Case
+    seeds: NDArray[np.int64]
+    found: NDArray[np.bool_]
+    steps: Floats
+    detection_s: Floats
+    path_length_m: Floats
+    collisions: Floats
+    drones_lost: Floats
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def of_share(hits: NDArray[np.bool_], confidence: float) -> Estimate:
+    """Return a share with its Wilson interval (Wilson 1927)."""
+    test = stats.binomtest(int(hits.sum()), len(hits))
+    interval = test.proportion_ci(confidence, method="wilson")
+    return Estimate(float(hits.mean()), float(interval.low), float(interval.high))
+
+
+def of_mean(values: Floats, confidence: float) -> Estimate:
+    """Return a mean with its interval by Student's t; of one value, that is unbounded."""
+    mean = float(values.mean())
+    if len(values) < 2:
+        return Estimate(mean, -np.inf, np.inf)
+    error = float(values.std(ddof=1)) / len(values) ** 0.5
+    reach = error * float(stats.t.ppf(0.5 + confidence / 2, len(values) - 1))
+    return Estimate(mean, mean - reach, mean + reach)
+
+
+def of_median(values: Floats, confidence: float) -> Estimate:
+    """Return a median with its interval by order statistics, which no distribution is assumed for.
+
+    With too few values it is that of all of them, which is below the level.
+    """
+    ordered, count = np.sort(values), len(values)
+    low = max(int(stats.binom.ppf(0.5 - confidence / 2, count, 0.5)) - 1, 0)
+    return Estimate(float(np.median(ordered)), float(ordered[low]), float(ordered[count - 1 - low]))
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One number of a planner in a scenario.
+
+    Attributes:
+        name: In files.
+        label: For people.
+        unit: `share` (0 to 1), `s`, `m`, or "" for a count.
+        meaning: Its definition, and how its interval is made.
+        estimate: Of missions, with the horizon in seconds and the confidence level.
+    """
+
+    name: str
+    label: str
+    unit: str
+    meaning: str
+    estimate: Callable[[Played, float, float], Estimate]
+
+
+def restricted_s(played: Played, horizon_s: float) -> Floats:
+    """Return the times to detection (M,), none longer than the horizon."""
+    return np.minimum(played.detection_s, horizon_s)
+
+
+MEASURES = (
+    Measure(
+        "found", "Found", "share", "Missions in which every person was found. Wilson interval.",
+        lambda of, horizon_s, level: of_share(of.found, level),
+    ),
+    Measure(
+        "steps_mean", "Steps, mean", "",
+        "Until the end; a mission without a find counts as the step limit. Student's t.",
+        lambda of, horizon_s, level: of_mean(of.steps, level),
+    ),
+    Measure(
+        "steps_median", "Steps, median", "", "Of the same. Order statistics.",
+        lambda of, horizon_s, level: of_median(of.steps, level),
+    ),
+    Measure(
+        "time_to_detection", "Restricted mean time to detection", "s",
+        "The mean of the time until all are found, or of the horizon where that is later or never: "
+        "the area under 1 - POS up to the horizon (Royston and Parmar 2013). Student's t.",
+        lambda of, horizon_s, level: of_mean(restricted_s(of, horizon_s), level),
+    ),
+    Measure(
+        "path_length", "Path length, all drones", "m",
+        "Sum of the distances between the centres of the cells that each drone flew through. "
+        "Student's t.",
+        lambda of, horizon_s, level: of_mean(of.path_length_m, level),
+    ),
+    Measure(
+        "collisions", "Collisions", "",
+        "Pairs of drones in the search that a step has put into one cell, mean of a mission. "
+        "Student's t.",
+        lambda of, horizon_s, level: of_mean(of.collisions, level),
+    ),
+    Measure(
+        "drones_lost", "Drones lost", "",
+        "Collided or off the grid when the search ended without all found, mean of a mission. "
+        "Student's t.",
+        lambda of, horizon_s, level: of_mean(of.drones_lost, level),
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two planners on the same seeds of a scenario; differences are of the first minus the second.
+
+    Attributes:
+        case: The scenario.
+        first, second: Their names.
+        only_first, only_second: Missions in which only that one has found every person.
+        found: Difference of the share of missions with all found.
+        found_p: Of McNemar's exact test (McNemar 1947), adjusted.
+        time_s: Difference of the restricted times to detection.
+        time_p: Of Wilcoxon's signed-rank test on them (Wilcoxon 1945, zeros by Pratt), adjusted.
+    """
+
+    case: Case
+    first: str
+    second: str
+    only_first: int
+    only_second: int
+    found: Estimate
+    found_p: float
+    time_s: Estimate
+    time_p: float
+
+
+def horizon_of(campaign: Campaign, case: Case) -> float:
+    """Return the time that times to detection are restricted to, never beyond the step limit."""
+    return min(campaign.settings.horizon_s or case.limit_s, case.limit_s)
+
+
+def pos_times(campaign: Campaign, case: Case) -> list[float]:
+    """Return the times at which the POS is stated, in seconds."""
+    given = campaign.settings.pos_at_s
+    return list(given or (case.limit_s * quarter for quarter in QUARTERS))
+
+
+def pos_at(played: Played, time_s: float, confidence: float) -> Estimate:
+    """Return the probability of success by a time: the share of missions that had found all."""
+    # Times are sums of steps, which a decimal number may miss by a rounding error.
+    return of_share(played.detection_s <= time_s * (1 + 1e-12), confidence)
+
+
+def pairs(campaign: Campaign, missions: Sequence[Played]) -> Iterator[Pair]:
+    """Yield every two planners of each scenario.
+
+    The p-values of each test are adjusted for all pairs of the scenario (Holm 1979).
+    """
+    level = campaign.settings.confidence
+    for case in campaign.cases:
+        horizon_s = horizon_of(campaign, case)
+        both = list(combinations([one for one in missions if one.case is case], 2))
+        times = [restricted_s(a, horizon_s) - restricted_s(b, horizon_s) for a, b in both]
+        only = [(int((a.found & ~b.found).sum()), int((b.found & ~a.found).sum())) for a, b in both]
+        found_p = holm([_mcnemar(*counts) for counts in only])
+        time_p = holm([_wilcoxon(difference) for difference in times])
+        for k, (a, b) in enumerate(both):
+            found = of_mean(a.found.astype(float) - b.found.astype(float), level)
+            yield Pair(
+                case, a.planner, b.planner, *only[k], found, found_p[k],
+                of_mean(times[k], level), time_p[k],
+            )  # fmt: skip
+
+
+def _mcnemar(only_first: int, only_second: int) -> float:
+    discordant = only_first + only_second
+    return float(stats.binomtest(only_first, discordant).pvalue) if discordant else 1.0
+
+
+def _wilcoxon(differences: Floats) -> float:
+    if not differences.any():
+        return 1.0
+    return float(stats.wilcoxon(differences, zero_method="pratt", method="approx").pvalue)
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Return p-values adjusted for their number by Holm's step-down procedure (Holm 1979)."""
+    order = sorted(range(len(p)), key=p.__getitem__)
+    adjusted, so_far = [0.0] * len(p), 0.0
+    for rank, k in enumerate(order):
+        so_far = max(so_far, min(1.0, (len(p) - rank) * p[k]))
+        adjusted[k] = so_far
+    return adjusted

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A campaign's file is checked before anything is played."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dsse_ros.campaign.config import Campaign, CampaignSettings
+from dsse_ros.campaign.engines import ENGINES
+from dsse_ros.search import FieldError
+from dsse_ros.search.fields import specs
+
+ROOT = Path(__file__).resolve().parents[2]
+SMALL: dict[str, Any] = {
+    "planners": ["greedy"],
+    "scenarios": [{"grid_size": 8, "sigma": 2, "timestep_limit": 20}],
+    "missions": 10,
+    "chunk": 4,
+}
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({**SMALL, "mission": 3}, "'mission' is not a field of a campaign; did you mean missions?"),
+        ({**SMALL, "missions": 0}, "missions: 0 is not allowed; an integer >= 1"),
+        ({**SMALL, "engine": "dask"}, "engine: 'dask' is not allowed; one of local, ray"),
+        ({**SMALL, "confidence": 95}, "confidence: 95 is not allowed"),
+        ({**SMALL, "pos_at_s": [60, -1]}, r"pos_at_s: \[60, -1\] is not allowed"),
+        ({**SMALL, "planners": []}, r"planners: \[\] is not allowed; a list of one or more"),
+        ({**SMALL, "planners": ["gredy"]}, r"planners\[0\]: planner: 'gredy' is not known"),
+        ({**SMALL, "planners": ["sweep", "sweep"]}, r"planners\[1\]: name: 'sweep' stands twice"),
+        ({**SMALL, "planners": [{"seed": 1}]}, r"planners\[0\]: 'seed' is not a field of a plann"),
+        ({**SMALL, "planners": [{"name": "x"}]}, r"planners\[0\]: planner is missing"),
+        (
+            {**SMALL, "planners": [{"planner": "greedy", "options": {"width": 3}}]},
+            r"planners: 'greedy' in scenarios\[0\] 'paper_8': .*width",
+        ),
+        ({**SMALL, "scenarios": ["nowhere"]}, r"scenarios\[0\]: scenario: 'nowhere' is no file"),
+        ({**SMALL, "scenarios": [{"rules": "v3"}]}, r"scenarios\[0\]: rules: 'v3' is not allowed"),
+        ({**SMALL, "scenarios": [{"grid_siz": 8}]}, r"scenarios\[0\]: 'grid_siz' is not a field"),
+        ([], "a campaign must be a mapping"),
+    ],
+)
+def test_what_is_not_allowed_gets_one_clear_line(values: Any, text: str) -> None:
+    with pytest.raises(FieldError, match=text) as refused:
+        Campaign.from_dict(values)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_example_is_allowed() -> None:
+    campaign = Campaign.from_yaml(ROOT / "examples" / "campaign.yaml")
+    assert len(campaign.planners) * len(campaign.cases) * campaign.settings.missions == sum(
+        chunk.count for chunk in campaign.chunks()
+    )
+
+
+def test_every_engine_may_be_named() -> None:
+    assert specs(CampaignSettings)["engine"].choices == tuple(ENGINES)
+
+
+def test_only_what_decides_the_results_makes_another_campaign() -> None:
+    one = Campaign.from_dict(SMALL)
+    for changed in ({"engine": "ray"}, {"workers": 3}, {"confidence": 0.9}, {"name": "other"}):
+        assert Campaign.from_dict({**SMALL, **changed}).digest == one.digest
+    scenario = {**SMALL["scenarios"][0], "cell_size": 99}
+    for changed in ({"seed": 1}, {"scenarios": [scenario]}, {"planners": ["sweep"]}):
+        assert Campaign.from_dict({**SMALL, **changed}).digest != one.digest
+
+
+def test_paths_start_from_the_folder_of_the_file(tmp_path: Path) -> None:
+    (tmp_path / "bay.yaml").write_text("{grid_size: 9, name: The bay}\n")
+    (tmp_path / "campaign.yaml").write_text("{planners: [sweep], scenarios: [bay.yaml]}\n")
+    assert Campaign.from_yaml(tmp_path / "campaign.yaml").cases[0].name == "The bay"
