@@ -15,5 +15,7 @@ FAILED = 3
 
 def fail(name: str, error: object) -> int:
     """Print what is wrong on one line and return the exit code for it."""
+    # What was printed before comes before it, also where both go to one file.
+    sys.stdout.flush()
     print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
     return BAD_INPUT

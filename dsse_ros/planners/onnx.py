@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.extras import pip_install
 from dsse_ros.planners.planner import Cell, Planner, Search, cells_of, probability_of
 from dsse_ros.search.fields import FieldError, shown
 from dsse_ros.search.observation import AgentObservation
@@ -33,7 +34,7 @@ from dsse_ros.search.observation import AgentObservation
 try:
     import onnxruntime
 except ImportError as error:
-    raise ImportError(f"{error}; pip install 'dsse_ros[onnx]'") from error
+    raise ImportError(f"{error}; {pip_install('onnx')}") from error
 
 METADATA = "dsse_ros"
 """Key of the file's metadata."""

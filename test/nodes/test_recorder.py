@@ -98,7 +98,7 @@ def messages(bag: Bag) -> list[Recorded]:
 def test_every_topic_and_command_of_the_mission_is_in_the_bag(messages: list[Recorded]) -> None:
     counted = Counter(one.topic for one in messages)
     each_step = [
-        "/probability", "/probability_grid", "/drones", "/step_report",
+        "/probability", "/probability_grid", "/probability_of_success", "/drones", "/step_report",
         *(f"/drone{i}/{name}" for i in range(DRONES) for name in ("pose", "odom", "fix")),
     ]  # fmt: skip
     others = ["/agents", "/mission_report", "/markers", "/joint_action", "/clock", "/diagnostics"]

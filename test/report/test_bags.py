@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bags import Bag
-from flown import environment, fly
+from flights import environment, fly
 from rosbags.highlevel import AnyReader
 
 from dsse_ros.cli.report import main

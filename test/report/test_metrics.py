@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown import Log, environment, fly
+from flights import Log, environment, fly
 from hypothesis import given
 from hypothesis import strategies as st
 

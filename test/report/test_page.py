@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
-from flown import SCENARIO, Log, environment, fly
+from flights import SCENARIO, Log, environment, fly
 
 from dsse_ros.cli.report import main
 from dsse_ros.report.metrics import METRICS, metrics

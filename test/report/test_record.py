@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown import Flown, Log, environment, fly
+from flights import Flown, Log, environment, fly
 from hypothesis import given
 from hypothesis import strategies as st
 
