@@ -9,8 +9,8 @@ import sys
 
 import pytest
 
-# A lock that is taken twice is never had: as long in C as LLVM could ever be. What cleans up must not
-# print: a signal may come before the print that announces it has returned.
+# A lock that is taken twice is never had: as long in C as LLVM could ever be. What cleans up must
+# not print: a signal may come before the print that announces it has returned.
 IN_C = """
 import ctypes, os
 from dsse_ros.nodes.interrupts import leave_on_signals
