@@ -30,7 +30,7 @@ from dsse_ros.planners.batch import Missions, play_missions
 from dsse_ros.search import VectorEnv, vector_env
 from dsse_ros.search.drone_slots import DroneSlots, searched_probability
 from dsse_ros.training.export import export
-from dsse_ros.training.foveated import FoveatedExtractor
+from dsse_ros.training.foveated import FOVEATED
 from dsse_ros.training.vec_env import DroneVecEnv
 
 SEARCH: dict[str, Any] = {
@@ -60,7 +60,7 @@ def reward(env: VectorEnv, observations: dict[str, Any], actions: Any) -> Any:
 def make_env() -> DroneVecEnv:
     """Return the environments to train in."""
     batch = vector_env(WORLDS, observe="belief", **SEARCH)
-    return DroneVecEnv(DroneSlots(batch, reward=reward))
+    return DroneVecEnv(DroneSlots(batch, FOVEATED, reward))
 
 
 def make_model(env: DroneVecEnv) -> MaskablePPO:
@@ -78,8 +78,6 @@ def make_model(env: DroneVecEnv) -> MaskablePPO:
         ent_coef=0.003,
         max_grad_norm=0.5,
         policy_kwargs={
-            "features_extractor_class": FoveatedExtractor,
-            "features_extractor_kwargs": {"num_drones": env.slots.env.world.num_drones},
             "net_arch": {"pi": [256, 128], "vf": [256, 128]},
             "activation_fn": torch.nn.ReLU,
         },

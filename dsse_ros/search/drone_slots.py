@@ -121,12 +121,16 @@ class DroneSlots:
         self._observations, rewards, terminated, truncated, infos = self.env.step(joint)
         rewards = np.where(self._out, 0.0, rewards if earned is None else earned)
         over, masks = infos["over"], infos["action_mask"]
-        final = observed = self._encoded()
         self._out = terminated | truncated
         if over.any():
+            ends = self._encoded(over)
             self._observations, restarted = self.env.reset(options={RESET_MASK: over})
-            observed, masks = self._encoded(), restarted["action_mask"]
+            masks = restarted["action_mask"]
             self._out[over] = False
+        final = observed = self._encoded()
+        if over.any():
+            final = observed.copy()
+            final[np.repeat(over, self._drones)] = ends
         masks[self._out] = np.arange(self.num_actions) == 0
         return SlotStep(
             observed, rewards.ravel(), terminated.ravel(), truncated.ravel(),
@@ -137,7 +141,10 @@ class DroneSlots:
         """End the batch's threads."""
         self.env.close()
 
-    def _encoded(self) -> NDArray[np.float32]:
-        one = self._observations
-        encoded = np.asarray(self._encoding.encode(one["positions"], one["probability"]))
-        return encoded.reshape(self.num_slots, *encoded.shape[2:]).astype(np.float32)
+    def _encoded(self, which: Any = slice(None)) -> NDArray[np.float32]:
+        """Return the observations of all slots, or of those of some worlds."""
+        positions, probability = (
+            self._observations[name][which] for name in ("positions", "probability")
+        )
+        encoded = np.asarray(self._encoding.encode(positions, probability))
+        return encoded.reshape(-1, *encoded.shape[2:]).astype(np.float32, copy=False)

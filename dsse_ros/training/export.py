@@ -14,11 +14,11 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
 from dsse_ros.planners.onnx import METADATA
-from dsse_ros.training.foveated import FoveatedExtractor
+from dsse_ros.training.foveated import Foveated
 
 
 class Scores(nn.Module):
-    """The scores of the actions, of a policy on `FoveatedExtractor`.
+    """The scores of the actions, of a policy that was trained on the encoding `FOVEATED`.
 
     Args:
         policy: What was trained.
@@ -26,9 +26,7 @@ class Scores(nn.Module):
 
     def __init__(self, policy: ActorCriticPolicy) -> None:
         super().__init__()
-        extractor = policy.features_extractor
-        assert isinstance(extractor, FoveatedExtractor)
-        self._foveated = extractor.foveated
+        self._foveated = Foveated()
         self._hidden = policy.mlp_extractor.policy_net
         self._scores = policy.action_net
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import gymnasium
+import numpy as np
 import torch
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from gymnasium import spaces
+from numpy.typing import NDArray
 from torch import Tensor, nn
+
+from dsse_ros.search.wrappers import Encoding, own_first
 
 LEVELS = (1, 3, 9)
 """Cells along a block of each level; odd, so that the drone is in the middle of a block."""
@@ -65,22 +68,21 @@ def _blocks(offsets: Tensor, level: int) -> Tensor:
     return (index[:, None, :] == numbers[:, None]).to(offsets.dtype)
 
 
-class FoveatedExtractor(BaseFeaturesExtractor):
-    """`Foveated` on observations in the encoding `FLATTENED`, for policies of Stable-Baselines3.
+_FOVEATED = Foveated()
 
-    Args:
-        observation_space: Of a slot.
-        num_drones: M.
-    """
 
-    def __init__(self, observation_space: gymnasium.Space[Any], num_drones: int) -> None:
-        super().__init__(observation_space, FEATURES)
-        self.foveated = Foveated()
-        self._cells = 2 * num_drones
+def foveated(positions: NDArray[Any], probability: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what each drone sees, (..., N, `FEATURES`); see `dsse_ros.search.wrappers`."""
+    *batch, drones, _ = positions.shape
+    grid = probability.shape[-1]
+    places = own_first(positions).reshape(-1, 2 * drones) / max(grid - 1, 1)
+    maps = np.repeat(probability.reshape(-1, grid, grid), drones, axis=0)
+    with torch.no_grad():
+        features = _FOVEATED(torch.from_numpy(places).float(), torch.from_numpy(maps))
+    return features.numpy().reshape(*batch, drones, FEATURES)
 
-    def forward(self, observations: Tensor) -> Tensor:
-        """Return features (K, `FEATURES`) of observations (K, 2M + G * G)."""
-        grid = round((observations.shape[1] - self._cells) ** 0.5)
-        maps = observations[:, self._cells :].unflatten(1, (grid, grid))
-        features: Tensor = self.foveated(observations[:, : self._cells], maps)
-        return features
+
+FOVEATED = Encoding(
+    foveated, lambda drones, grid: spaces.Box(-1.0, np.inf, (FEATURES,), np.float32)
+)
+"""What `Foveated` makes of an observation."""

@@ -71,7 +71,7 @@ def test_a_slot_is_an_agent_of_the_single_environment_mission_after_mission(
 def test_what_drones_search_adds_up_to_the_probability_of_success() -> None:
     env = vector_env(
         3, rules="v2", observe="belief", probability_of_detection=0.7, dispersion_inc=0.3,
-        **{**MISSION, "drones_positions": [(3, 4), (3, 4), (2, 4)]},
+        **{**MISSION, "drones_positions": [(3, 4), (3, 5), (2, 4)]},
     )  # fmt: skip
     observations, infos = env.reset(seed=2)
     search = env.rules.actions.index("search")
@@ -84,10 +84,12 @@ def test_what_drones_search_adds_up_to_the_probability_of_success() -> None:
         shares = searched_probability(env, observations, actions)
         assert ((shares == 0) | (actions == search)).all()
         before, was_over = infos["pos"], infos["over"]
-        observations, _, _, _, infos = env.step(actions)
+        observations, _, _, truncated, infos = env.step(actions)
+        # A search that has found somebody is no failed one, one after the time is none at all.
+        failed = ~was_over & ~infos["Found"] & ~truncated.any(axis=1)
         expected = before + (1 - before) * shares.sum(axis=1)
-        assert infos["pos"][~was_over] == pytest.approx(expected[~was_over], abs=1e-5)
-        compared += (~was_over).sum()
+        assert infos["pos"][failed] == pytest.approx(expected[failed], abs=1e-5)
+        compared += failed.sum()
     assert compared > 40
 
 
