@@ -55,7 +55,7 @@ setup(
         "onnx": ["onnxruntime>=1.17"],
         # What examples/train.py learns with; PyTorch for CUDA is large, one for the CPU is enough.
         "train": [
-            "onnx>=1.16", "onnxruntime>=1.17", "sb3-contrib>=2.4", "tensorboard>=2.14",
+            "onnx>=1.16", "onnxruntime>=1.17", "onnxscript>=0.2", "sb3-contrib>=2.4", "tensorboard>=2.14",
             "torch>=2.5", "tqdm>=4.66",
         ],
         # Ground stations that the tests fly with. MAVProxy needs `future` without saying so; from

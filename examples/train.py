@@ -21,16 +21,17 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from sb3_contrib import MaskablePPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from tqdm import tqdm
 
 from dsse_ros.planners.batch import Missions, play_missions
-from dsse_ros.search import VectorEnv, vector_env
-from dsse_ros.search.drone_slots import DroneSlots, searched_probability
+from dsse_ros.search import vector_env
+from dsse_ros.search.drone_slots import DroneSlots, Transition, searched_probability
 from dsse_ros.training.export import export
-from dsse_ros.training.foveated import FOVEATED
+from dsse_ros.training.foveated import foveated
 from dsse_ros.training.vec_env import DroneVecEnv
 
 SEARCH: dict[str, Any] = {
@@ -45,22 +46,37 @@ SEED = 1
 """Of the weights and what is drawn; the worlds are seeded with 1000 and those that follow."""
 WORLD_SEED, CHECK_SEED, TEST_SEED = 1_000, 10_000_000, 20_000_000
 """Of the first mission that is trained on, that checkpoints are chosen by, and that is reported."""
-WORLDS, STEPS = 64, 64
+WORLDS, STEPS = 64, 32
 """Steps of as many worlds between two updates."""
+GAMMA = 0.97
 TEAM = 0.5
 """Share of the reward that all drones have in common."""
 
 
-def reward(env: VectorEnv, observations: dict[str, Any], actions: Any) -> Any:
-    """Return the probability that is searched in this step, (B, N): one's own and the team's."""
-    own = searched_probability(env, observations, actions)
-    return (1 - TEAM) * own + TEAM * own.sum(axis=1, keepdims=True)
+def reward(step: Transition) -> NDArray[np.float64]:
+    """Return the probability that is searched, (B, N): one's own and the team's; and the way there.
+
+    What is paid for coming nearer is a potential, taken back at the end: it changes no optimum (Ng,
+    Harada and Russell, "Policy invariance under reward transformations", 1999).
+    """
+    own = searched_probability(step)
+    nearer = GAMMA * potential(step.after) * ~step.over[:, None] - potential(step.before)
+    return (1 - TEAM) * own + TEAM * own.sum(axis=1, keepdims=True) + nearer
+
+
+def potential(observations: dict[str, Any]) -> NDArray[np.float64]:
+    """Return (B, N), the greater the nearer a drone is to the middle of the belief; 0 within 5."""
+    positions, probability = observations["positions"], observations["probability"]
+    line = np.arange(probability.shape[-1])
+    middle = np.stack([probability.sum(axis=1) @ line, probability.sum(axis=2) @ line], axis=-1)
+    away = np.abs(positions - middle[:, None]).max(axis=-1)
+    return -0.02 * np.maximum(away - 5.0, 0.0)
 
 
 def make_env() -> DroneVecEnv:
     """Return the environments to train in."""
     batch = vector_env(WORLDS, observe="belief", **SEARCH)
-    return DroneVecEnv(DroneSlots(batch, FOVEATED, reward))
+    return DroneVecEnv(DroneSlots(batch, foveated(batch.rules.actions), reward))
 
 
 def make_model(env: DroneVecEnv) -> MaskablePPO:
@@ -68,17 +84,17 @@ def make_model(env: DroneVecEnv) -> MaskablePPO:
     return MaskablePPO(
         "MlpPolicy",
         env,
-        learning_rate=lambda left: 3e-4 * max(left, 0.05),
+        learning_rate=lambda left: 5e-4 * max(left, 0.05),
         n_steps=STEPS,
-        batch_size=2048,
+        batch_size=1024,
         n_epochs=4,
-        gamma=0.97,
+        gamma=GAMMA,
         gae_lambda=0.92,
         clip_range=0.2,
-        ent_coef=0.003,
+        ent_coef=0.005,
         max_grad_norm=0.5,
         policy_kwargs={
-            "net_arch": {"pi": [256, 128], "vf": [256, 128]},
+            "net_arch": {"pi": [128, 128], "vf": [128, 128]},
             "activation_fn": torch.nn.ReLU,
         },
         seed=SEED,

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,8 +13,27 @@ from dsse_ros.search.fields import FieldError
 from dsse_ros.search.vector_env import RESET_MASK, Observations, VectorEnv
 from dsse_ros.search.wrappers import FLATTENED, Encoding
 
-Reward = Callable[[VectorEnv, Observations, NDArray[np.int8]], NDArray[np.float64]]
-"""From the observations before a step and its actions (B, N), rewards (B, N)."""
+
+class Transition(NamedTuple):
+    """A step of B worlds.
+
+    Attributes:
+        env: The worlds.
+        before: Observations before it.
+        actions: (B, N) int8, numbers of the rules.
+        after: Observations after it, before any world is reset.
+        over: (B,) bool, the worlds whose mission it has ended.
+    """
+
+    env: VectorEnv
+    before: Observations
+    actions: NDArray[np.int8]
+    after: Observations
+    over: NDArray[np.bool_]
+
+
+Reward = Callable[[Transition], NDArray[np.float64]]
+"""From a step to rewards (B, N)."""
 
 
 class SlotStep(NamedTuple):
@@ -43,17 +62,15 @@ class SlotStep(NamedTuple):
     steps: NDArray[np.int64]
 
 
-def searched_probability(
-    env: VectorEnv, observations: Observations, actions: NDArray[np.int8]
-) -> NDArray[np.float64]:
+def searched_probability(step: Transition) -> NDArray[np.float64]:
     """Return the probability (B, N) that each drone's search finds; drones in one cell share it.
 
     With the belief as observation their sum is what the step is expected to find, whether it does
     or not: a dense reward without the chance of a find. Several persons count with their mean.
     """
-    positions, probability = observations["positions"], observations["probability"]
+    env, positions, probability = step.env, step.before["positions"], step.before["probability"]
     grid = probability.shape[-1]
-    searches = actions == env.rules.actions.index("search")
+    searches = step.actions == env.rules.actions.index("search")
     cells = np.where(searches, positions[..., 1] * grid + positions[..., 0], -1)
     inside = searches & ((positions >= 0) & (positions < grid)).all(axis=-1)
     together = (cells[:, :, None] == cells[:, None, :]).sum(axis=-1)
@@ -73,7 +90,8 @@ class DroneSlots:
 
     Args:
         env: The batch; not a lazy one.
-        encoding: What a drone observes.
+        encoding: What a drone observes. Where `encode` returns a tuple, its second part is
+            (..., N, A), the actions of the rules that the numbers of each slot stand for.
         reward: What it is rewarded for, by default as the rules say.
 
     Attributes:
@@ -81,6 +99,8 @@ class DroneSlots:
         num_slots: S.
         num_actions: A.
         single_observation_space: Of one slot.
+        order: (S, A), the actions of the rules that the numbers of each slot stand for at the last
+            observation; None for the same.
 
     Raises:
         FieldError: If the batch is lazy.
@@ -98,6 +118,7 @@ class DroneSlots:
         self.num_actions = len(env.rules.actions)
         self.single_observation_space = encoding.space(self._drones, env.world.grid_size)
         self._observations: Observations = {}
+        self.order: NDArray[np.int64] | None = None
         self._out = np.zeros((env.num_envs, self._drones), np.bool_)
 
     def reset(self, seed: Any = None) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
@@ -108,7 +129,8 @@ class DroneSlots:
         """
         self._observations, infos = self.env.reset(seed)
         self._out[:] = False
-        return self._encoded(), infos["action_mask"].reshape(self.num_slots, -1)
+        encoded, self.order = self._encoded()
+        return encoded, self._masks(infos)
 
     def step(self, actions: NDArray[Any]) -> SlotStep:
         """Advance every world by one step.
@@ -116,35 +138,51 @@ class DroneSlots:
         Args:
             actions: (S,) integers.
         """
-        joint = np.asarray(actions).reshape(self._out.shape).astype(np.int8)
-        earned = self._reward and self._reward(self.env, self._observations, joint)
+        numbers = np.asarray(actions)
+        if self.order is not None:
+            numbers = np.take_along_axis(self.order, numbers[:, None], axis=1)
+        joint = numbers.reshape(self._out.shape).astype(np.int8)
+        before = self._observations
         self._observations, rewards, terminated, truncated, infos = self.env.step(joint)
-        rewards = np.where(self._out, 0.0, rewards if earned is None else earned)
-        over, masks = infos["over"], infos["action_mask"]
-        self._out = terminated | truncated
+        over = infos["over"]
+        if self._reward is not None:
+            rewards = self._reward(Transition(self.env, before, joint, self._observations, over))
+        rewards = np.where(self._out, 0.0, rewards)
+        self._out = (terminated | truncated) & ~over[:, None]
+        ends, now = None, infos
         if over.any():
-            ends = self._encoded(over)
-            self._observations, restarted = self.env.reset(options={RESET_MASK: over})
-            masks = restarted["action_mask"]
-            self._out[over] = False
-        final = observed = self._encoded()
-        if over.any():
+            ends, _ = self._encoded(over)
+            self._observations, now = self.env.reset(options={RESET_MASK: over})
+        observed, self.order = self._encoded()
+        final = observed
+        if ends is not None:
             final = observed.copy()
             final[np.repeat(over, self._drones)] = ends
-        masks[self._out] = np.arange(self.num_actions) == 0
         return SlotStep(
-            observed, rewards.ravel(), terminated.ravel(), truncated.ravel(),
-            masks.reshape(self.num_slots, -1), final, over, infos["Found"], infos["step"],
+            observed, rewards.ravel(), terminated.ravel(), truncated.ravel(), self._masks(now),
+            final, over, infos["Found"], infos["step"],
         )  # fmt: skip
 
     def close(self) -> None:
         """End the batch's threads."""
         self.env.close()
 
-    def _encoded(self, which: Any = slice(None)) -> NDArray[np.float32]:
-        """Return the observations of all slots, or of those of some worlds."""
+    def _masks(self, infos: Mapping[str, NDArray[Any]]) -> NDArray[np.int8]:
+        masks: NDArray[np.int8] = infos["action_mask"].reshape(self.num_slots, -1)
+        if self.order is not None:
+            masks = np.take_along_axis(masks, self.order, axis=1)
+        masks[self._out.ravel()] = np.arange(self.num_actions) == 0
+        return masks
+
+    def _encoded(
+        self, which: Any = slice(None)
+    ) -> tuple[NDArray[np.float32], NDArray[np.int64] | None]:
+        """Return the observations of all slots, or of those of some worlds, and their actions."""
         positions, probability = (
             self._observations[name][which] for name in ("positions", "probability")
         )
-        encoded = np.asarray(self._encoding.encode(positions, probability))
-        return encoded.reshape(-1, *encoded.shape[2:]).astype(np.float32, copy=False)
+        encoded, order = self._encoding.encode(positions, probability), None
+        if isinstance(encoded, tuple):
+            encoded, order = encoded
+            order = order.reshape(-1, self.num_actions)
+        return encoded.reshape(-1, *encoded.shape[2:]).astype(np.float32, copy=False), order

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,28 +12,33 @@ import onnx
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
+from torch.export import Dim
 
 from dsse_ros.planners.onnx import METADATA
-from dsse_ros.training.foveated import Foveated
+from dsse_ros.training.foveated import Foveated, order_of_actions
 
 
 class Scores(nn.Module):
-    """The scores of the actions, of a policy that was trained on the encoding `FOVEATED`.
+    """The scores of the actions, of a policy that was trained on the encoding `foveated`.
 
     Args:
         policy: What was trained.
+        names: Of the actions.
     """
 
-    def __init__(self, policy: ActorCriticPolicy) -> None:
+    def __init__(self, policy: ActorCriticPolicy, names: Sequence[str]) -> None:
         super().__init__()
         self._foveated = Foveated()
+        # By turn and action of the rules, which number it has in turned windows.
+        numbers = torch.from_numpy(order_of_actions(names)).argsort(dim=1)
+        self.register_buffer("_numbers", numbers)
         self._hidden = policy.mlp_extractor.policy_net
         self._scores = policy.action_net
 
     def forward(self, positions: Tensor, probability: Tensor) -> Tensor:
         """Return scores (K, A), see `Foveated`."""
-        scores: Tensor = self._scores(self._hidden(self._foveated(positions, probability)))
-        return scores
+        features, turns = self._foveated(positions, probability)
+        return torch.gather(self._scores(self._hidden(features)), 1, self._numbers[turns])
 
 
 def export(
@@ -48,19 +53,16 @@ def export(
         grid: G of an example; others fit too.
         drones: M of an example; others fit too.
     """
-    device = policy.device
-    scores = Scores(policy).eval()
-    example = (
-        torch.rand(2, 2 * drones, device=device), torch.rand(2, grid, grid, device=device)
-    )  # fmt: skip
-    dynamic = {
-        "positions": {0: "drones", 1: "coordinates"},
-        "probability": {0: "drones", 1: "rows", 2: "columns"},
-        "scores": {0: "drones"},
-    }
+    scores = Scores(policy, metadata["actions"]).eval()
+    example = torch.rand(3, 2 * drones), torch.rand(3, grid, grid)
+    drones_to_act, all_drones, side = Dim("drones"), Dim("all_drones"), Dim("side")
     torch.onnx.export(
-        scores, example, str(path), input_names=["positions", "probability"],
-        output_names=["scores"], dynamic_axes=dynamic, opset_version=17, dynamo=False,
+        scores, example, path, input_names=["positions", "probability"], output_names=["scores"],
+        dynamic_shapes=(
+            {0: drones_to_act, 1: 2 * all_drones},
+            {0: drones_to_act, 1: side, 2: side},
+        ),
+        external_data=False, verbose=False,
     )  # fmt: skip
     model = onnx.load(path)
     onnx.helper.set_model_props(model, {METADATA: json.dumps(dict(metadata))})

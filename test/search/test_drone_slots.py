@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dsse_ros.search import FieldError, parallel_env, vector_env
-from dsse_ros.search.drone_slots import DroneSlots, searched_probability
+from dsse_ros.search.drone_slots import DroneSlots, Transition, searched_probability
 from dsse_ros.search.wrappers import FLATTENED
 
 WORLDS, DRONES, GRID = 4, 3, 7
@@ -81,10 +81,11 @@ def test_what_drones_search_adds_up_to_the_probability_of_success() -> None:
         actions = np.where(
             generator.random((3, DRONES)) < 0.7, search, generator.integers(0, 8, (3, DRONES))
         ).astype(np.int8)
-        shares = searched_probability(env, observations, actions)
-        assert ((shares == 0) | (actions == search)).all()
-        before, was_over = infos["pos"], infos["over"]
+        before, was_over, observed = infos["pos"], infos["over"], observations
         observations, _, _, truncated, infos = env.step(actions)
+        step = Transition(env, observed, actions, observations, infos["over"])
+        shares = searched_probability(step)
+        assert ((shares == 0) | (actions == search)).all()
         # A search that has found somebody is no failed one, one after the time is none at all.
         failed = ~was_over & ~infos["Found"] & ~truncated.any(axis=1)
         expected = before + (1 - before) * shares.sum(axis=1)
