@@ -35,7 +35,7 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 TESTS_OF_CHECK := $(addprefix test/,campaign compat dashboard flight mission msg_adapters packaging \
 	planners recording report search)
 
-MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
+MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
 MOVIE_OF = $(if $(MOVIE),--movie '$(MOVIE)')
 

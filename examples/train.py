@@ -49,6 +49,8 @@ WORLD_SEED, CHECK_SEED, TEST_SEED = 1_000, 10_000_000, 20_000_000
 WORLDS, STEPS = 64, 32
 """Steps of as many worlds between two updates."""
 GAMMA = 0.97
+ENTROPY = 0.005
+"""What a random choice is worth at first; nothing in the end."""
 TEAM = 0.5
 """Share of the reward that all drones have in common."""
 
@@ -84,14 +86,14 @@ def make_model(env: DroneVecEnv) -> MaskablePPO:
     return MaskablePPO(
         "MlpPolicy",
         env,
-        learning_rate=lambda left: 5e-4 * max(left, 0.05),
+        learning_rate=lambda left: 6e-4 * max(left, 0.03),
         n_steps=STEPS,
         batch_size=1024,
         n_epochs=4,
         gamma=GAMMA,
         gae_lambda=0.92,
         clip_range=0.2,
-        ent_coef=0.005,
+        ent_coef=ENTROPY,
         max_grad_norm=0.5,
         policy_kwargs={
             "net_arch": {"pi": [128, 128], "vf": [128, 128]},
@@ -142,6 +144,7 @@ class Progress(BaseCallback):
         return not self.stopped
 
     def _on_rollout_start(self) -> None:
+        self.model.ent_coef = ENTROPY * self.model._current_progress_remaining
         # The policy is that of the last update.
         self.bar.update(self.num_timesteps - self.bar.n)
         if self.num_timesteps - self.checked >= self.check_every:
@@ -238,8 +241,8 @@ def main() -> None:
     """Train as the command line says."""
     parser = argparse.ArgumentParser(description="Train a policy, or go on from a checkpoint.")
     parser.add_argument("--out", type=Path, default=Path("out/train"), help="folder of the results")
-    parser.add_argument("--steps", type=float, default=2e7, help="of drones, in all")
-    parser.add_argument("--check-every", type=float, default=1e6, help="steps between checkpoints")
+    parser.add_argument("--steps", type=float, default=1.5e6, help="of drones, in all")
+    parser.add_argument("--check-every", type=float, default=1e5, help="steps between checkpoints")
     arguments = parser.parse_args()
     train(arguments.out, round(arguments.steps), round(arguments.check_every))
 

@@ -19,9 +19,11 @@ LEVELS = (1, 3, 9)
 """Cells along a block of each level; odd, so that the drone is in the middle of a block."""
 BLOCKS = 9
 """Blocks along the window of each level: with these levels it sees 40 cells in each direction."""
-FEATURES = BLOCKS**2 * (2 * len(LEVELS) + 1) + 3
+FEATURES = (2 * BLOCKS**2 + 1) * len(LEVELS) + 3
 FAR = 8.0
 """Cells: distances to the middle of the map are told apart up to a few times this."""
+NOTHING = 1e-9
+"""Probability of a whole window that counts as none."""
 TURNS = 8
 """The symmetries of a square."""
 
@@ -30,8 +32,7 @@ class Foveated(nn.Module):
     """Turns the inputs of the planner `onnx` into features; it has no weights.
 
     Around the drone lie windows of `BLOCKS` x `BLOCKS` blocks, a block of 1, 3 or 9 cells along a
-    side: of each its probability and the number of drones in it, and of cells their probability
-    over the highest, too. Grids of any size and any number of drones fit. The windows
+    side: of each the number of drones in it, and its probability over the highest in the window. Grids of any size and any number of drones fit. The windows
     are mirrored so that the middle of the map lies ahead between right and down, nearer to right:
     what was learned in one direction holds in all eight.
     """
@@ -56,13 +57,13 @@ class Foveated(nn.Module):
         turn = torch.stack(
             [middle_x < 0, middle_y < 0, middle_y.abs() > middle_x.abs()], dim=1
         )  # fmt: skip
-        planes = []
+        planes, scales = [], []
         for level in LEVELS:
             over_rows, over_columns = _blocks(rows, level), _blocks(columns, level)
             mass = over_rows @ share @ over_columns.mT
-            if level == 1:
-                planes.append(mass * total / highest)
-            planes.append(mass.sqrt())
+            most = mass.amax(dim=(1, 2), keepdim=True)
+            planes.append(mass / most.clamp(min=NOTHING))
+            scales.append(most[:, :, 0].sqrt())
             planes.append(_blocks(away[..., 1], level) @ _blocks(away[..., 0], level).mT)
         windows = torch.stack(planes, dim=1)
         mirror_x, mirror_y, swap = (one[:, None, None, None] for one in turn.unbind(1))
@@ -71,7 +72,9 @@ class Foveated(nn.Module):
         windows = torch.where(swap, windows.mT, windows)
         ahead = torch.stack([middle_x, middle_y], dim=1).abs().sort(dim=1, descending=True).values
         spread = torch.log(total / highest)[:, :, 0]
-        features = torch.cat([windows.flatten(1), torch.tanh(ahead / FAR), spread], dim=1)
+        features = torch.cat(
+            [windows.flatten(1), *scales, torch.tanh(ahead / FAR), spread], dim=1
+        )
         return features, (turn * torch.tensor([4, 2, 1])).sum(dim=1)
 
 
