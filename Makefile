@@ -55,7 +55,7 @@ help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
 		printf 'make %-11s %s\n' "$$target" "$$text"; done
 
-sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder MOVIE=file VIEW=1
+sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name DRONES=n SEED=n OUT=folder MOVIE=file VIEW=1
 	@$(BIN)/run_mission $(MISSION) $(MOVIE_OF) $(if $(VIEW),--view)
 
 sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder

@@ -14,8 +14,8 @@ In `positions` a drone that is out of the search stays where it was. The first o
 score of each action. A drone does the action with the highest score of those that its mask allows.
 The metadata `dsse_ros` of the file is a JSON object with `actions` (their names by number), `rules`
 (the name of the profile) and, where the model fits no other, `grid_size` and `num_drones`. With
-`"observe": "belief"` in it `probability` is what the searches so far leave of the map: where that is
-not observed, the planner keeps a belief of its own.
+`"observe": "belief"` in it `probability` is the belief: where drones observe the map, the planner
+keeps a belief of its own.
 """
 
 from __future__ import annotations
@@ -160,9 +160,7 @@ class OnnxOnBelief:
         """Return the cell that each drone goes to; see `Tactic`."""
         masks = np.stack([self._masks[row][col] for col, row in present])
         probability = belief.cells().astype(np.float32)
-        actions = self._policy.actions(
-            dict(zip(agents, present, strict=True)), probability, masks
-        )
+        actions = self._policy.actions(dict(zip(agents, present, strict=True)), probability, masks)
         moves = [self._actions.moves[action] for action in actions]
         return [(x + dx, y + dy) for (x, y), (dx, dy) in zip(present, moves, strict=True)]
 

@@ -32,9 +32,10 @@ class Foveated(nn.Module):
     """Turns the inputs of the planner `onnx` into features; it has no weights.
 
     Around the drone lie windows of `BLOCKS` x `BLOCKS` blocks, a block of 1, 3 or 9 cells along a
-    side: of each the number of drones in it, and its probability over the highest in the window. Grids of any size and any number of drones fit. The windows
-    are mirrored so that the middle of the map lies ahead between right and down, nearer to right:
-    what was learned in one direction holds in all eight.
+    side: of each the number of drones in it, and its probability over the highest in the window.
+    Grids of any size and any number of drones fit. The windows are mirrored so that the middle of
+    the map lies ahead between right and down, nearer to right: what was learned in one direction
+    holds in all eight.
     """
 
     def forward(self, positions: Tensor, probability: Tensor) -> tuple[Tensor, Tensor]:
@@ -72,15 +73,13 @@ class Foveated(nn.Module):
         windows = torch.where(swap, windows.mT, windows)
         ahead = torch.stack([middle_x, middle_y], dim=1).abs().sort(dim=1, descending=True).values
         spread = torch.log(total / highest)[:, :, 0]
-        features = torch.cat(
-            [windows.flatten(1), *scales, torch.tanh(ahead / FAR), spread], dim=1
-        )
+        features = torch.cat([windows.flatten(1), *scales, torch.tanh(ahead / FAR), spread], dim=1)
         return features, (turn * torch.tensor([4, 2, 1])).sum(dim=1)
 
 
 def _blocks(offsets: Tensor, level: int) -> Tensor:
     """Return (K, `BLOCKS`, L): 1 where one of the offsets (K, L) in cells lies in a block."""
-    index = torch.floor((offsets + (level * BLOCKS - 1) // 2) / level)
+    index = (offsets + (level * BLOCKS - 1) // 2) // level
     numbers = torch.arange(BLOCKS, dtype=offsets.dtype, device=offsets.device)
     return (index[:, None, :] == numbers[:, None]).to(offsets.dtype)
 
@@ -128,6 +127,4 @@ def foveated(names: Sequence[str]) -> Encoding:
         features, turns = _seen(positions, probability)
         return features, order[turns]
 
-    return Encoding(
-        encode, lambda drones, grid: spaces.Box(-1.0, np.inf, (FEATURES,), np.float32)
-    )
+    return Encoding(encode, lambda drones, grid: spaces.Box(-1.0, np.inf, (FEATURES,), np.float32))

@@ -478,6 +478,7 @@ def test_every_dependency_is_explained() -> None:
                 "onnx",
                 "ray",
                 "record",
+                "train",
                 "viewer",
                 "viz",
             )

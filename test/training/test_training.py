@@ -3,6 +3,11 @@
 
 from __future__ import annotations
 
+import csv
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +25,7 @@ from dsse_ros.training.export import export  # noqa: E402
 from dsse_ros.training.foveated import FEATURES, foveated  # noqa: E402
 from dsse_ros.training.vec_env import DroneVecEnv  # noqa: E402
 
+ROOT = Path(__file__).resolve().parents[2]
 SEARCH: dict[str, Any] = {
     "rules": "v2", "grid_size": 12, "num_drones": 3, "person_initial_position": (5, 6),
     "timestep_limit": 20, "drones_positions": [(0, 0), (11, 2), (4, 9)],
@@ -64,8 +70,8 @@ def test_the_exported_model_does_what_the_trained_policy_does(tmp_path: Path) ->
     while single.agents:
         joint = planner(observations, infos)
         chosen, _ = model.predict(observed, action_masks=env.action_masks(), deterministic=True)
-        order = env.slots.order
-        assert list(joint.values()) == np.take_along_axis(order, chosen[:, None], 1).ravel().tolist()
+        actions = np.take_along_axis(env.slots.order, chosen[:, None], axis=1)
+        assert list(joint.values()) == actions.ravel().tolist()
         observations, _, _, _, infos = single.step(joint)
         observed, *_ = env.step(chosen)
         steps += 1
@@ -78,3 +84,33 @@ def test_stable_baselines_learns_in_it_and_sees_the_ends_of_missions() -> None:
     model.learn(3 * 4 * 32)
     assert env.observation_space.shape == (FEATURES,)
     assert model.ep_info_buffer and all(1 <= one["l"] <= 21 for one in model.ep_info_buffer)
+
+
+def test_the_example_goes_on_from_its_checkpoint_after_an_interrupt(tmp_path: Path) -> None:
+    def train(steps: int) -> subprocess.Popen[str]:
+        command = [sys.executable, ROOT / "examples/train.py", "--out", tmp_path]
+        return subprocess.Popen(
+            [*command, f"--steps={steps}", "--check-every=1e9"], stdout=subprocess.PIPE, text=True
+        )
+
+    first = train(10**9)
+    try:
+        # TensorBoard's file has a first event when the first policy was improved.
+        while not any(file.stat().st_size > 500 for file in tmp_path.glob("log/events*")):
+            assert first.poll() is None
+            time.sleep(0.5)
+        first.send_signal(signal.SIGINT)
+        assert first.wait(300) == 0
+    finally:
+        first.kill()
+    done = read(tmp_path / "curve.csv")
+    assert len(done) == 1 and (tmp_path / "best.onnx").is_file()
+    second = train(int(done[0]["drone_steps"]) + 1)
+    printed, _ = second.communicate(timeout=600)
+    assert second.returncode == 0 and f"going on from {tmp_path / 'checkpoint.zip'}" in printed
+    assert int(read(tmp_path / "curve.csv")[1]["drone_steps"]) > int(done[0]["drone_steps"])
+
+
+def read(curve: Path) -> list[dict[str, str]]:
+    with curve.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
