@@ -80,7 +80,7 @@ class Policy:
 
     def actions(
         self,
-        present: Mapping[Hashable, Cell],
+        present: Mapping[Any, Cell],
         probability: NDArray[np.float32],
         masks: NDArray[np.int8],
     ) -> list[int]:

@@ -78,19 +78,20 @@ class WorldBeliefs:
         """Start anew with what the worlds were last placed by.
 
         Args:
-            which: (B,) bool, the worlds; by default all, as after worlds were placed.
+            which: (B,) bool, the worlds; by default, and after they were placed, all.
 
         Raises:
             FieldError: As the class; the beliefs stay as they are.
         """
-        scenario = self._placed() if which is None or which.all() else self._scenario
-        if scenario is None or scenario != self._scenario:
+        scenario = self._placed()
+        if scenario != self._scenario:
             belief = Belief(forecast := self._new_forecast(scenario))
             self._scenario, self._start, self._pods = scenario, belief.density, belief.pods
             self._forecasts = deque([forecast])
             self.density = np.empty((self._world.num_worlds, *self._start.shape))
-        self.density[slice(None) if which is None else which] = self._start
-        self.pos[slice(None) if which is None else which] = 0.0
+        worlds = slice(None) if which is None else which
+        self.density[worlds] = self._start
+        self.pos[worlds] = 0.0
 
     def _placed(self) -> ResolvedScenario:
         """Return the scenario with what the options of a reset have replaced for the persons."""
