@@ -7,6 +7,7 @@ A model has inputs of these names, any of them, all float32 with the drones as t
 | --- | --- | --- |
 | `position` | (N, 2) | each drone's cell (x, y) over G - 1 |
 | `positions` | (N, 2M) | cells of all M drones over G - 1, its own swapped with the first |
+| `number` | (N, 1) | each drone's number, from 0 |
 | `probability` | (N, G, G) | the map [y, x] over its maximum |
 | `action_mask` | (N, A) | 0 where a move would leave the grid or the area |
 
@@ -52,7 +53,7 @@ SHIPPED = Path(__file__).parents[1] / "models" / "v2.onnx"
 METADATA = "dsse_ros"
 """Key of the file's metadata."""
 
-INPUTS = ("position", "positions", "probability", "action_mask")
+INPUTS = ("position", "positions", "number", "probability", "action_mask")
 """Inputs that a model may have."""
 
 
@@ -211,6 +212,7 @@ def encode(
     inputs = {
         "position": places[own],
         "positions": places[order].reshape(len(own), -1),
+        "number": own[:, np.newaxis],
         "probability": np.repeat(likely[np.newaxis], len(own), axis=0),
         "action_mask": masks,
     }

@@ -35,9 +35,9 @@ class Scores(nn.Module):
         self._hidden = policy.mlp_extractor.policy_net
         self._scores = policy.action_net
 
-    def forward(self, positions: Tensor, probability: Tensor) -> Tensor:
+    def forward(self, positions: Tensor, probability: Tensor, number: Tensor) -> Tensor:
         """Return scores (K, A), see `Foveated`."""
-        features, turns = self._foveated(positions, probability)
+        features, turns = self._foveated(positions, probability, number)
         return torch.gather(self._scores(self._hidden(features)), 1, self._numbers[turns])
 
 
@@ -54,13 +54,14 @@ def export(
         drones: M of an example; others fit too.
     """
     scores = Scores(policy, metadata["actions"]).eval()
-    example = torch.rand(3, 2 * drones), torch.rand(3, grid, grid)
+    example = torch.rand(3, 2 * drones), torch.rand(3, grid, grid), torch.zeros(3, 1)
     drones_to_act, all_drones, side = Dim("drones"), Dim("all_drones"), Dim("side")
     torch.onnx.export(
-        scores, example, path, input_names=["positions", "probability"], output_names=["scores"],
+        scores, example, path, input_names=["positions", "probability", "number"], output_names=["scores"],
         dynamic_shapes=(
             {0: drones_to_act, 1: 2 * all_drones},
             {0: drones_to_act, 1: side, 2: side},
+            {0: drones_to_act},
         ),
         external_data=False, verbose=False,
     )  # fmt: skip

@@ -19,7 +19,7 @@ LEVELS = (1, 3, 9)
 """Cells along a block of each level; odd, so that the drone is in the middle of a block."""
 BLOCKS = 9
 """Blocks along the window of each level: with these levels it sees 40 cells in each direction."""
-FEATURES = (2 * BLOCKS**2 + 1) * len(LEVELS) + 3
+FEATURES = (3 * BLOCKS**2 + 1) * len(LEVELS) + 3
 FAR = 8.0
 """Cells: distances to the middle of the map are told apart up to a few times this."""
 NOTHING = 1e-9
@@ -32,22 +32,30 @@ class Foveated(nn.Module):
     """Turns the inputs of the planner `onnx` into features; it has no weights.
 
     Around the drone lie windows of `BLOCKS` x `BLOCKS` blocks, a block of 1, 3 or 9 cells along a
-    side: of each the number of drones in it, and its probability over the highest in the window.
-    Grids of any size and any number of drones fit. The windows are mirrored so that the middle of
+    side: of each its probability over the highest in the window, and how many drones are in it, those
+    with lower numbers and those with higher ones apart. Otherwise drones in one cell would do the
+    same for ever. Grids of any size and any number of drones fit. The windows are mirrored so that the middle of
     the map lies ahead between right and down, nearer to right: what was learned in one direction
     holds in all eight.
     """
 
-    def forward(self, positions: Tensor, probability: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(
+        self, positions: Tensor, probability: Tensor, number: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Return features (K, `FEATURES`), and how they were turned (K,), see `order_of_actions`.
 
         Args:
-            positions: (K, 2M), cells (x, y) of M drones over G - 1, the drone's own first.
+            positions: (K, 2M), cells (x, y) of M drones over G - 1, the drone's own swapped with the
+                first.
             probability: (K, G, G) as [y, x], of any scale.
+            number: (K, 1), the drone's number, from 0.
         """
         edge = probability.shape[-1] - 1
         cells = torch.round(positions * edge).unflatten(1, (-1, 2))
         away = cells - cells[:, 0, None]
+        # Of the others those with lower numbers come first.
+        order = torch.arange(cells.shape[1], dtype=probability.dtype, device=probability.device)
+        lower, higher = (order > 0) & (order <= number), order > number
         line = torch.arange(edge + 1, dtype=probability.dtype, device=probability.device)
         columns, rows = line - cells[:, 0, :1], line - cells[:, 0, 1:]
         total = probability.sum(dim=(1, 2), keepdim=True).clamp(min=1e-30)
@@ -65,7 +73,8 @@ class Foveated(nn.Module):
             most = mass.amax(dim=(1, 2), keepdim=True)
             planes.append(mass / most.clamp(min=NOTHING))
             scales.append(most[:, :, 0].sqrt())
-            planes.append(_blocks(away[..., 1], level) @ _blocks(away[..., 0], level).mT)
+            of_rows, of_columns = _blocks(away[..., 1], level), _blocks(away[..., 0], level).mT
+            planes += [(of_rows * some[:, None]) @ of_columns for some in (lower, higher)]
         windows = torch.stack(planes, dim=1)
         mirror_x, mirror_y, swap = (one[:, None, None, None] for one in turn.unbind(1))
         windows = torch.where(mirror_x, windows.flip(3), windows)
@@ -110,8 +119,11 @@ def _seen(
     grid = probability.shape[-1]
     places = own_first(positions).reshape(-1, 2 * drones) / max(grid - 1, 1)
     maps = np.repeat(probability.reshape(-1, grid, grid), drones, axis=0)
+    numbers = np.tile(np.arange(drones), len(places) // drones)[:, None]
     with torch.no_grad():
-        features, turns = _FOVEATED(torch.from_numpy(places).float(), torch.from_numpy(maps))
+        features, turns = _FOVEATED(
+            *(torch.from_numpy(one).float() for one in (places, maps, numbers))
+        )
     return features.numpy().reshape(*batch, drones, -1), turns.numpy().reshape(*batch, drones)
 
 
