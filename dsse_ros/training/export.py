@@ -57,7 +57,8 @@ def export(
     example = torch.rand(3, 2 * drones), torch.rand(3, grid, grid), torch.zeros(3, 1)
     drones_to_act, all_drones, side = Dim("drones"), Dim("all_drones"), Dim("side")
     torch.onnx.export(
-        scores, example, path, input_names=["positions", "probability", "number"], output_names=["scores"],
+        scores, example, path,
+        input_names=["positions", "probability", "number"], output_names=["scores"],
         dynamic_shapes=(
             {0: drones_to_act, 1: 2 * all_drones},
             {0: drones_to_act, 1: side, 2: side},

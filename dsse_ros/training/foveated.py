@@ -32,11 +32,11 @@ class Foveated(nn.Module):
     """Turns the inputs of the planner `onnx` into features; it has no weights.
 
     Around the drone lie windows of `BLOCKS` x `BLOCKS` blocks, a block of 1, 3 or 9 cells along a
-    side: of each its probability over the highest in the window, and how many drones are in it, those
-    with lower numbers and those with higher ones apart. Otherwise drones in one cell would do the
-    same for ever. Grids of any size and any number of drones fit. The windows are mirrored so that the middle of
-    the map lies ahead between right and down, nearer to right: what was learned in one direction
-    holds in all eight.
+    side: of each its probability over the highest in the window, and how many drones are in it,
+    those with lower numbers and those with higher ones apart, as drones in one cell would do the
+    same for ever otherwise. Grids of any size and any number of drones fit. The windows are
+    mirrored so that the middle of the map lies ahead between right and down, nearer to right: what
+    was learned in one direction holds in all eight.
     """
 
     def forward(
@@ -45,8 +45,7 @@ class Foveated(nn.Module):
         """Return features (K, `FEATURES`), and how they were turned (K,), see `order_of_actions`.
 
         Args:
-            positions: (K, 2M), cells (x, y) of M drones over G - 1, the drone's own swapped with the
-                first.
+            positions: (K, 2M), cells (x, y) of M drones over G - 1, its own swapped with the first.
             probability: (K, G, G) as [y, x], of any scale.
             number: (K, 1), the drone's number, from 0.
         """
