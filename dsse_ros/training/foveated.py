@@ -21,7 +21,7 @@ BLOCKS = 9
 """Blocks along the window of each level: with these levels it sees 40 cells in each direction."""
 FEATURES = (3 * BLOCKS**2 + 1) * len(LEVELS) + 3
 FAR = 8.0
-"""Cells: distances to the middle of the map are told apart up to a few times this."""
+"""Cells: beyond a few times this distances to the middle of the map look the same."""
 NOTHING = 1e-9
 """Probability of a whole window that counts as none."""
 TURNS = 8
