@@ -67,5 +67,7 @@ def export(
         external_data=False, verbose=False,
     )  # fmt: skip
     model = onnx.load(path)
+    # What onnxruntime 1.17 reads.
+    model.ir_version = min(model.ir_version, 9)
     onnx.helper.set_model_props(model, {METADATA: json.dumps(dict(metadata))})
     onnx.save(model, path)
