@@ -196,11 +196,14 @@ def play_missions(
     path_length, collisions = np.zeros(count), np.zeros(count, np.int64)
     with ThreadPoolExecutor(threads) as pool:
         for step in range(limit):
-            # It knows no person, and is the same in all of them.
+            # It knows no person, and is the same in all of them unless cells are covered.
             probability = world.map_of(int(groups[0].members[0]))
 
             def decide(group: _Group) -> None:
-                group.decide(world, names, masks, probability, step)  # noqa: B023
+                seen = probability  # noqa: B023
+                if world.coverage is not None:
+                    seen = world.map_of(int(group.members[0]))
+                group.decide(world, names, masks, seen, step)  # noqa: B023
 
             _each(pool, decide, groups)
             joint = np.full(world.drones.shape, HOLD, np.int8)

@@ -87,7 +87,7 @@ class Forecast:
         self._ready = 0
         belief_kernels.start_sea(self.constants, self._world, self._drifts)
         kernels.refresh_worlds(
-            self.constants, self._world, self._gauss, self._tails, self.area, self._circle,
+            self.constants, self._world, self._gauss, self._tails, self.area, None, self._circle,
             np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32),
         )  # fmt: skip
 

@@ -69,7 +69,8 @@ def prepared_env(
         env = SearchEnv(scenario, rules)
         env.reset(seed=0)
         hold = np.full(env.world.num_drones, HOLD, np.int8)
-        beliefs = WorldBeliefs(env.world) if has_belief(grid_size) else None
+        of_persons = not rules.covers and has_belief(grid_size)
+        beliefs = WorldBeliefs(env.world) if of_persons else None
         if beliefs is not None:
             beliefs.before_step(hold[None])
         env.advance(hold)

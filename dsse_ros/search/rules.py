@@ -80,6 +80,9 @@ class CoverageRules:
         "find",
         choices=("find", "cover"),
     )
+    cover_min_probability: float = field(
+        "float", "Cells below this probability need not be covered.", 1e-10, above=0, high=1
+    )
     cover: float = field("float", "Reward of covering a cell.", 0.0)
     cover_scale: float = field(
         "float",
@@ -92,9 +95,7 @@ class CoverageRules:
         "Reward of each drone once all is covered: this times the number of cells per drone.",
         0.0,
     )
-    cover_all_bonus: float = field(
-        "float", "Added to `cover_all`, times (1 - (t + 1) / L).", 0.0
-    )
+    cover_all_bonus: float = field("float", "Added to `cover_all`, times (1 - (t + 1) / L).", 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
