@@ -17,6 +17,9 @@ from dsse_ros.search.scenario import ResolvedScenario
 METRICS = ("coverage_rate", "repeated_coverage", "pos")
 """Names of the metrics: see `Coverage.metrics`."""
 
+PARTICLES = 50_000
+"""As many stand for the persons in DSSE 1.1.9: a cell in which not one would be needs no visit."""
+
 _SUM_TOLERANCE = 1e-9
 """A matrix whose sum is this near 1 stays as it is, to the last bit."""
 
@@ -25,7 +28,7 @@ def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
     """Return the probability of containment that is to be covered, (G, G) as [y, x].
 
     It is the scenario's `probability_matrix` or, without one, that of where the persons are once they have
-    moved for `pre_search_minutes`, as `belief.Belief` has it. It is 0 outside the area, sums to 1,
+    moved for `reset_sea_steps` and `pre_search_minutes`, as `belief.Belief` has it. It is 0 outside the area, sums to 1,
     and is cut where it is less than `cover_min_probability`.
 
     Raises:
@@ -35,6 +38,7 @@ def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
         poc = scenario.probability_matrix.values.astype(np.float64)
     else:
         poc = Belief(Forecast(scenario, rules)).cells()
+        poc[poc < 1 / PARTICLES] = 0.0
     if scenario.area_mask is not None:
         poc[~scenario.area_mask] = 0.0
     total = float(poc.sum())

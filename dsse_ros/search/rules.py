@@ -310,6 +310,8 @@ _COVERAGE = _V2.override(
     cover_all_bonus=1,
     time_out_grace=-1,
     both_flags=False,
+    # Ten minutes of steps of 13 s, after which the package has the drones come.
+    reset_sea_steps=46,
     person_initial_position=None,
 )
 
