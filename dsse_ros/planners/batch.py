@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.belief import BeliefPlanner, Forecasts
 from dsse_ros.planners.planner import Planner, PlannerFactory
-from dsse_ros.planners.registry import load_planner
+from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.search.definition import SearchDefinition
 from dsse_ros.search.observation import Observation
 from dsse_ros.search.rules import Rules
@@ -174,6 +174,8 @@ def play_missions(
     """
     make = load_planner(planner) if isinstance(planner, str) else planner
     chosen, chosen_rules = scenario_and_rules(scenario, rules, **fields)
+    if isinstance(planner, str):
+        check_task(planner, chosen_rules)
     search = SearchDefinition(chosen_rules, assumed or chosen)
     world = World(chosen, chosen_rules, count, write_maps=False, threads=threads)
     world.seed(seed)
