@@ -124,7 +124,7 @@ $(VENV)/.sim: EXTRAS := viz,area,movie,onnx
 $(VENV)/.view: EXTRAS := viz,area,movie,onnx,dashboard
 $(VENV)/.campaign: EXTRAS := viz,area,campaign
 $(VENV)/.test: EXTRAS := \
-	viz,area,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
+	viz,area,geotiff,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt

@@ -231,9 +231,7 @@ def default_port_free() -> bool:
     return True
 
 
-def shows_belief(
-    arguments: argparse.Namespace, scenario: ResolvedScenario, rules: Rules
-) -> bool:
+def shows_belief(arguments: argparse.Namespace, scenario: ResolvedScenario, rules: Rules) -> bool:
     """Return whether a belief follows the mission, which is shown then instead of the map."""
     settings = SimSettings(compute_pos=arguments.compute_pos)
     return not rules.covers and settings.has_belief(scenario.grid_size)

@@ -105,8 +105,8 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         self.render_mode = check_render_mode(render_mode)
         if not isinstance(prob_matrix_path, str):
             raise ValueError(
-                f"prob_matrix_path: {prob_matrix_path!r} is not allowed; the path of a .npy, CSV or "
-                "GeoTIFF file, for no ocean model is run here"
+                f"prob_matrix_path: {prob_matrix_path!r} is not allowed; the path of a .npy, CSV "
+                "or GeoTIFF file, for no ocean model is run here"
             )
         self._scenario = with_names(
             _NAMES,
@@ -223,7 +223,9 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
     @property
     def seen_states(self) -> set[Cell]:
         """Cells (x, y) that are covered."""
-        return _cells(self.probability_matrix.original_map > self.probability_matrix.probability_map)
+        return _cells(
+            self.probability_matrix.original_map > self.probability_matrix.probability_map
+        )
 
     @property
     def not_seen_states(self) -> set[Cell]:

@@ -128,9 +128,7 @@ class MissionLog:
         self._file.close()
 
 
-def _cut(
-    path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[str]
-) -> None:
+def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[str]) -> None:
     """Cut a record before the first row of this (mission, step) or a later one.
 
     Rows that a crash has left in part are cut too: they stand at the end, after that step.
@@ -220,9 +218,7 @@ def read_log(path: str | os.PathLike[str]) -> MissionRecord:
         times_s=table("time_s", float)[0],
         pos=_pos_of(drones[0][-1]),
         coverage={
-            name: float(drones[0][-1][name])
-            for name in _OF_COVERAGE
-            if name in drones[0][-1]
+            name: float(drones[0][-1][name]) for name in _OF_COVERAGE if name in drones[0][-1]
         },
     )
 

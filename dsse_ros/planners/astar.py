@@ -9,7 +9,7 @@ what it flies over.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -35,8 +35,8 @@ class AStar:
 
     Of all drones without a goal and cells that are nobody's, the pair goes together for which the
     root of the probability, times `CLOSENESS` to the power of the distance, times up to
-    1 + `LONELINESS`, is greatest. A goal stays until it is covered. A drone whose way is blocked, or
-    for which no cell is left, stays where it is.
+    1 + `LONELINESS`, is greatest. A goal stays until it is covered. A drone whose way is blocked,
+    or for which no cell is left, stays where it is.
 
     Args:
         actions: The actions, in the area.
@@ -79,10 +79,10 @@ class AStar:
         worth = {agent: free * self._closeness(present[agent], len(left)) for agent in waiting}
         while worth:
             agent = max(worth, key=lambda one: float(worth[one].max()))
-            row, col = np.unravel_index(int(worth[agent].argmax()), left.shape)
+            row, col = divmod(int(worth[agent].argmax()), len(left))
             if worth.pop(agent)[row, col] <= 0:
                 return
-            self._goals[agent] = (int(col), int(row))
+            self._goals[agent] = (col, row)
             for others in worth.values():
                 others[row, col] = 0.0
 

@@ -64,8 +64,8 @@ class RouteFollower:
     No two drones ever go to one cell: a drone whose way is blocked searches where it is, and
     steps aside after `MAX_WAIT` turns. An agent that was not there before makes it plan afresh.
 
-    Where a drone covers a cell by being in it, it flies over the cells of its route that are left to
-    cover, without a search in each.
+    Where a drone covers a cell by being in it, it flies over the cells of its route that are left
+    to cover, without a search in each.
 
     Args:
         plan: Makes the routes.

@@ -27,9 +27,9 @@ _SUM_TOLERANCE = 1e-9
 def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
     """Return the probability of containment that is to be covered, (G, G) as [y, x].
 
-    It is the scenario's `probability_matrix` or, without one, that of where the persons are once they have
-    moved for `reset_sea_steps` and `pre_search_minutes`, as `belief.Belief` has it. It is 0 outside the area, sums to 1,
-    and is cut where it is less than `cover_min_probability`.
+    It is the scenario's `probability_matrix` or, without one, that of where the persons are once
+    they have moved for `reset_sea_steps` and `pre_search_minutes`, as `belief.Belief` has it. It is
+    0 outside the area, sums to 1, and is cut where it is less than `cover_min_probability`.
 
     Raises:
         FieldError: If nothing is left.

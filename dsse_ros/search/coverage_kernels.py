@@ -3,9 +3,9 @@
 """The coverage task, compiled: drones visit each cell where probability is, once.
 
 `coverage` is what a batch of B worlds has for it: `(poc, left, records)`, the probability of each
-cell at the start, (G, G) float64 as [y, x], what is left of it in each world, (B, G, G) float64, and
-(B,) of `COVERAGE`. A cell is to be covered as long as something is left of it. `b` is the number of
-a world; other arguments mean the same as in `sea_map`.
+cell at the start, (G, G) float64 as [y, x], what is left of it in each world, (B, G, G) float64,
+and (B,) of `COVERAGE`. A cell is to be covered as long as something is left of it. `b` is the
+number of a world; other arguments mean the same as in `sea_map`.
 
 Source: the behaviour of `CoverageDroneSwarmSearch` in the package DSSE 1.1.9. Its rewards are
 computed in its order of operations, so that they are the same to the last bit.

@@ -17,7 +17,17 @@ from typing import Any, Literal
 import numpy as np
 
 Kind = Literal[
-    "bool", "int", "float", "str", "vector", "cell", "cells", "floats", "ints", "names", "area",
+    "bool",
+    "int",
+    "float",
+    "str",
+    "vector",
+    "cell",
+    "cells",
+    "floats",
+    "ints",
+    "names",
+    "area",
     "matrix",
 ]
 

@@ -141,7 +141,9 @@ def sea_step(c, w, persons, gauss, tails, area, runs, circle):
 
 
 @part
-def reset_world(c, w, starts, drones, persons, gauss, tails, area, runs, coverage, b, circle, cells):
+def reset_world(
+    c, w, starts, drones, persons, gauss, tails, area, runs, coverage, b, circle, cells
+):
     """Set a world to its start: persons at the start cell, which has all the probability."""
     w.t = w.map_steps = 0
     w.datum_x = w.circle_x = w.start_x
@@ -382,9 +384,7 @@ def step_worlds(
                 coverage, b, occupied, circle, actions[b],
             )  # fmt: skip
         if maps.shape[1] > 0:
-            write_observed(
-                c, w, gauss[table], area, coverage, b, circle, span, stream, maps[b]
-            )
+            write_observed(c, w, gauss[table], area, coverage, b, circle, span, stream, maps[b])
 
 
 @kernel
@@ -418,9 +418,7 @@ def refresh_worlds(constants, worlds, gauss, tails, area, coverage, circle, span
     if maps.shape[1] > 0:
         for b in range(len(worlds)):
             table = gauss[min(b, len(gauss) - 1)]
-            write_observed(
-                c, worlds[b], table, area, coverage, b, circle, span, stream, maps[b]
-            )
+            write_observed(c, worlds[b], table, area, coverage, b, circle, span, stream, maps[b])
 
 
 @kernel

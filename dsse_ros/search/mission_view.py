@@ -86,7 +86,8 @@ class MissionView:
 class Past:
     """The tracks and searches of a world, a batch of one, from now on.
 
-    Where the task is coverage, a visit is a search. Each step of the world stands between `before_step` and `after_step`.
+    Where the task is coverage, a visit is a search. Each step of the world stands between
+    `before_step` and `after_step`.
 
     Args:
         world: What is followed.

@@ -208,7 +208,9 @@ class Picture:
         learned = (
             "left to cover"
             if view.coverage_rate is not None
-            else "after the searches so far" if view.belief else "by drift alone, before any search"
+            else "after the searches so far"
+            if view.belief
+            else "by drift alone, before any search"
         )
         self._panel.text(
             0.0, 0.93, f"probability per cell (%),\n{learned}", fontsize=9, va="bottom"

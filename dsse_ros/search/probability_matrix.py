@@ -6,6 +6,7 @@ from __future__ import annotations
 import base64
 import csv
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -62,7 +63,8 @@ class ProbabilityMatrix:
                 matrix, corners = _READERS[kind](path)
                 return cls(_content(matrix), corners, path)
             if isinstance(value, Mapping):
-                corners = value["corners"] and tuple((float(a), float(b)) for a, b in value["corners"])
+                places = value["corners"]
+                corners = places and tuple((float(lat), float(lon)) for lat, lon in places)
                 made = cls(str(value["content"]), corners)
                 _content(made.values)
                 return made
@@ -154,7 +156,11 @@ def _read_tiff(path: str) -> _Read:
     # Without a file of this name rasterio has an error of its own.
     os.stat(path)
     try:
-        with rasterio.open(path) as raster:
+        with warnings.catch_warnings():
+            # One without georeference is allowed.
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            raster = rasterio.open(path)
+        with raster:
             values = raster.read(1, masked=True).filled(0)
             if raster.crs is None:
                 return values, None

@@ -21,7 +21,7 @@ from dsse_ros.search.constants import area_of, constants_of
 from dsse_ros.search.coverage import Coverage
 from dsse_ros.search.person_motion import PERSONS
 from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
+from dsse_ros.search.scenario import SPECS, Scenario
 from dsse_ros.search.seeds import words_of_seeds
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 
@@ -120,7 +120,8 @@ class World:
         self._kernels = [
             partial(
                 kernels.step_worlds, self.constants, self.worlds, self.starts, self.drones,
-                self.persons, self.gauss, self.tails, self.area, self.runs, self._coverage, *scratch,
+                self.persons, self.gauss, self.tails, self.area, self.runs, self._coverage,
+                *scratch,
             )
             for scratch in self._scratch
         ]  # fmt: skip
@@ -188,12 +189,16 @@ class World:
         """Return the fields of the scenario in whose place `place` has put others, with those."""
         world, scenario = self.worlds[0], self.scenario
         starts = {"drones_positions": tuple((x, y) for x, y in self.starts[0].tolist())}
-        values: dict[str, Any] = starts if self.coverage is not None else {
-            **starts,
-            "vector": (float(world["vector_x"]), float(world["vector_y"])),
-            "person_initial_position": (int(world["start_x"]), int(world["start_y"])),
-            "person_pod_multipliers": tuple(self.persons["pod_multiplier"][0].tolist()),
-        }
+        values: dict[str, Any] = (
+            starts
+            if self.coverage is not None
+            else {
+                **starts,
+                "vector": (float(world["vector_x"]), float(world["vector_y"])),
+                "person_initial_position": (int(world["start_x"]), int(world["start_y"])),
+                "person_pod_multipliers": tuple(self.persons["pod_multiplier"][0].tolist()),
+            }
+        )
         return {name: value for name, value in values.items() if value != getattr(scenario, name)}
 
     def reset(
