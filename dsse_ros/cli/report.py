@@ -22,6 +22,7 @@ from dsse_ros.report.replay import (
     forecast_for,
     views,
     views_of,
+    with_coverage,
     with_search,
 )
 from dsse_ros.report.report import Report, chosen_steps
@@ -102,7 +103,7 @@ def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterat
             "The file does not say what was searched; the option --scenario does. "
             f"{'The maps are those that drones observed.' if shown else 'So there are no maps.'}"
         )
-    elif not all(view.belief for view in shown.values()):
+    elif not record.covers and not all(view.belief for view in shown.values()):
         yield "The maps are those that drones observed; a belief was not recorded."
     if record.pos is None:
         large = record.grid_size > LARGEST_BELIEF_GRID
@@ -165,6 +166,7 @@ def main(argv: list[str] | None = None) -> int:
             raise FieldError(f"steps: {error}") from None
         with announced(lambda line: print(line, file=sys.stderr, flush=True)):
             forecast: Forecast | None = None
+            missions = [with_coverage(one) for one in missions]
             bar = tqdm(missions, "POS", unit="mission", disable=None, leave=False)
             for i, one in enumerate(bar):
                 if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:

@@ -25,9 +25,10 @@ COLUMNS = (
 )  # fmt: skip
 """Column names; `probability` is that of the cell searched, `pos` is as `Mission.pos` has it.
 Persons have no action and no reward."""
-_OF_COVERAGE = ("coverage_rate", "repeated_coverage")
-COVERAGE_COLUMNS = (*COLUMNS, *_OF_COVERAGE)
-"""Those where the task is coverage: see `dsse_ros.search.coverage`."""
+OF_COVERAGE = ("coverage_rate", "repeated_coverage")
+"""Columns of a coverage task, see `dsse_ros.search.coverage`."""
+COVERAGE_COLUMNS = (*COLUMNS, *OF_COVERAGE)
+"""All columns where the task is coverage."""
 
 
 _TAIL_BYTES = 1 << 16
@@ -82,7 +83,7 @@ class MissionLog:
         lat, lon, _ = cell_to_geodetic(self._frame, cells[:, 0], cells[:, 1], 0.0)
         drones, pos = len(result.cells), "" if mission.pos is None else repr(mission.pos)
         coverage = mission.coverage
-        covered = [repr(coverage[name]) for name in _OF_COVERAGE if coverage]
+        covered = [repr(coverage[name]) for name in OF_COVERAGE if coverage]
         for i, (col, row) in enumerate(cells.tolist()):
             place = (
                 col, row, f"{east[i]:.3f}", f"{north[i]:.3f}", f"{lat[i]:.9f}", f"{lon[i]:.9f}",
@@ -218,7 +219,7 @@ def read_log(path: str | os.PathLike[str]) -> MissionRecord:
         times_s=table("time_s", float)[0],
         pos=_pos_of(drones[0][-1]),
         coverage={
-            name: float(drones[0][-1][name]) for name in _OF_COVERAGE if name in drones[0][-1]
+            name: float(drones[0][-1][name]) for name in OF_COVERAGE if name in drones[0][-1]
         },
     )
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.mission_log import COLUMNS, COVERAGE_COLUMNS
+from dsse_ros.mission.mission_log import COLUMNS, COVERAGE_COLUMNS, OF_COVERAGE
 from dsse_ros.search import FieldError, Rules
 from dsse_ros.search.scenario import ResolvedScenario
 
@@ -48,6 +48,9 @@ class RecordedMission:
         cell_size_m: Side of a cell.
         probabilities: (K, N) float64, what the map gave the cells searched; None if not recorded.
         pos: (K,) float64 cumulative probability of success after each step; None if not recorded.
+        coverage_rate: (K,) float64 share of the cells to cover that are covered after each step;
+            None if not recorded, or for another task.
+        repeated_coverage: (K,) float64 visits of other cells, over the number of cells to cover.
         persons: (K, P, 2) int64; None if not recorded.
         person_found: (K, P) bool; None if not recorded.
         rules: The rules of the search; None if not known.
@@ -71,6 +74,8 @@ class RecordedMission:
     cell_size_m: float
     probabilities: NDArray[np.float64] | None = None
     pos: NDArray[np.float64] | None = None
+    coverage_rate: NDArray[np.float64] | None = None
+    repeated_coverage: NDArray[np.float64] | None = None
     persons: NDArray[np.int64] | None = None
     person_found: NDArray[np.bool_] | None = None
     rules: Rules | None = None
@@ -121,10 +126,18 @@ class RecordedMission:
     def _off_grid(self) -> NDArray[np.bool_]:
         return np.asarray(((self.cells < 0) | (self.cells >= self.grid_size)).any(axis=2))
 
+    @property
+    def covers(self) -> bool:
+        """Whether the task is coverage."""
+        return self.coverage_rate is not None or (self.rules is not None and self.rules.covers)
+
     @cached_property
     def searched(self) -> NDArray[np.bool_]:
-        """Who searched a cell of the grid in each step, (K, N)."""
-        return np.asarray(self.acted & (self.actions == SEARCH) & ~self._off_grid)
+        """Who searched a cell of the grid in each step, (K, N); one that is covered is searched."""
+        looked = self.actions == SEARCH
+        if self.covers:
+            looked |= np.diff(self.cells, axis=0, prepend=self.cells[:1]).any(axis=2)
+        return np.asarray(self.acted & looked & ~self._off_grid)
 
     @cached_property
     def lost(self) -> NDArray[np.bool_]:
@@ -133,7 +146,10 @@ class RecordedMission:
         What ends a mission flags every drone that is left. A find or the time does not lose them.
         """
         lost = self.terminated | self.truncated
-        ended = self.in_flight[-1] & (self.truncated[-1] | self.found[-1].any())
+        done = self.found[-1].any()
+        if self.coverage_rate is not None:
+            done |= self.coverage_rate[-1] == 1.0
+        ended = self.in_flight[-1] & (self.truncated[-1] | done)
         lost[-1] &= ~ended | self._off_grid[-1]
         return lost
 
@@ -217,7 +233,7 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     table = np.array(steps)
 
     def column(name: str, kind: Any, agents: slice) -> NDArray[Any]:
-        values: NDArray[Any] = table[:, agents, COLUMNS.index(name)].astype(kind)
+        values: NDArray[Any] = table[:, agents, COVERAGE_COLUMNS.index(name)].astype(kind)
         return values
 
     drones, persons, everybody = slice(0, count), slice(count, None), slice(None)
@@ -247,6 +263,11 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
         cell_size_m=cell_m,
         probabilities=column("probability", np.float64, drones),
         pos=pos.astype(np.float64) if (pos != "").all() else None,
+        **{
+            name: column(name, np.float64, drones)[:, 0]
+            for name in OF_COVERAGE
+            if table.shape[2] > len(COLUMNS)
+        },
         persons=cells[:, persons],
         person_found=flag("found", persons),
     )
