@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from dsse_ros.report.record import SEARCH, RecordedMission
 from dsse_ros.search import HOLD, FieldError, Rules, SearchEnv
 from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.rendering import MissionView
 from dsse_ros.search.coverage import poc_of
+from dsse_ros.search.rendering import MissionView
 from dsse_ros.search.scenario import ResolvedScenario
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 
