@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
-from rig import Rig, Sim
+from rig import Rig
 
 from dsse_ros.mission.mission_log import COVERAGE_COLUMNS, read_log
 from dsse_ros.planners import planner_for
@@ -22,21 +21,12 @@ SCENARIO: dict[str, Any] = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def matrix(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A file of what is to be covered."""
-    path = tmp_path_factory.mktemp("matrix") / "matrix.npy"
+def test_a_mission_over_ros_is_step_by_step_the_direct_one(rig: Rig, tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
-    np.save(path, rng.random((7, 7)) * (rng.random((7, 7)) < 0.5))
-    return str(path)
-
-
-@pytest.mark.parametrize("planner", ["astar", "sweep"])
-def test_a_mission_over_ros_is_step_by_step_the_direct_one(
-    rig: Rig, planner: str, matrix: str, tmp_path: Path
-) -> None:
+    matrix = tmp_path / "matrix.npy"
+    np.save(matrix, rng.random((7, 7)) * (rng.random((7, 7)) < 0.5))
     env = parallel_env(**SCENARIO, probability_matrix=matrix)
-    policy = planner_for(env, planner, seed=4)
+    policy = planner_for(env, "astar", seed=4)
     observations, infos = env.reset(seed=7)
     direct = []
     while env.agents:
@@ -47,18 +37,19 @@ def test_a_mission_over_ros_is_step_by_step_the_direct_one(
             (list(chosen.values()), env.positions.tolist(), list(rewards.values()), metrics)
         )
     record = tmp_path / "mission.csv"
-    namespace = f"/{planner}"
-    process = rig.start(
-        "sim_node",
+    sim = rig.sim(
         {
-            **SCENARIO, "probability_matrix": matrix, "seed": 7, "record_file": str(record),
-            f"qos_overrides.{namespace}/step_report.publisher.history": "keep_all",
-        },
-        "-r",
-        f"__ns:={namespace}",
+            **SCENARIO, "probability_matrix": str(matrix), "seed": 7, "record_file": str(record),
+            "qos_overrides./step_report.publisher.history": "keep_all",
+        }
     )  # fmt: skip
-    sim = Sim(rig, process, namespace)
-    rig.start("planner_node", {"planner": planner, "seed": 4}, "-r", f"__ns:={namespace}")
+    # One that looks for persons says why it does not fly, and another one can.
+    refused = rig.start("planner_node", {"planner": "belief"})
+    line = "'belief' is not allowed with rules coverage"
+    rig.until(lambda: line in refused.output, "the line")
+    assert refused.running and sim.step_number == 0
+    refused.stop()
+    rig.start("planner_node", {"planner": "astar", "seed": 4})
     rig.until(lambda: not sim.flying, "the end")
     reports = [step_report_from_message(message) for message in sim.reports]
     flown = [
@@ -72,9 +63,9 @@ def test_a_mission_over_ros_is_step_by_step_the_direct_one(
     ]
     assert flown == direct
     assert reports[-1]["all_found"].all() and not reports[0]["all_found"].any()
-    assert "all covered" in process.output
+    assert "all covered" in sim.process.output
     # The log has the same to the last bit.
-    rows = list(csv.DictReader(record.open(encoding="utf-8")))
+    rows = list(csv.DictReader(record.read_text(encoding="utf-8").splitlines()))
     assert tuple(rows[0]) == COVERAGE_COLUMNS and len(rows) == 3 * (len(direct) + 1)
     logged = [[float(row[name]) for name in METRICS] for row in rows[3::3]]
     assert logged == [metrics for *_, metrics in direct]
@@ -83,22 +74,8 @@ def test_a_mission_over_ros_is_step_by_step_the_direct_one(
     assert {*METRICS} <= health.keys() and health["state"] == "mission over"
 
 
-def test_what_a_coverage_task_has_no_use_for_is_refused_in_one_line(rig: Rig, matrix: str) -> None:
-    for parameters, line in (
-        ({"rules": "coverage", "publish_belief": True}, "publish_belief: true is not allowed"),
-        ({"rules": "paper", "probability_matrix": matrix}, "probability_matrix: "),
-        ({"rules": "coverage", "probability_matrix": matrix + "x"}, "probability_matrix: "),
-    ):
-        process = rig.start("sim_node", parameters)
-        rig.until(lambda: not process.running, "the end of the node")  # noqa: B023
-        assert process.child.returncode == 2
-        assert line in process.output.splitlines()[-1]
-
-
-def test_a_planner_for_persons_says_why_it_does_not_fly(rig: Rig, matrix: str) -> None:
-    rig.start(
-        "sim_node", {**SCENARIO, "probability_matrix": matrix, "seed": 7}, "-r", "__ns:=/persons"
-    )
-    planner = rig.start("planner_node", {"planner": "belief"}, "-r", "__ns:=/persons")
-    rig.until(lambda: "'belief' is not allowed with rules coverage" in planner.output, "the line")
-    assert planner.running
+def test_a_belief_of_persons_is_not_published_where_there_are_none(rig: Rig) -> None:
+    process = rig.start("sim_node", {"rules": "coverage", "publish_belief": True})
+    rig.until(lambda: not process.running, "the end of the node")
+    assert process.child.returncode == 2
+    assert "publish_belief: true is not allowed" in process.output.splitlines()[-1]

@@ -105,7 +105,10 @@ WHERE: dict[str, dict[str, Any]] = {
     "drift_remainder": {"vector": (2.4, 0.3), "grid_size": 30},
     **{name: {"task": "cover"} for name in specs(CoverageRules) if name != "task"},
     # More than one cell.
-    "cover_min_probability": {"task": "cover", "reset_sea_steps": 10},
+    **dict.fromkeys(
+        ("cover", "cover_scale", "cover_min_probability"),
+        {"task": "cover", "reset_sea_steps": 10},
+    ),
     # The map runs away from the persons.
     "person_walks_blind": {"vector": (2.0, 0.0), "grid_size": 30, "sigma": 0.5},
 }
