@@ -312,6 +312,14 @@ _COVERAGE = _V2.override(
     both_flags=False,
     # Ten minutes of steps of 13 s, after which the package has the drones come.
     reset_sea_steps=46,
+    # Where there is no matrix, persons drift as the paper has it, with a spread that grows.
+    drift_remainder="kept",
+    drift_axes_independent=True,
+    drift_by_speed=False,
+    person_motion="window",
+    person_first=False,
+    person_scatter=0,
+    vector=(0.05, 0.05),
     person_initial_position=None,
 )
 

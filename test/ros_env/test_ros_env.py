@@ -32,7 +32,7 @@ SEARCHES: dict[str, dict[str, Any]] = {
     "coverage": {
         "num_drones": 3,
         "person_initial_position": (0, 0),
-        "vector": (0.6, 0.5),
+        "vector": (0.0, 0.0),
         "cover_min_probability": 0.08,
         **SMALL,
     },

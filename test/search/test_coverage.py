@@ -154,14 +154,14 @@ def test_pettingzoo_accepts_it() -> None:
 
 
 def test_without_a_file_it_is_where_the_persons_are_by_then() -> None:
-    env = parallel_env(rules="coverage", vector=(0.9, 0.6), pre_search_minutes=5)
+    env = parallel_env(rules="coverage", vector=(0.1, 0.05), pre_search_minutes=5)
     belief = Belief(Forecast(env.scenario, RULES)).cells()
     # Cells that a particle of 50000 would not be in are left out.
     expected = np.where(belief < 2e-5, 0.0, belief)
     observed = env.reset(seed=1)[0]["drone0"][1]
     np.testing.assert_allclose(observed, expected / expected.sum(), rtol=1e-6)
     assert np.count_nonzero(observed) > 50
-    earlier = parallel_env(rules="coverage", vector=(0.9, 0.6)).reset(seed=1)[0]["drone0"][1]
+    earlier = parallel_env(rules="coverage", vector=(0.1, 0.05)).reset(seed=1)[0]["drone0"][1]
     # Mean column: it has drifted to the east since.
     assert observed.sum(axis=0) @ np.arange(20) > earlier.sum(axis=0) @ np.arange(20) + 1
 
