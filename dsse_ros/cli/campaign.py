@@ -39,7 +39,7 @@ def play(campaign: Campaign, results: Results) -> None:
         FieldError: If the engine has no cluster.
         ImportError: If the engine is not installed.
         OSError: If a chunk cannot be written.
-        WorkerError: If a planner fails, or workers die again and again.
+        WorkerError: If a planner fails, or workers die over a chunk again and again.
     """
     chunks = campaign.chunks()
     left = results.missing(chunks)
