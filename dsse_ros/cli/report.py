@@ -13,8 +13,8 @@ from typing import Any
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
-from dsse_ros.cli.start import missing
-from dsse_ros.nodes.exit_codes import MISSING, fail
+from dsse_ros.cli.start import not_found
+from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.report.record import RecordedMission, is_bag, read_csv
 from dsse_ros.report.replay import (
     LARGEST_BELIEF_GRID,
@@ -29,6 +29,7 @@ from dsse_ros.report.report import Report, chosen_steps
 from dsse_ros.search import PROFILES, FieldError
 from dsse_ros.search.belief import Forecast
 from dsse_ros.search.compiler import announced
+from dsse_ros.search.progress import progress
 from dsse_ros.search.rendering import MissionView
 
 
@@ -167,8 +168,7 @@ def main(argv: list[str] | None = None) -> int:
         with announced(lambda line: print(line, file=sys.stderr, flush=True)):
             forecast: Forecast | None = None
             missions = [with_coverage(one) for one in missions]
-            bar = tqdm(missions, "POS", unit="mission", disable=None, leave=False)
-            for i, one in enumerate(bar):
+            for i, one in enumerate(progress(missions, "POS")):
                 if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
                     missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
             record = missions[at]
@@ -177,11 +177,7 @@ def main(argv: list[str] | None = None) -> int:
     except FieldError as error:
         return fail("report", error)
     except ImportError as error:
-        text = missing(error)
-        if text is None:
-            raise
-        fail("report", text)
-        return MISSING
+        return not_found("report", error)
     source = arguments.file.resolve().name
     report = Report(record, shown, missions, source, tuple(notices(record, shown)))
     try:

@@ -49,10 +49,11 @@ def path_lengths(record: RecordedMission) -> Floats:
     return far
 
 
-def effort(record: RecordedMission) -> Ints:
-    """Return how often each cell was searched, (G, G) [row, col]."""
+def effort(record: RecordedMission, num_steps: int | None = None) -> Ints:
+    """Return how often each cell was searched in the first recorded steps, (G, G) [row, col]."""
     count = np.zeros((record.grid_size, record.grid_size), np.int64)
-    col, row = record.cells[record.searched].T
+    searched = record.searched[:num_steps]
+    col, row = record.cells[:num_steps][searched].T
     np.add.at(count, (row, col), 1)
     return count
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import SEARCH, RecordedMission
 from dsse_ros.search import HOLD, FieldError, Rules, SearchEnv
 from dsse_ros.search.belief import Belief, Forecast
@@ -154,6 +155,7 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
         found=nothing if record.person_found is None else record.person_found[k],
         step=int(record.steps[k]),
         pos=None if record.pos is None else float(record.pos[k]),
+        searches=effort(record, k + 1),
     )
 
 
