@@ -57,7 +57,8 @@ class MissionLog:
         covers: bool = False,
     ) -> None:
         self._frame = frame
-        columns = COVERAGE_COLUMNS if covers else COLUMNS
+        self._of_coverage = OF_COVERAGE if covers else ()
+        columns = (*COLUMNS, *self._of_coverage)
         try:
             if resume_at is not None:
                 _cut(path, resume_at, columns)
@@ -83,7 +84,7 @@ class MissionLog:
         lat, lon, _ = cell_to_geodetic(self._frame, cells[:, 0], cells[:, 1], 0.0)
         drones, pos = len(result.cells), "" if mission.pos is None else repr(mission.pos)
         coverage = mission.coverage
-        covered = [repr(coverage[name]) for name in OF_COVERAGE if coverage]
+        covered = [repr(coverage[name]) for name in self._of_coverage]
         for i, (col, row) in enumerate(cells.tolist()):
             place = (
                 col, row, f"{east[i]:.3f}", f"{north[i]:.3f}", f"{lat[i]:.9f}", f"{lon[i]:.9f}",

@@ -248,6 +248,10 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     def flag(name: str, agents: slice = drones) -> NDArray[np.bool_]:
         return column(name, np.int64, agents).astype(bool)
 
+    rate, repeated = (
+        column(name, np.float64, drones)[:, 0] if table.shape[2] > len(COLUMNS) else None
+        for name in OF_COVERAGE
+    )
     return RecordedMission(
         number=int(table[0, 0, 0]),
         steps=numbers,
@@ -263,11 +267,8 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
         cell_size_m=cell_m,
         probabilities=column("probability", np.float64, drones),
         pos=pos.astype(np.float64) if (pos != "").all() else None,
-        **{
-            name: column(name, np.float64, drones)[:, 0]
-            for name in OF_COVERAGE
-            if table.shape[2] > len(COLUMNS)
-        },
+        coverage_rate=rate,
+        repeated_coverage=repeated,
         persons=cells[:, persons],
         person_found=flag("found", persons),
     )
