@@ -38,25 +38,30 @@ POINT = (
 )
 """Fields of a drone in a step, in the reports of a step and of a mission."""
 
+FAULT_FIELDS = (("battery", "<f8"), ("status", "u1"))
+"""Fields of a drone in a step of a mission with faults."""
+
 _ALL_FOUND = "all_found"
 _MASK = "action_mask"
 
 
 @cache
-def step_report_dtype(num_actions: int) -> np.dtype[Any]:
+def step_report_dtype(num_actions: int, faults: bool = False) -> np.dtype[Any]:
     """Return the layout of one drone's entry: packed, little-endian.
 
     Fields: x, y, z (m, map frame, float32), step (uint32), run_id and mission (uint32, as in
     `AgentsInfo`), reward (float64), col, row (int16), action (int8: the one applied, -1 if none),
     terminated, truncated, found, held, all_found (uint8: 0 or 1), action_mask (uint8 x num_actions:
-    0 if the action would leave the grid).
+    0 if the action would leave the grid). With faults further battery (float64, percent, NaN where
+    it does not run down) and status (uint8, number in `dsse_ros.search.fault_kernels.STATUSES`).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
     """
     if not 1 <= num_actions <= MAX_ACTIONS:
         raise ValueError(f"num_actions: {num_actions!r} is not allowed; 1 to {MAX_ACTIONS}")
-    return np.dtype([*POINT, (_ALL_FOUND, "u1"), (_MASK, "u1", (int(num_actions),))])
+    further = FAULT_FIELDS if faults else ()
+    return np.dtype([*POINT, (_ALL_FOUND, "u1"), (_MASK, "u1", (int(num_actions),)), *further])
 
 
 def make_step_report(
@@ -74,6 +79,8 @@ def make_step_report(
     held: ArrayLike,
     action_mask: ArrayLike,
     all_found: bool = False,
+    battery: ArrayLike | None = None,
+    status: ArrayLike | None = None,
 ) -> NDArray[Any]:
     """Return the report of all N drones in the order of the agents.
 
@@ -91,9 +98,11 @@ def make_step_report(
         held: (N,) flags: no command came in time and the drone was held.
         action_mask: (N, A), 0 where the action would leave the grid.
         all_found: Whether every person has been found.
+        battery: (N,) percent, with faults.
+        status: (N,) numbers, with faults.
 
     Returns:
-        (N,) of `step_report_dtype(A)`.
+        (N,) of `step_report_dtype(A)`, with faults where there is a status.
 
     Raises:
         ValueError: If the shapes do not match.
@@ -102,7 +111,7 @@ def make_step_report(
     mask = np.asarray(action_mask)
     if mask.ndim != 2:
         raise ValueError(f"action_mask: shape {mask.shape} is not allowed; (N, A) is")
-    report = np.zeros(len(cell), dtype=step_report_dtype(mask.shape[-1]))
+    report = np.zeros(len(cell), dtype=step_report_dtype(mask.shape[-1], status is not None))
     report["col"], report["row"] = cell[:, 0], cell[:, 1]
     report["x"], report["y"] = cell_to_map(frame, cell[:, 0], cell[:, 1])
     report["z"] = frame.alt_m
@@ -113,6 +122,8 @@ def make_step_report(
         report[name] = np.asarray(flags, dtype=bool)
     report[_ALL_FOUND] = all_found
     report[_MASK] = mask
+    if status is not None:
+        report["status"], report["battery"] = status, np.nan if battery is None else battery
     return report
 
 
@@ -132,7 +143,10 @@ def step_report_message(
     """
     dtype = report.dtype
     mask = dtype[_MASK] if _MASK in (dtype.names or ()) else dtype
-    if len(mask.shape) != 1 or dtype != step_report_dtype(mask.shape[0]):
+    if len(mask.shape) != 1 or dtype not in (
+        step_report_dtype(mask.shape[0]),
+        step_report_dtype(mask.shape[0], faults=True),
+    ):
         raise ValueError(f"report: {shown(dtype)} is not allowed; a step_report_dtype is")
     return cloud_message(frame.map_frame, report[np.newaxis], stamp, into)
 
@@ -148,7 +162,8 @@ def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     if message.height != 1:
         raise ValueError(f"height: {message.height} is not allowed; 1 is")
     num_actions = next((field.count for field in message.fields if field.name == _MASK), 1)
-    dtype = step_report_dtype(num_actions)
+    faults = any(field.name == "status" for field in message.fields)
+    dtype = step_report_dtype(num_actions, faults)
     if any(field.name == _ALL_FOUND for field in message.fields):
         report: NDArray[Any] = points_from_message(message, dtype)[0]
         return report

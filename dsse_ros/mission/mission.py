@@ -28,24 +28,28 @@ class StepResult:
         step: Steps done, 0 right after a reset.
         stamp_ns: Mission time in nanoseconds, at least one step's: a stamp of 0 means "no time" in
             ROS. It never runs backwards.
-        cells: (N, 2) int64 (col, row).
-        actions: (N,) int8, `HOLD` for none.
+        cells: (N, 2) int64 (col, row), as the drones observe them.
+        actions: (N,) int8, what the drones did, `HOLD` for nothing.
+        commands: (N,) int8, what they were commanded: without faults the same.
         rewards: (N,) float64.
         terminated, truncated, found, held: (N,) bool.
         probabilities: (N,) float64, what the map before the step gave the cell of each drone that
             searched, 0 for the others.
+        conditions: (N,) of `fault_kernels.CONDITIONS`, None without faults.
     """
 
     step: int
     stamp_ns: int
     cells: NDArray[np.int64]
     actions: NDArray[np.int8]
+    commands: NDArray[np.int8]
     rewards: NDArray[np.float64]
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
     found: NDArray[np.bool_]
     held: NDArray[np.bool_]
     probabilities: NDArray[np.float64]
+    conditions: NDArray[np.void] | None
 
 
 HISTORY_DTYPE = np.dtype(
@@ -54,7 +58,7 @@ HISTORY_DTYPE = np.dtype(
 )  # fmt: skip
 """What is kept of a drone in each step, packed: a mission may have millions of steps."""
 
-_OF_RESULT = ("actions", "held", "probabilities")
+_OF_RESULT = ("actions", "commands", "held", "probabilities")
 _OF_MISSION = ("seed", "number", "aborted", "tracks", "searches", "lost", "_stamp_ns")
 
 
@@ -113,7 +117,8 @@ class Mission:
         self.lost = []
         self._past.clear()
         nobody = np.zeros(count, bool)
-        self.result = self._result(np.full(count, HOLD, np.int8), nobody, np.zeros(count))
+        nothing = np.full(count, HOLD, np.int8)
+        self.result = self._result(nothing, nothing, nobody, np.zeros(count))
         return self.result
 
     def restart_time(self) -> StepResult:
@@ -202,8 +207,12 @@ class Mission:
 
     @property
     def missing(self) -> list[int]:
-        """The drones in flight that have no command yet."""
-        return self.commands.missing(self.live, self.result.cells)
+        """The drones in flight that have no command yet, but for those that go home."""
+        faults = self.env.world.faults
+        commanded = self.live
+        if faults is not None:
+            commanded = [i for i in commanded if not faults.steered()[i]]
+        return self.commands.missing(commanded, self.result.cells)
 
     def refuse(self, drone: int | None = None) -> Rejected | None:
         """Return why a command for this drone, or for all, cannot be taken now."""
@@ -211,6 +220,9 @@ class Mission:
             return Rejected("mission_over", "the mission is over; call ~/reset for a new one")
         if drone is not None and not self.env.world.drones["alive"][0, drone]:
             return Rejected("drone_terminated", f"drone{drone} is terminated; it takes no command")
+        faults = self.env.world.faults
+        if drone is not None and faults is not None and faults.steered()[drone]:
+            return Rejected("drone_returning", f"drone{drone} goes home; it takes no command")
         return None
 
     def refuse_goals(self, drone: int, goals: Sequence[Cell]) -> Rejected | None:
@@ -249,15 +261,19 @@ class Mission:
         world = self.env.world
         live = world.drones["alive"][0].copy()
         joint = self.commands.take(self.live, self.result.cells, missing_action)
-        searching = live & (joint == self.env.rules.action_set.search)
-        probabilities = np.where(searching, self._probabilities(), 0.0)
+        probabilities, faults = self._probabilities(), world.faults
+        unheard = live & (joint == HOLD)
+        if faults is not None:
+            unheard &= ~faults.steered()
         if self._beliefs is not None:
             self._beliefs.before_step(joint[None])
         self.env.advance(joint)
         if self._beliefs is not None:
             self._beliefs.after_step()
         self._past += _packed(self.result).tobytes()
-        self.result = self._result(joint, live & (joint == HOLD), probabilities)
+        done = joint if faults is None else faults.applied[0].copy()
+        searching = live & (done == self.env.rules.action_set.search)
+        self.result = self._result(done, joint, unheard, np.where(searching, probabilities, 0.0))
         for drone in np.flatnonzero(searching).tolist():
             self.searches[drone][-1] += 1
         return self.result
@@ -319,6 +335,7 @@ class Mission:
     def _result(
         self,
         actions: NDArray[np.int8],
+        commands: NDArray[np.int8],
         held: NDArray[np.bool_],
         probabilities: NDArray[np.float64],
     ) -> StepResult:
@@ -336,12 +353,14 @@ class Mission:
             stamp_ns=self._stamp_ns,
             cells=cells,
             actions=actions,
+            commands=commands,
             rewards=world.rewards[0].copy(),
             terminated=self._terminated(),
             truncated=truncated,
             found=world.found[0].copy(),
             held=held,
             probabilities=probabilities,
+            conditions=None if world.faults is None else world.faults.conditions[0].copy(),
         )
 
 

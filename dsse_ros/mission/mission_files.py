@@ -58,7 +58,12 @@ class MissionFiles:
             FieldError: If that is not possible.
         """
         if self._record_file:
-            self._log = MissionLog(self._record_file, frame, resume_at=self._resume_at)
+            self._log = MissionLog(
+                self._record_file,
+                frame,
+                resume_at=self._resume_at,
+                faults=self._mission.result.conditions is not None,
+            )
 
     def record(self) -> str:
         """Record the last step; returns why the log ends here, empty if it goes on."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.mission_log import COLUMNS
+from dsse_ros.mission.mission_log import COLUMNS, FAULT_COLUMNS
 from dsse_ros.search import FieldError, Rules
 from dsse_ros.search.scenario import ResolvedScenario
 
@@ -183,12 +183,13 @@ def read_csv(path: str | os.PathLike[str]) -> list[RecordedMission]:
 
 def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[list[str]]]]:
     """Yield the rows of each step with the number of its mission, whole rows only."""
-    if tuple(next(reader, ())) != COLUMNS:
+    columns = tuple(next(reader, ()))
+    if columns not in (COLUMNS, (*COLUMNS, *FAULT_COLUMNS)):
         raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)")
     key: tuple[str, str] | None = None
     rows: list[list[str]] = []
     for row in reader:
-        if len(row) != len(COLUMNS):
+        if len(row) != len(columns):
             # Cut off while it was written; in the middle the step's other rows show it.
             continue
         if key is not None and (row[0], row[1]) != key:

@@ -119,6 +119,7 @@ DRONES = np.dtype(
         ("terminated", "?"),  # since the last reset
         ("truncated", "?"),
         ("found", "?"),  # found a person in the last step
+        ("aloft", "?"),  # above the others, or on the ground: it does not collide
     ],
     align=True,
 )
@@ -246,7 +247,7 @@ def has_collided(g, drones, n, occupied):
 @part
 def can_collide(c, d):
     """Return whether a drone can collide; where drones end together, flags do not matter."""
-    return d.alive and (c.ends_together or not d.terminated)
+    return d.alive and not d.aloft and (c.ends_together or not d.terminated)
 
 
 @part
@@ -301,7 +302,7 @@ def step_drones(c, w, drones, persons, gauss, area, occupied, actions):
         d.found = found
         d.terminated = terminated
         eventful |= found or terminated or d.truncated
-        if collisions and (ends_together or not terminated):
+        if collisions and not d.aloft and (ends_together or not terminated):
             shared |= occupy(grid_size, d, occupied, stamp)
     return shared, eventful
 

@@ -111,6 +111,9 @@ class Past:
 
     def after_step(self) -> None:
         """Add the step."""
+        if self._world.faults is not None:
+            search = self._world.rules.action_set.search
+            self._searching &= self._world.faults.applied[0] == search
         self._cells.append(self._now())
         col, row = self._cells[-1][self._searching].T
         np.add.at(self.searches, (row, col), 1)
