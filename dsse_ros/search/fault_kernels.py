@@ -114,9 +114,18 @@ def can_go_on(c, f, area, d, o, home_steps):
 
 
 @part
-def turn_home(d, o):
-    """Send a drone home, above the others."""
+def land(f, w, o):
+    """Note that a drone is home."""
+    o.status = HOME
+    o.until = w.t + f.relief_steps
+
+
+@part
+def turn_home(f, w, d, o, home_steps):
+    """Send a drone home, above the others; in its home cell it is there."""
     o.status = RETURNING
+    if home_steps[d.y, d.x] == 0:
+        land(f, w, o)
     o.progress = 0.0
     o.heading = HELD
     d.aloft = True
@@ -172,7 +181,9 @@ def decide(c, f, area, w, d, o, home_steps, home_actions, command):
         action = np.int64(HELD)
     may_turn = f.battery and inside and (o.status == SEARCHING or o.status == IDENTIFYING)
     if may_turn and not can_do(c, f, area, d, o, home_steps, action):
-        turn_home(d, o)
+        turn_home(f, w, d, o, home_steps)
+        if o.status == HOME:
+            return np.int64(HELD)
     energy = f.battery_move
     if o.status == RETURNING and inside:
         action = np.int64(home_actions[d.y, d.x])
@@ -275,7 +286,7 @@ def start(c, f, area, w, d, o, home_steps):
     for k in range(MAX_DELAY):
         o.pending[k] = HELD
     if f.battery and not can_go_on(c, f, area, d, o, home_steps):
-        turn_home(d, o)
+        turn_home(f, w, d, o, home_steps)
     observe(c, f, w, d, o)
 
 
@@ -291,8 +302,7 @@ def update(c, f, area, w, drones, n, o, home_steps, searched):
             d.aloft = False
     elif o.status == RETURNING:
         if inside and home_steps[d.y, d.x] == 0:
-            o.status = HOME
-            o.until = w.t + f.relief_steps
+            land(f, w, o)
     elif o.status != SEARCHING and w.t >= o.until:
         o.status = RETURNING if d.aloft else SEARCHING
     in_vain = searched and f.false_alarm_rate > 0.0 and not d.found
@@ -301,7 +311,7 @@ def update(c, f, area, w, drones, n, o, home_steps, searched):
         o.until = w.t + f.false_alarm_steps
     may_turn = f.battery and inside and (o.status == SEARCHING or o.status == IDENTIFYING)
     if may_turn and not can_go_on(c, f, area, d, o, home_steps):
-        turn_home(d, o)
+        turn_home(f, w, d, o, home_steps)
 
 
 @kernel
