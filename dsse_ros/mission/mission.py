@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.command_buffer import Cell, CommandBuffer
 from dsse_ros.search import HOLD, SearchEnv, Snapshot, SnapshotError
+from dsse_ros.search.fault_kernels import LOST
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from msg_adapters.result import Rejected
 
@@ -255,6 +257,24 @@ class Mission:
         self.lost.append(drone)
         self.result = replace(self.result, terminated=self._terminated())
         return True
+
+    def set_battery(self, drone: int, share: float) -> None:
+        """Take what is left in the battery of a drone's vehicle, 1 when full; NaN changes nothing.
+
+        Where batteries run down, the next step starts from there.
+        """
+        faults = self.env.world.faults
+        if faults is not None and math.isfinite(share):
+            faults.set_battery(drone, 100.0 * share)
+
+    @property
+    def fallen(self) -> list[int]:
+        """The drones that a fault of the simulation has lost."""
+        conditions = self.result.conditions
+        if conditions is None:
+            return []
+        fallen: list[int] = np.flatnonzero(conditions["status"] == LOST).tolist()
+        return fallen
 
     def advance(self, missing_action: str) -> StepResult:
         """Do one step with the commands given; drones without one follow `missing_action`."""

@@ -148,6 +148,11 @@ class Faults:
         )  # fmt: skip
         return masks
 
+    def set_battery(self, drone: int, percent: float) -> None:
+        """Set what is left in a drone's battery, of the first world, where it runs down."""
+        if self.has_battery:
+            self.conditions["battery"][0, drone] = percent
+
     def positions(self) -> NDArray[np.int64]:
         """Return where the drones observe that they are, (B, N, 2) as (x, y), a view."""
         whole: NDArray[np.int64] = self.conditions.view(np.int64)

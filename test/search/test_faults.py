@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.search import FieldError, HOLD, SearchEnv, parallel_env, vector_env
+from dsse_ros.search import HOLD, FieldError, SearchEnv, parallel_env, vector_env
 from dsse_ros.search.fault_fields import FAULTS, FaultFields, faults_of
 from dsse_ros.search.fault_kernels import STATUSES
 from dsse_ros.search.faults import paces
