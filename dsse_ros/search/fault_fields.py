@@ -22,8 +22,8 @@ class FaultFields(BatteryFields):
     loss_rate: float = field(
         "float", "Probability that a step loses a drone in the air.", 0.0, low=0, high=1
     )
-    loss_steps: tuple[int, ...] | None = field(
-        "ints", "Step that loses each drone, one per drone; 0 for never.", None,
+    loss_steps: tuple[int, ...] = field(
+        "ints", "Step that loses each drone, one per drone, 0 for never; empty: none does.", (),
         low=0, high=10**9, unit="steps",
     )  # fmt: skip
     stuck_rate: float = field(
@@ -73,7 +73,7 @@ class FaultFields(BatteryFields):
         Raises:
             FieldError: If they contradict each other or the drones.
         """
-        if self.loss_steps is not None and len(self.loss_steps) != num_drones:
+        if self.loss_steps and len(self.loss_steps) != num_drones:
             raise FieldError(
                 f"loss_steps: {len(self.loss_steps)} steps are not allowed; "
                 f"one per drone ({num_drones})"
@@ -83,8 +83,7 @@ class FaultFields(BatteryFields):
                 f"wind_speed: {self.wind_speed:g} is not allowed; below the drones' "
                 f"{drone_speed:g} m/s, or they would not hold their cells"
             )
-        steps = (0,) * num_drones if self.loss_steps is None else self.loss_steps
-        return {"loss_steps": steps, **self.resolved_battery()}
+        return self.resolved_battery()
 
 
 @dataclass(frozen=True)
@@ -139,5 +138,5 @@ def faults_of(scenario: FaultFields) -> list[str]:
     return [
         name
         for name, fault in FAULTS.items()
-        if any(np.any(getattr(scenario, switch) or 0) for switch in fault.switches)
+        if any(np.any(getattr(scenario, switch)) for switch in fault.switches)
     ]

@@ -324,7 +324,6 @@ class ResolvedScenario(Scenario):
     battery_search: float
     battery_hover: float
     battery_return: float
-    loss_steps: tuple[int, ...]
     stated: Scenario = dataclasses.field(repr=False, compare=False)
 
     def override(self, **values: Any) -> Scenario:
