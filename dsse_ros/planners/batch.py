@@ -205,6 +205,8 @@ def play_missions(
     if world.faults is not None:
         fault_masks = np.empty((*world.drones.shape, actions), np.int8)
         table = np.array(masks)
+        # Drones may observe different positions from the start.
+        groups = [part for group in groups for part in group.split(world)]
     limit = world.scenario.timestep_limit
     steps = np.full(count, limit)
     going = np.ones(count, bool)
