@@ -326,8 +326,28 @@ def installed(names: Sequence[str]) -> list[str]:
     return kept
 
 
+def run_faults(count: int, workers: int) -> dict[str, Any]:
+    """Play `FAULT_CASE` with each fault; returns the figures."""
+    names = installed(FAULT_PLANNERS)
+    done: dict[tuple[str, str], Missions] = {}
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = {
+            pool.submit(fly_with_fault, name, fault, count): (fault, name)
+            for name in reversed(names)
+            for fault in FAULTS
+        }
+        for job in progress(as_completed(jobs), "compare, faults", total=len(jobs)):
+            (fault, name), missions = jobs[job], job.result()
+            done[fault, name] = missions
+            say(f"{fault}, {name}: {missions.found.mean():.2%}, {missions.steps.mean():.2f} steps")
+    return {
+        fault: {name: figures(done[fault, name], done["none", name]) for name in names}
+        for fault in FAULTS
+    }
+
+
 def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-    """Play everything; returns the figures and the curves."""
+    """Play everything but faults; returns the figures and the curves."""
     names = installed(PLANNERS)
     jobs: dict[Future[Missions], tuple[str, str, str]] = {}
     done: dict[tuple[str, str, str], Missions] = {}
@@ -338,9 +358,6 @@ def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, A
                 kinds = {case.disturbance, *(DISTURBANCES if key in DISTURBED_CASES else ())}
                 for kind in sorted(kinds):
                     jobs[pool.submit(fly, name, key, count, kind)] = (key, kind, name)
-            for fault in FAULTS if name in FAULT_PLANNERS else ():
-                job = pool.submit(fly_with_fault, name, fault, count)
-                jobs[job] = ("with fault", fault, name)
         for job in progress(as_completed(jobs), "compare", total=len(jobs)):
             key, kind, name = jobs[job]
             done[jobs[job]] = missions = job.result()
@@ -365,15 +382,7 @@ def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, A
         }
         for key in DISTURBED_CASES
     }
-    faults = {
-        fault: {
-            name: figures(done["with fault", fault, name], done["with fault", "none", name])
-            for name in names
-            if name in FAULT_PLANNERS
-        }
-        for fault in FAULTS
-    }
-    return {"missions": count, "cases": cases, "disturbed": disturbed, "faults": faults}, curves
+    return {"missions": count, "cases": cases, "disturbed": disturbed}, curves
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -381,17 +390,25 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="compare", description=__doc__)
     parser.add_argument("--missions", type=int, default=2000, help="of each planner and case")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    parser.add_argument(
+        "--faults", action="store_true", help="play the faults only, and keep the other results"
+    )
     arguments = parser.parse_args(argv)
     if arguments.missions < 100:
         parser.error(f"missions: {arguments.missions} is not allowed; at least 100")
-    began = time.perf_counter()
-    results, curves = run(arguments.missions, os.cpu_count() or 1)
-    results |= {"seconds": round(time.perf_counter() - began), "machine": machine()}
-    results["versions"] = own_versions()
+    began, workers = time.perf_counter(), os.cpu_count() or 1
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / "compare.json"
+    if arguments.faults:
+        results = json.loads(path.read_text(encoding="utf-8"))
+    else:
+        results, curves = run(arguments.missions, workers)
+        save_plot(curves, arguments.out / "compare.png")
+    results["faults"] = run_faults(arguments.missions, workers)
+    if not arguments.faults:
+        results |= {"seconds": round(time.perf_counter() - began), "machine": machine()}
+        results["versions"] = own_versions()
     path.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    save_plot(curves, arguments.out / "compare.png")
     for name, table in tables(results).items():
         print(f"\n{name}\n\n{table}")
     if arguments.out == RESULTS:

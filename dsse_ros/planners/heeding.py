@@ -26,8 +26,8 @@ def heed_masks(
 ) -> dict[str, int]:
     """Return the actions, with others in place of those that the masks forbid.
 
-    Such a drone searches where it is, or does the first action that is left to it if it may not;
-    who would meet it there searches too.
+    Such a drone searches where it is, or does the first action that is left to it if it may not.
+    One that would meet another then searches: if it may not, it is sent home, above the others.
 
     Args:
         actions: By agent.
