@@ -152,12 +152,12 @@ DISTURBED_CASES = ("v2", "santos_4")
 FAULTS: dict[str, tuple[str, dict[str, Any]]] = {
     "none": ("nothing", {}),
     "battery": (
-        "batteries of 25 steps, none relieved",
-        {"battery_move": 4.0, "battery_reserve": 20.0},
+        "batteries of 50 steps, none relieved",
+        {"battery_move": 2.0, "battery_reserve": 20.0},
     ),
     "relief": (
         "the same, relieved after 5 steps",
-        {"battery_move": 4.0, "battery_reserve": 20.0, "relief_steps": 5},
+        {"battery_move": 2.0, "battery_reserve": 20.0, "relief_steps": 5},
     ),
     "loss": ("a drone is lost in 2 % of its steps", {"loss_rate": 0.02}),
     "missed": ("20 % of detections missed", {"probability_of_detection": 0.8}),

@@ -209,12 +209,8 @@ class Mission:
 
     @property
     def missing(self) -> list[int]:
-        """The drones in flight that have no command yet, but for those that go home."""
-        faults = self.env.world.faults
-        commanded = self.live
-        if faults is not None:
-            commanded = [i for i in commanded if not faults.steered()[i]]
-        return self.commands.missing(commanded, self.result.cells)
+        """The drones in flight that have no command yet."""
+        return self.commands.missing(self.live, self.result.cells)
 
     def refuse(self, drone: int | None = None) -> Rejected | None:
         """Return why a command for this drone, or for all, cannot be taken now."""
@@ -222,9 +218,6 @@ class Mission:
             return Rejected("mission_over", "the mission is over; call ~/reset for a new one")
         if drone is not None and not self.env.world.drones["alive"][0, drone]:
             return Rejected("drone_terminated", f"drone{drone} is terminated; it takes no command")
-        faults = self.env.world.faults
-        if drone is not None and faults is not None and faults.steered()[drone]:
-            return Rejected("drone_returning", f"drone{drone} goes home; it takes no command")
         return None
 
     def refuse_goals(self, drone: int, goals: Sequence[Cell]) -> Rejected | None:
@@ -282,9 +275,6 @@ class Mission:
         live = world.drones["alive"][0].copy()
         joint = self.commands.take(self.live, self.result.cells, missing_action)
         probabilities, faults = self._probabilities(), world.faults
-        unheard = live & (joint == HOLD)
-        if faults is not None:
-            unheard &= ~faults.steered()
         if self._beliefs is not None:
             self._beliefs.before_step(joint[None])
         self.env.advance(joint)
@@ -292,8 +282,8 @@ class Mission:
             self._beliefs.after_step()
         self._past += _packed(self.result).tobytes()
         done = joint if faults is None else faults.applied[0].copy()
-        searching = live & (done == self.env.rules.action_set.search)
-        self.result = self._result(done, joint, unheard, np.where(searching, probabilities, 0.0))
+        held, searching = live & (joint == HOLD), live & (done == self.env.rules.action_set.search)
+        self.result = self._result(done, joint, held, np.where(searching, probabilities, 0.0))
         for drone in np.flatnonzero(searching).tolist():
             self.searches[drone][-1] += 1
         return self.result

@@ -19,7 +19,6 @@ from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR, Endpoints
 from msg_adapters.battery import battery_state
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.frames import GridFrame
-from msg_adapters.poses import base_link
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
 
 STATE_S = 1.0
@@ -97,7 +96,7 @@ class BridgePublishers:
         # As the autopilot reports it, NaN as long as it does not.
         percent = 100.0 * state.battery
         self._batteries[i].publish(
-            battery_state(stamp, base_link(self._names[i]), percent, flying=state.flying)
+            battery_state(stamp, self._names[i], percent, flying=state.flying)
         )
         level, message = _summary(vehicle, progress.lost, refused, blocked)
         values: dict[str, object] = {

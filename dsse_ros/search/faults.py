@@ -17,8 +17,6 @@ from dsse_ros.search.fault_kernels import (
     CONDITIONS,
     FAULT_CONSTANTS,
     HELD,
-    HOME,
-    RETURNING,
     STATUSES,
 )
 from dsse_ros.search.rules import Rules
@@ -157,12 +155,6 @@ class Faults:
         """Return where the drones observe that they are, (B, N, 2) as (x, y), a view."""
         whole: NDArray[np.int64] = self.conditions.view(np.int64)
         return whole.reshape(*self.conditions.shape, -1)[..., :2]
-
-    def steered(self, world: int = 0) -> NDArray[np.bool_]:
-        """Return the drones (N,) of a world that take no commands: they go home, or are there."""
-        status = self.conditions["status"][world]
-        steered: NDArray[np.bool_] = (status == RETURNING) | (status == HOME)
-        return steered
 
     def batch_infos(self) -> dict[str, NDArray[Any]]:
         """Return what `infos` has of all worlds, (B, N), `status` as a number."""

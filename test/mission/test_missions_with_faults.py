@@ -91,17 +91,17 @@ def test_a_mission_resumed_from_its_snapshot_writes_the_same_record(tmp_path: Pa
     assert broken.read_bytes() == whole.read_bytes()
 
 
-def test_a_drone_that_goes_home_is_not_waited_for_and_takes_no_command() -> None:
+def test_a_drone_that_goes_home_is_commanded_in_vain() -> None:
     mission = make(battery_move=10.0, drones_positions=[(0, 0), (4, 4), (7, 7)])
-    for _ in range(8):
+    for _ in range(7):
         mission.command_all([1, 8, 8])
         result = mission.advance("hold")
     assert result.conditions is not None
-    statuses = [STATUSES[k] for k in result.conditions["status"]]
-    assert statuses[0] == "home"
-    assert set(mission.missing) == {i for i in range(3) if statuses[i] == "searching"}
-    refused = mission.refuse(0)
-    assert refused is not None and refused.code == "drone_returning"
+    assert STATUSES[result.conditions["status"][0]] == "returning"
+    assert mission.missing == [0, 1, 2] and mission.refuse(0) is None
+    mission.command_all([1, 8, 8])
+    assert mission.advance("hold").cells[0].tolist() == [0, 0]
+    assert mission.result.actions[0] == 0 and mission.result.commands[0] == 1
 
 
 def test_a_report_has_battery_and_status_with_faults_only() -> None:

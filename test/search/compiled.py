@@ -35,9 +35,10 @@ def use(fields: dict[str, Any]) -> None:
         observations, infos = env.reset(seed=1)
         for _ in range(3):
             observations, _, _, _, infos = env.step(planner(observations, infos))
-    batch = vector_env(2, fields)
-    batch.reset(seed=1)
-    batch.step(np.zeros((2, 2), np.int8))
+    for faults in ({}, {"battery_move": 1.0}):
+        batch = vector_env(2, {**fields, **faults})
+        batch.reset(seed=1)
+        batch.step(np.zeros((2, 2), np.int8))
 
 
 if __name__ == "__main__":
