@@ -14,6 +14,7 @@ from builtin_interfaces.msg import Time
 from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2
 
+from dsse_ros.search.fault_kernels import STATUSES
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.point_clouds import cloud_message, points_from_message
 from msg_adapters.result import shown
@@ -166,6 +167,8 @@ def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     dtype = step_report_dtype(num_actions, faults)
     if any(field.name == _ALL_FOUND for field in message.fields):
         report: NDArray[Any] = points_from_message(message, dtype)[0]
+        if faults and len(report) and report["status"].max() >= len(STATUSES):
+            raise ValueError(f"status: {report['status'].max()} is not allowed; 0 to 5 is")
         return report
     read = points_from_message(message, np.dtype([*POINT, (_MASK, dtype[_MASK])]))[0]
     report = np.zeros(len(read), dtype)

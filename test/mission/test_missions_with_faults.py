@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 
+from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import COLUMNS, FAULT_COLUMNS, MissionLog, last_pos, read_log
 from dsse_ros.mission.mission_views import mission_views
@@ -15,8 +19,10 @@ from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.search import HOLD, Snapshot, parallel_env
 from dsse_ros.search.fault_kernels import STATUSES
 from msg_adapters.frames import scenario_frame
+from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_from_message, step_report_message
+from msg_adapters.vehicles import Progress, progress_from_message, vehicle_state_message
 
 FAULTS: dict[str, Any] = {
     "battery_move": 6.0, "relief_steps": 4, "command_delay": 1, "command_drop_rate": 0.1,
@@ -116,6 +122,9 @@ def test_a_report_has_battery_and_status_with_faults_only() -> None:
         if faulty and mission.result.conditions is not None:
             assert read["battery"].tolist() == mission.result.conditions["battery"].tolist()
             assert read["status"].tolist() == mission.result.conditions["status"].tolist()
+            report["status"][1] = len(STATUSES)
+            with pytest.raises(ValueError, match="^status: 6 is not allowed"):
+                step_report_from_message(step_report_message(frame, report, to_stamp(1)))
 
 
 def test_the_battery_of_a_drone_is_that_of_its_vehicle() -> None:
@@ -128,6 +137,23 @@ def test_the_battery_of_a_drone_is_that_of_its_vehicle() -> None:
     plain = make()
     plain.set_battery(0, 0.1)
     assert plain.result.conditions is None
+
+
+def test_a_vehicle_s_report_of_this_mission_sets_the_battery_of_its_drone() -> None:
+    mission = make(battery_move=5.0)
+    vehicles = AwaitedVehicles(scenario_frame(mission.env.scenario), mission.set_battery)
+    vehicles.set_stamp(100, first=True)
+    state = {"level": DiagnosticStatus.OK, "message": "", "values": {}}
+    for drone, stamp_ns, share in ((0, 100, 0.25), (1, 99, 0.25), (2, 100, math.nan)):
+        reported = Progress(stamp_ns, battery=share)
+        message = vehicle_state_message("it", "", to_stamp(0), reported, **state)  # type: ignore[arg-type]
+        read = progress_from_message(message, "it")
+        assert isinstance(read, Accepted)
+        vehicles.set_progress(drone, read.value)
+    fly(mission, None, 1)
+    assert mission.result.conditions is not None
+    # That of another mission does not count, nor one that is not known.
+    assert mission.result.conditions["battery"].tolist() == [20.0, 95.0, 95.0]
 
 
 def test_a_lost_drone_is_fallen_and_no_other_mission_is_without_it() -> None:
