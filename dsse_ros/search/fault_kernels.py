@@ -11,7 +11,7 @@ where its fault is in the scenario.
 
 from __future__ import annotations
 
-from math import cos, floor, log, pi, sin, sqrt
+from math import cos, log, pi, sin, sqrt
 
 import numpy as np
 
@@ -268,8 +268,8 @@ def observe(c, f, w, d, o):
         turn = 2.0 * pi * draw_unit(w)
         edge = c.grid_size - 1
         # An error of more than the grid is the edge's; the cast of a larger one is undefined.
-        error_x = min(max(floor(reach * cos(turn) + 0.5), -edge), edge)
-        error_y = min(max(floor(reach * sin(turn) + 0.5), -edge), edge)
+        error_x = min(max(np.floor(reach * cos(turn) + 0.5), -edge), edge)
+        error_y = min(max(np.floor(reach * sin(turn) + 0.5), -edge), edge)
         o.seen_x = min(max(d.x + np.int64(error_x), 0), edge)
         o.seen_y = min(max(d.y + np.int64(error_y), 0), edge)
 

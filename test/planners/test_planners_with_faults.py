@@ -45,7 +45,7 @@ def test_an_action_that_a_mask_forbids_is_a_search_or_what_is_left() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_planner_does_nothing_that_the_masks_forbid(name: str) -> None:
-    env = parallel_env(**SEARCH)
+    env = parallel_env(**{**SEARCH, "probability_of_detection": 0.0})
     planner = planner_for(env, name, seed=1, **OPTIONS.get(name, {}))
     observations, infos = env.reset(seed=4)
     statuses = set()
