@@ -43,6 +43,7 @@ NAVIGATION = {
         "docs/topics",
         "docs/parameters",
         "docs/rules",
+        "docs/faults",
         "docs/api",
     ],
     "Project": [

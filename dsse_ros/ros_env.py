@@ -350,9 +350,11 @@ class DsseRosEnv(ParallelEnv[str, AgentObservation, int]):
         if step.step_id == self._last.step_id:
             return
         applied, held = step.report["action"].tolist(), step.report["held"].tolist()
+        # Drones with faults do what they can.
+        faulty = "status" in (step.report.dtype.names or ())
         for i, (done, asked) in enumerate(zip(applied, joint, strict=True)):
             # One that was lost since does nothing.
-            if done != asked and (done != HOLD or held[i]):
+            if done != asked and (held[i] or (done != HOLD and not faulty)):
                 raise SearchLostError(
                     f"step {step.step_id[2]}: {self.possible_agents[i]} did action {done}, not "
                     f"{asked}: somebody else commands the node, or its command_timeout is over"

@@ -13,6 +13,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
 from dsse_ros.search.coverage import METRICS
+from dsse_ros.search.fault_kernels import STATUSES
 from dsse_ros.search.observation import AgentObservation, Observation
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.images import image_to_probability
@@ -82,6 +83,12 @@ class ObservedStep:
         elif definition is None or definition.scenario.person_amount > 1:
             for i, info in zip(drones, infos.values(), strict=True):
                 info["found_person"] = bool(self.report["found"][i])
+        if "status" in (self.report.dtype.names or ()):
+            for i, info in zip(drones, infos.values(), strict=True):
+                info["status"] = STATUSES[self.report["status"][i]]
+                info["action"] = int(self.report["action"][i])
+                if not np.isnan(self.report["battery"][i]):
+                    info["battery"] = float(self.report["battery"][i])
         return infos
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.command_buffer import Cell, CommandBuffer
 from dsse_ros.search import HOLD, SearchEnv, Snapshot, SnapshotError
+from dsse_ros.search.fault_kernels import LOST
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from msg_adapters.result import Rejected
 
@@ -28,24 +30,28 @@ class StepResult:
         step: Steps done, 0 right after a reset.
         stamp_ns: Mission time in nanoseconds, at least one step's: a stamp of 0 means "no time" in
             ROS. It never runs backwards.
-        cells: (N, 2) int64 (col, row).
-        actions: (N,) int8, `HOLD` for none.
+        cells: (N, 2) int64 (col, row), as the drones observe them.
+        actions: (N,) int8, what the drones did, `HOLD` for nothing.
+        commands: (N,) int8, what they were commanded: without faults the same.
         rewards: (N,) float64.
         terminated, truncated, found, held: (N,) bool.
         probabilities: (N,) float64, what the map before the step gave the cell of each drone that
             searched, 0 for the others.
+        conditions: (N,) of `fault_kernels.CONDITIONS`, None without faults.
     """
 
     step: int
     stamp_ns: int
     cells: NDArray[np.int64]
     actions: NDArray[np.int8]
+    commands: NDArray[np.int8]
     rewards: NDArray[np.float64]
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
     found: NDArray[np.bool_]
     held: NDArray[np.bool_]
     probabilities: NDArray[np.float64]
+    conditions: NDArray[np.void] | None
 
 
 HISTORY_DTYPE = np.dtype(
@@ -54,7 +60,7 @@ HISTORY_DTYPE = np.dtype(
 )  # fmt: skip
 """What is kept of a drone in each step, packed: a mission may have millions of steps."""
 
-_OF_RESULT = ("actions", "held", "probabilities")
+_OF_RESULT = ("actions", "commands", "held", "probabilities")
 _OF_MISSION = ("seed", "number", "aborted", "tracks", "searches", "lost", "_stamp_ns")
 
 
@@ -114,7 +120,8 @@ class Mission:
         self.lost = []
         self._past.clear()
         nobody = np.zeros(count, bool)
-        self.result = self._result(np.full(count, HOLD, np.int8), nobody, np.zeros(count))
+        nothing = np.full(count, HOLD, np.int8)
+        self.result = self._result(nothing, nothing, nobody, np.zeros(count))
         return self.result
 
     def restart_time(self) -> StepResult:
@@ -256,20 +263,39 @@ class Mission:
         self.result = replace(self.result, terminated=self._terminated())
         return True
 
+    def set_battery(self, drone: int, share: float) -> None:
+        """Take what is left in the battery of a drone's vehicle, 1 when full; NaN changes nothing.
+
+        Where batteries run down, the next step starts from there.
+        """
+        faults = self.env.world.faults
+        if faults is not None and math.isfinite(share):
+            faults.set_battery(drone, 100.0 * share)
+
+    @property
+    def fallen(self) -> list[int]:
+        """The drones that a fault of the simulation has lost."""
+        conditions = self.result.conditions
+        if conditions is None:
+            return []
+        fallen: list[int] = np.flatnonzero(conditions["status"] == LOST).tolist()
+        return fallen
+
     def advance(self, missing_action: str) -> StepResult:
         """Do one step with the commands given; drones without one follow `missing_action`."""
         world = self.env.world
         live = world.drones["alive"][0].copy()
         joint = self.commands.take(self.live, self.result.cells, missing_action)
-        searching = live & (joint == self.env.rules.action_set.search)
-        probabilities = np.where(searching, self._probabilities(), 0.0)
+        probabilities, faults = self._probabilities(), world.faults
         if self._beliefs is not None:
             self._beliefs.before_step(joint[None])
         self.env.advance(joint)
         if self._beliefs is not None:
             self._beliefs.after_step()
         self._past += _packed(self.result).tobytes()
-        self.result = self._result(joint, live & (joint == HOLD), probabilities)
+        done = joint if faults is None else faults.applied[0].copy()
+        held, searching = live & (joint == HOLD), live & (done == self.env.rules.action_set.search)
+        self.result = self._result(done, joint, held, np.where(searching, probabilities, 0.0))
         for drone in np.flatnonzero(searching).tolist():
             self.searches[drone][-1] += 1
         return self.result
@@ -331,6 +357,7 @@ class Mission:
     def _result(
         self,
         actions: NDArray[np.int8],
+        commands: NDArray[np.int8],
         held: NDArray[np.bool_],
         probabilities: NDArray[np.float64],
     ) -> StepResult:
@@ -348,12 +375,14 @@ class Mission:
             stamp_ns=self._stamp_ns,
             cells=cells,
             actions=actions,
+            commands=commands,
             rewards=world.rewards[0].copy(),
             terminated=self._terminated(),
             truncated=truncated,
             found=world.found[0].copy(),
             held=held,
             probabilities=probabilities,
+            conditions=None if world.faults is None else world.faults.conditions[0].copy(),
         )
 
 

@@ -58,9 +58,12 @@ class MissionFiles:
             FieldError: If that is not possible.
         """
         if self._record_file:
-            covers = self._mission.env.rules.covers
             self._log = MissionLog(
-                self._record_file, frame, resume_at=self._resume_at, covers=covers
+                self._record_file,
+                frame,
+                resume_at=self._resume_at,
+                covers=self._mission.env.rules.covers,
+                faults=self._mission.result.conditions is not None,
             )
 
     def record(self) -> str:

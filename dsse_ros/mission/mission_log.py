@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.search import FieldError
+from dsse_ros.search.fault_kernels import STATUSES
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import cell_to_geodetic
 
@@ -26,9 +27,16 @@ COLUMNS = (
 """Column names; `probability` is that of the cell searched, `pos` is as `Mission.pos` has it.
 Persons have no action and no reward."""
 OF_COVERAGE = ("coverage_rate", "repeated_coverage")
-"""Columns of a coverage task, see `dsse_ros.search.coverage`."""
-COVERAGE_COLUMNS = (*COLUMNS, *OF_COVERAGE)
-"""All columns where the task is coverage."""
+"""Further columns of a coverage task, see `dsse_ros.search.coverage`."""
+OF_FAULTS = ("command", "status", "battery", "true_col", "true_row")
+"""Further columns of missions with faults, empty for persons: the action that was commanded, one of
+`fault_kernels.STATUSES`, percent, and the cell, where `col` and `row` are what the drone observes.
+"""
+
+
+def columns_of(*, covers: bool, faults: bool) -> tuple[str, ...]:
+    """Return the columns of a mission's record."""
+    return (*COLUMNS, *(OF_COVERAGE if covers else ()), *(OF_FAULTS if faults else ()))
 
 
 _TAIL_BYTES = 1 << 16
@@ -43,6 +51,7 @@ class MissionLog:
         frame: Where the grid lies.
         resume_at: (mission, step) that is written first: the file keeps what comes before it.
         covers: Whether the task is coverage.
+        faults: Whether the missions have faults.
 
     Raises:
         FieldError: If the file cannot be written, or is to be kept and no record of a mission.
@@ -55,10 +64,12 @@ class MissionLog:
         *,
         resume_at: tuple[int, int] | None = None,
         covers: bool = False,
+        faults: bool = False,
     ) -> None:
         self._frame = frame
+        self._faults = faults
         self._of_coverage = OF_COVERAGE if covers else ()
-        columns = (*COLUMNS, *self._of_coverage)
+        columns = columns_of(covers=covers, faults=faults)
         try:
             if resume_at is not None:
                 _cut(path, resume_at, columns)
@@ -104,14 +115,31 @@ class MissionLog:
                         repr(float(result.probabilities[i])),
                         pos,
                         *covered,
+                        *self._of_faults(mission, result, i),
                     )  # fmt: skip
                 )
             else:
                 found = int(persons["found"][i - drones])
+                more = ("",) * len(OF_FAULTS) * self._faults
                 self._writer.writerow(
-                    (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "")
+                    (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "", *more)
                 )
         self._file.flush()
+
+    def _of_faults(self, mission: Mission, result: StepResult, drone: int) -> tuple[Any, ...]:
+        """Return the values of `OF_FAULTS`, if they are written."""
+        if not self._faults or result.conditions is None:
+            return ()
+        condition, command = result.conditions[drone], int(result.commands[drone])
+        world = mission.env.world
+        place, has_battery = world.drones[0, drone], world.faults and world.faults.has_battery
+        return (
+            mission.env.rules.actions[command] if command >= 0 else "",
+            STATUSES[condition["status"]],
+            repr(float(condition["battery"])) if has_battery else "",
+            int(place["x"]),
+            int(place["y"]),
+        )
 
     def _seek(self, step: tuple[int, int]) -> None:
         """Go to where the rows of this (mission, step) begin."""
@@ -168,6 +196,7 @@ class MissionRecord:
         persons: (P, 2) last cells of the persons.
         person_found: (P,) bool.
         actions: (N, K) names of the actions, "" for none.
+        commands: (N, K) names of the actions that were commanded: without faults the same.
         rewards: (N, K) float64.
         alive: (N,) bool after the last step.
         truncated: (N,) bool after the last step.
@@ -181,6 +210,7 @@ class MissionRecord:
     persons: NDArray[np.int64]
     person_found: NDArray[np.bool_]
     actions: NDArray[np.str_]
+    commands: NDArray[np.str_]
     rewards: NDArray[np.float64]
     alive: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
@@ -213,6 +243,7 @@ def read_log(path: str | os.PathLike[str]) -> MissionRecord:
         persons=np.array([(int(row["col"]), int(row["row"])) for row in persons]).reshape(-1, 2),
         person_found=np.array([row["found"] == "1" for row in persons], bool),
         actions=table("action", str),
+        commands=table("command" if "command" in rows[0] else "action", str),
         rewards=table("reward", float),
         alive=~(flags["terminated"] | flags["truncated"])[:, -1],
         truncated=flags["truncated"][:, -1],
@@ -234,6 +265,7 @@ def last_pos(path: str | os.PathLike[str]) -> float | None:
             lines = file.read().decode().split("\n")[1:-1]
     except OSError:
         return None
+    # Others may follow.
     rows = [dict(zip(COLUMNS, line.split(","), strict=False)) for line in lines]
     of_drones = [row for row in rows if row["agent"].startswith("drone")]
     return _pos_of(of_drones[-1]) if of_drones else None

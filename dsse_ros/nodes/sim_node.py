@@ -97,7 +97,7 @@ class SimNode(AlarmNode):
             timing(settings, env.scenario.step_duration_s), time.monotonic()
         )
         self._commands = CommandIntake(self.mission, self.frame, self.warn, self.debug)
-        self._vehicles = AwaitedVehicles(self.frame)
+        self._vehicles = AwaitedVehicles(self.frame, self.mission.set_battery)
         self._publisher_counts = PublisherCounts(self, consequences(settings))
         self._report_stamp = Time()
         self._subscribe(endpoints)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
+from dsse_ros.planners.heeding import heed_masks, is_aloft
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.drift_estimate import FIRST_OBSERVED, DriftEstimate
@@ -36,6 +37,7 @@ class Tactic(Protocol):
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
+        batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; its own one means that it searches it.
 
@@ -44,6 +46,8 @@ class Tactic(Protocol):
             agents: The live drones.
             present: Their cells.
             deadline_s: When to answer with the best so far, on the clock of `time.monotonic`.
+            batteries: What is in the batteries of the drones, percent; empty where they do not run
+                down.
         """
         ...
 
@@ -102,6 +106,7 @@ class GreedyOnBelief:
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
+        batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         taken = set(present)
@@ -229,11 +234,17 @@ class BeliefPlanner:
         self._observe_map(probability_of(observations))
         assert self._tactic is not None
         limit_s = infos[agents[0]].get("decision_time_s", math.inf)
-        ends = self._tactic(self.belief, agents, present, began_s + limit_s)
-        self._commanded = dict(zip(agents, zip(present, ends, strict=True), strict=True))
-        return {
-            agent: self._actions.action(cell, end) for agent, (cell, end) in self._commanded.items()
-        }
+        cells = dict(zip(agents, present, strict=True))
+        ends = dict(cells)
+        if steered := [agent for agent in agents if not is_aloft(infos[agent])]:
+            batteries = [infos[a]["battery"] for a in steered if "battery" in infos[a]]
+            chosen = self._tactic(
+                self.belief, steered, [cells[a] for a in steered], began_s + limit_s, batteries
+            )
+            ends |= zip(steered, chosen, strict=True)
+        self._commanded = {agent: (cell, ends[agent]) for agent, cell in cells.items()}
+        actions = {agent: self._actions.action(cell, ends[agent]) for agent, cell in cells.items()}
+        return heed_masks(actions, cells, infos, self._actions)
 
     def copy(self) -> BeliefPlanner:
         """Return one that goes on by itself from here; the forecasts are shared."""

@@ -52,6 +52,7 @@ class RoutesOnBelief:
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
+        batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         due = belief.step >= self._planned_at + self._period or list(agents) != self._agents

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
+from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.search.actions import ActionSet
 
@@ -132,10 +133,12 @@ class RouteFollower:
         for track, request, end in zip(tracks, requested, granted, strict=True):
             blocked = request is not None and request != end
             track.waited = track.waited + 1 if blocked else 0
-        return {
+        actions = {
             agent: self._actions.action(cell, end)
             for agent, cell, end in zip(observations, present, granted, strict=True)
         }
+        cells = dict(zip(observations, present, strict=True))
+        return heed_masks(actions, cells, infos, self._actions)
 
     def _start(
         self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]

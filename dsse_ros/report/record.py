@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.mission_log import COLUMNS, COVERAGE_COLUMNS, OF_COVERAGE
+from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE, columns_of
 from dsse_ros.search import FieldError, Rules
 from dsse_ros.search.scenario import ResolvedScenario
 
@@ -197,10 +197,21 @@ def read_csv(path: str | os.PathLike[str]) -> list[RecordedMission]:
     return read
 
 
+_BY_NUMBER = {
+    len(columns): columns
+    for columns in (
+        columns_of(covers=covers, faults=faults)
+        for covers in (False, True)
+        for faults in (False, True)
+    )
+}
+"""Columns of a record by how many they are."""
+
+
 def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[list[str]]]]:
     """Yield the rows of each step with the number of its mission, whole rows only."""
     columns = tuple(next(reader, ()))
-    if columns not in (COLUMNS, COVERAGE_COLUMNS):
+    if columns != _BY_NUMBER.get(len(columns)):
         raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)")
     key: tuple[str, str] | None = None
     rows: list[list[str]] = []
@@ -231,9 +242,10 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     if not count:
         raise ValueError("no drone")
     table = np.array(steps)
+    columns = _BY_NUMBER[table.shape[2]]
 
     def column(name: str, kind: Any, agents: slice) -> NDArray[Any]:
-        values: NDArray[Any] = table[:, agents, COVERAGE_COLUMNS.index(name)].astype(kind)
+        values: NDArray[Any] = table[:, agents, columns.index(name)].astype(kind)
         return values
 
     drones, persons, everybody = slice(0, count), slice(count, None), slice(None)
@@ -249,8 +261,7 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
         return column(name, np.int64, agents).astype(bool)
 
     rate, repeated = (
-        column(name, np.float64, drones)[:, 0] if table.shape[2] > len(COLUMNS) else None
-        for name in OF_COVERAGE
+        column(name, np.float64, drones)[:, 0] if name in columns else None for name in OF_COVERAGE
     )
     return RecordedMission(
         number=int(table[0, 0, 0]),

@@ -116,6 +116,9 @@ class Past:
 
     def after_step(self) -> None:
         """Add the step."""
+        if self._world.faults is not None:
+            search = self._world.rules.action_set.search
+            self._searching &= self._world.faults.applied[0] == search
         self._cells.append(self._now())
         if self._world.coverage is not None:
             self._searching |= (self._cells[-1] != self._cells[-2]).any(axis=1)

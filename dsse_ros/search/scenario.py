@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search.area import Area, area_mask
+from dsse_ros.search.fault_fields import FaultFields
 from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.search.probability_matrix import ProbabilityMatrix
 from dsse_ros.search.rules import Rules, profile
@@ -30,7 +31,7 @@ SYNONYMS = {"dispersion_start": "sigma"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario:
+class Scenario(FaultFields):
     """What is searched, by whom, for how long; None means "derive it" or "the profile's default".
 
     `resolve` gives the scenario with every such field filled in.
@@ -262,6 +263,7 @@ class Scenario:
                 rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
             ),
             "timestep_limit": self.timestep_limit or rules.timestep_limit,
+            **self.resolved_faults(len(positions), self.drone_speed),
         }
         given = {name: getattr(self, name) for name in SPECS}
         resolved = ResolvedScenario(**{**given, **derived, "stated": self})
@@ -341,6 +343,9 @@ class ResolvedScenario(Scenario):
     dispersion_inc: float
     person_pod_multipliers: tuple[float, ...]
     timestep_limit: int
+    battery_search: float
+    battery_hover: float
+    battery_return: float
     stated: Scenario = dataclasses.field(repr=False, compare=False)
 
     def override(self, **values: Any) -> Scenario:

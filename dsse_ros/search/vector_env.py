@@ -90,6 +90,10 @@ class VectorEnv:
     mask of the worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has
     it: all of them.
 
+    With faults infos have also `status` (B, N) int8, a number in `fault_kernels.STATUSES`, `action`
+    (B, N) int8, what the drone did, -1 for nothing, and where batteries run down `battery` (B, N)
+    float64, in percent.
+
     With `observe="belief"` `probability` is what can be known in each world from the searches there
     (`belief.Belief`), and infos have `pos` (B,) float64, the cumulative probability of success of
     the searches of the mission. Beliefs take 8 B C K (G + 4)^2 bytes, with C different
@@ -237,6 +241,10 @@ class VectorEnv:
         """Write the report of some worlds, see `kernels.report_worlds`."""
         world = self.world
         kernels.report_worlds(world.constants, world.area, world.drones, *outputs, first, last)
+        if world.faults is not None:
+            positions, *_, masks = outputs
+            world.faults.restrict(world, masks, first, last)
+            positions[first:last] = world.faults.positions()[first:last]
 
     def _write_with_beliefs(
         self,
@@ -267,6 +275,8 @@ class VectorEnv:
         if self._beliefs is not None:
             infos["pos"] = self._beliefs.pos.copy()
         infos |= self.world.coverage_metrics()
+        if self.world.faults is not None:
+            infos |= self.world.faults.batch_infos()
         return infos | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in infos}
 
 

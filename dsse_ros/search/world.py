@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from dsse_ros.search import kernels, sea_map
 from dsse_ros.search.constants import area_of, constants_of
 from dsse_ros.search.coverage import Coverage
+from dsse_ros.search.faults import Faults
 from dsse_ros.search.person_motion import PERSONS
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import SPECS, Scenario
@@ -55,6 +56,7 @@ class World:
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
             `kernels.WORLDS`, `kernels.DRONES` and `person_motion.PERSONS`.
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
+        faults: Their faults, None for none.
         area, runs: Which cells are searched, see `kernels`.
         coverage: Of the coverage task, which has no persons; None where these are looked for.
         maps: (B, G, G) float32, the probability of cell [row, col].
@@ -98,6 +100,7 @@ class World:
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         self.area, self.runs = area_of(resolved)
+        self.faults = Faults.of(resolved, rules, num_worlds)
         self._reuse_maps = reuse_maps
         self._threads = threads
         self._bind()
@@ -117,7 +120,7 @@ class World:
         self._coverage = None if self.coverage is None else self.coverage.arrays
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
         # One for each thread, with scratch memory of its own.
-        self._kernels = [
+        self._kernels: list[Callable[..., None]] = [
             partial(
                 kernels.step_worlds, self.constants, self.worlds, self.starts, self.drones,
                 self.persons, self.gauss, self.tails, self.area, self.runs, self._coverage,
@@ -125,6 +128,8 @@ class World:
             )
             for scratch in self._scratch
         ]  # fmt: skip
+        if self.faults is not None:
+            self._kernels = [self.faults.around(self, step) for step in self._kernels]
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._process = os.getpid()
 
@@ -222,6 +227,8 @@ class World:
             self.constants, self.worlds, self.starts, self.drones, self.persons, self.gauss,
             self.tails, self.area, self.runs, self._coverage, *scratch, self.maps, which,
         )  # fmt: skip
+        if self.faults is not None:
+            self.faults.reset(self, which)
 
     def step(
         self,
@@ -233,7 +240,8 @@ class World:
 
         Args:
             actions: (B, N) int8, action numbers of the rules or `HOLD`; what stands for a drone
-                that is terminated or truncated does not count.
+                that is terminated or truncated does not count. With faults drones may do
+                something else, see `Faults.applied`.
             maps: Memory for `maps`, by default new memory unless `reuse_maps`.
             report: Called with the numbers (first, last) of worlds first..last - 1 when they have
                 done their step, by the thread that they did it in.
@@ -348,8 +356,12 @@ class World:
         state = self._state()
         snapshot.check(self._identity, state)
         self._check_possible(snapshot.arrays["worlds"])
+        if self.faults is not None:
+            self.faults.check(snapshot, self.grid_size)
         for name, array in state.items():
             array[...] = snapshot.arrays[name]
+        if self.faults is not None:
+            self.faults.restore(self)
         self.maps = np.empty(self._map_shape, np.float32)
         self._refresh(self.maps)
 
@@ -392,6 +404,7 @@ class World:
             "drones": self.drones,
             "persons": self.persons,
             **({} if covered is None else {"left": covered.left, "coverage": covered.records}),
+            **({} if self.faults is None else {"conditions": self.faults.conditions}),
         }
 
     @cached_property

@@ -127,11 +127,13 @@ class WorldBeliefs:
         except IndexError:
             assert self._scenario is not None
             forecast = self._new_forecast(self._scenario)
+        # What counts is what drones did, whatever they were commanded.
+        actions = self._actions if world.faults is None else world.faults.applied
         # A world that was just reset is at step 0.
         steps = max(int(world.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
         belief_kernels.follow_worlds(
-            world.constants, world.area, world.worlds, world.drones, self._actions, self._live,
+            world.constants, world.area, world.worlds, world.drones, actions, self._live,
             self._done, self._start, self._pods, forecast.chances, forecast.tables,
             forecast.directions, forecast.first_step, self.density, self.pos, self._scratch(),
             first, last,

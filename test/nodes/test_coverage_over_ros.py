@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from rig import Rig
 
-from dsse_ros.mission.mission_log import COVERAGE_COLUMNS, read_log
+from dsse_ros.mission.mission_log import columns_of, read_log
 from dsse_ros.planners import planner_for
 from dsse_ros.search import parallel_env
 from dsse_ros.search.coverage import METRICS
@@ -66,7 +66,9 @@ def test_a_mission_over_ros_is_step_by_step_the_direct_one(rig: Rig, tmp_path: P
     assert "all covered" in sim.process.output
     # The log has the same to the last bit.
     rows = list(csv.DictReader(record.read_text(encoding="utf-8").splitlines()))
-    assert tuple(rows[0]) == COVERAGE_COLUMNS and len(rows) == 3 * (len(direct) + 1)
+    assert tuple(rows[0]) == columns_of(covers=True, faults=False) and len(rows) == 3 * (
+        len(direct) + 1
+    )
     logged = [[float(row[name]) for name in METRICS] for row in rows[3::3]]
     assert logged == [metrics for *_, metrics in direct]
     assert read_log(record).coverage["coverage_rate"] == 1.0

@@ -32,9 +32,10 @@ COVERAGE: dict[str, Any] = {"rules": "coverage"}
 
 def use(fields: dict[str, Any]) -> None:
     """Use what is compiled: one environment with a belief, a planner and a batch."""
-    batch = vector_env(2, **fields)
-    batch.reset(seed=1)
-    batch.step(np.zeros((2, 2), np.int8))
+    for faults in ({}, {"battery_move": 1.0}):
+        batch = vector_env(2, **fields, **faults)
+        batch.reset(seed=1)
+        batch.step(np.zeros((2, 2), np.int8))
     if batch.rules.covers:
         return
     prepared_env(Scenario(**fields), profile("paper"), lambda _: None, has_belief=bool)
