@@ -70,6 +70,15 @@ setup(
         # The program `dashboard`; `browser` drives one in its tests.
         "dashboard": ["nicegui>=3.18", "pillow>=10.2"],
         "browser": ["playwright>=1.49"],
+        # `make coverage`, `make mutants`, `make lock`, `make sbom` and `make audit`.
+        "quality": [
+            "coverage>=7.6",
+            "cyclonedx-bom>=7",
+            "mutmut>=3.8",
+            "pip-audit>=2.9",
+            "pytest-cov>=6",
+            "uv>=0.9",
+        ],
         "test": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",

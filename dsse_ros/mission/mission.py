@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.command_buffer import Cell, CommandBuffer
+from dsse_ros.mission.command_buffer import CommandBuffer
 from dsse_ros.search import HOLD, SearchEnv, Snapshot, SnapshotError
+from dsse_ros.search.actions import Cell
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from msg_adapters.result import Rejected
 

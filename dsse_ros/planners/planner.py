@@ -9,8 +9,9 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.actions import Cell
-from dsse_ros.search.observation import AgentObservation, Observation
+from dsse_ros.search.actions import Cell as Cell
+from dsse_ros.search.observation import AgentObservation as AgentObservation
+from dsse_ros.search.observation import Observation as Observation
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 
