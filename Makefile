@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # Set-up, simulation and tests from a fresh clone; `make` alone lists the targets.
 
@@ -130,15 +131,17 @@ lock: $(VENV)/.quality ## Pin what the tests are run with anew, each file by its
 	@printf '%s\n' 'setuptools>=70.1' $(WHEELS_$(DISTRO)) | \
 		$(LOCK) --constraint requirements.lock --output-file requirements-$(DISTRO).lock -
 
-sbom: $(VENV)/.quality ## Write a bill of materials of what the tests are run with, as CycloneDX
-	@mkdir -p build
-	@cat requirements.lock requirements-$(DISTRO).lock > build/requirements.txt
-	@$(BIN)/cyclonedx-py requirements --output-reproducible --output-file build/sbom.json build/requirements.txt
+sbom: $(VENV)/.quality build/requirements-$(DISTRO).txt ## Write a bill of materials of what the tests are run with, as CycloneDX
+	@$(BIN)/cyclonedx-py requirements --output-reproducible --output-file build/sbom.json build/requirements-$(DISTRO).txt
 	@echo build/sbom.json
 
-audit: $(VENV)/.quality ## Look up known weaknesses of what the tests are run with
-	@$(BIN)/pip-audit --disable-pip --require-hashes --requirement requirements.lock \
-		--requirement requirements-$(DISTRO).lock
+audit: $(VENV)/.quality build/requirements-$(DISTRO).txt ## Look up known weaknesses of what the tests are run with
+	@$(BIN)/pip-audit --disable-pip --require-hashes --requirement build/requirements-$(DISTRO).txt
+
+# What is in both stands there once.
+build/requirements-$(DISTRO).txt: requirements.lock requirements-$(DISTRO).lock
+	@mkdir -p build
+	@awk '/^[^ #]/ { keep = !seen[$$0]++ } keep' $^ > $@
 
 clean: ## Remove the environment and everything built
 	rm -rf $(VENV) $(VENV)-oldest build dist docs/_build install log mutants .coverage *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The package as pip and colcon install it; name, version and maintainer come from package.xml.
 

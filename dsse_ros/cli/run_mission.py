@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make sim`: one mission from start to end, `sim_node` and `planner_node` as two processes.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The key and the clock of signed messages: https://mavlink.io/en/guide/message_signing.html."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The arguments of the launch files, and what the nodes get for them; without launch, without ROS.
 

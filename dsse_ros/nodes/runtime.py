@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """From the command line to a spinning node and back, with one clear line where it fails."""
 

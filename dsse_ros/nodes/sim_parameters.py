@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of `sim_node`: its settings, and the fields of the scenario and of the rules."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Dependencies point one way: what lies below knows nothing of what lies above it."""
 
