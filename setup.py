@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The package as pip and colcon install it; name, version and maintainer come from package.xml.
 
@@ -72,6 +73,15 @@ setup(
         # The program `dashboard`; `browser` drives one in its tests.
         "dashboard": ["nicegui>=3.18", "pillow>=10.2"],
         "browser": ["playwright>=1.49"],
+        # `make coverage`, `make mutants`, `make lock`, `make sbom` and `make audit`.
+        "quality": [
+            "coverage>=7.6",
+            "cyclonedx-bom>=7",
+            "mutmut>=3.8",
+            "pip-audit>=2.9",
+            "pytest-cov>=6",
+            "uv>=0.9",
+        ],
         "test": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make compare`: all planners on the same missions, and how they degrade when they are misled.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Writes the tables of parameters and of metrics, from the code, into the pages of docs.
 

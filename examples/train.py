@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Trains an agent by the cross-entropy method: a policy of four weights, on many searches at once.
 

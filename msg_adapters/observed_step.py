@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """From the messages about a step to observations and infos, as the environment hands them out."""
 

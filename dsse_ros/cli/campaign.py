@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`campaign`: planners x scenarios x seeds, played on all cores or a cluster, and reported."""
 

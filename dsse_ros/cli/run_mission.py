@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make sim`: one mission from start to end, `sim_node` and `planner_node` as two processes.
 
@@ -23,9 +24,9 @@ from typing import Any
 
 import matplotlib.figure  # noqa: F401  Where it is missing, no mission is flown.
 import numpy as np
-import rclpy
 from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
@@ -427,7 +428,7 @@ def main(argv: list[str] | None = None) -> int:
     except MissionStopped:
         return 130
     finally:
-        rclpy.try_shutdown()
+        try_shutdown()
     return 0
 
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission as `sim_node` runs it, without ROS: the world, its commands, time and report."""
 
@@ -12,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.command_buffer import Cell, CommandBuffer
+from dsse_ros.mission.command_buffer import CommandBuffer
 from dsse_ros.search import HOLD, SearchEnv, Snapshot, SnapshotError
+from dsse_ros.search.actions import Cell
 from dsse_ros.search.fault_kernels import LOST
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from msg_adapters.result import Rejected

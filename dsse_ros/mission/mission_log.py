@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The record of a mission: one CSV row per step and drone, and per step and person."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the nodes beyond the scenario and the rules, as checked fields."""
 

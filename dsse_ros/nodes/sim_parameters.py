@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of `sim_node`: its settings, and the fields of the scenario and of the rules."""
 
@@ -11,8 +12,9 @@ import numpy as np
 
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
-from dsse_ros.nodes.parameters import declare, from_ros, take_overrides
+from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import Endpoints
+from dsse_ros.nodes.ros_arguments import from_ros
 from dsse_ros.nodes.runtime import AlarmNode
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
 from dsse_ros.search import FieldError, Scenario, SearchEnv, profile

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Policies trained elsewhere: neural networks in ONNX files, run by onnxruntime (extra `onnx`).
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a planner is: a policy from the drones' observations to their actions."""
 
@@ -9,8 +10,9 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.actions import Cell
-from dsse_ros.search.observation import AgentObservation, Observation
+from dsse_ros.search.actions import Cell as Cell
+from dsse_ros.search.observation import AgentObservation as AgentObservation
+from dsse_ros.search.observation import Observation as Observation
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Bags: MCAP files with the profile `ros2`, as rosbag2 writes and reads them."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Flies the missions of a bag again: its commands go through a fresh world, without a node.
 

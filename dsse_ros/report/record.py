@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission as it was recorded, as arrays; read from the CSV of `record_file`."""
 

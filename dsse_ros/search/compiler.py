@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """When the search is compiled: at its first use after an installation, unless it is prepared."""
 

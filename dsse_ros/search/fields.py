@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Checked fields: what a value of a scenario or of the rules may be, stated once as data.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The options of an environment and of a reset, for the single environment and the batch alike."""
 

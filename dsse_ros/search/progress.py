@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Bars of long jobs, on a terminal only: elsewhere, and without tqdm, they say nothing."""
 

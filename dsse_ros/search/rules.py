@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The rules of the search as data: one frozen value per profile, read by one compiled step.
 

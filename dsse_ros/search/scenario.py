@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The scenario of a search: area, camera, sea, persons, drones and limits, checked and frozen."""
 

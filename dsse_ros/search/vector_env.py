@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Many searches at once as arrays, for training: the same worlds and the same compiled step."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The arrays of B worlds that share one scenario and one set of rules: reset and step."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The beliefs of B worlds: each follows the steps of its world and learns from its searches."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A campaign has each mission once, whatever plays it and however often it is killed."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make sitl-demo`: a search flown by simulated autopilots, each program a process of its own.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Nodes as processes of their own, and the topics and services of a mission as a peer sees them."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission of real nodes in a bag: recorded whole, read by others, replayed, published again."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """How nodes end: at once, in peace and with code 0, whatever they are doing."""
 

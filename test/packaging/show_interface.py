@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Prints the interface of the nodes as JSON, with names and words as the pages have them."""
 

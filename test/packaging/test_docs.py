@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """README, docs and examples say what the running code does."""
 
@@ -23,6 +24,14 @@ import numpy as np
 import pytest
 from domains import free_domain
 from PIL import Image
+from sros2_policy import (
+    EVERYTHING,
+    WITH_SIM_TIME,
+    WITH_SIMULATION_INTERFACES,
+    WITH_TF2_MSGS,
+    as_expressions,
+    policy,
+)
 
 from dsse_ros.cli.run_mission import parse, summary
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
@@ -48,7 +57,8 @@ DASHBOARD, FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS, VIEWERS = (
         "viewers",
     )
 )
-PAGES = [README, CONTRIBUTING, *sorted(DOCS.rglob("*.md"))]
+DECLARATIONS = [ROOT / "SECURITY.md", ROOT / "QUALITY_DECLARATION.md"]
+PAGES = [README, CONTRIBUTING, *DECLARATIONS, *sorted(DOCS.rglob("*.md"))]
 README_LINES = 200
 """At most; a table is in docs."""
 SCENARIO = ROOT / "config" / "paper_zone.yaml"
@@ -250,6 +260,25 @@ def test_the_services_are_those_of_the_table(interface: dict[str, Any]) -> None:
     assert documented.items() == interface["sim_node"]["services"].items() - of_all
     for node in ("planner_node", "mavlink_bridge", "dashboard"):
         assert not interface[node]["services"].items() - of_all
+
+
+@pytest.mark.slow
+def test_the_policy_for_sros2_allows_what_the_nodes_do_and_nothing_else(
+    interface: dict[str, Any],
+) -> None:
+    # rcl publishes /rosout by itself.
+    optional = {"/rosout"} | WITH_TF2_MSGS | WITH_SIMULATION_INTERFACES | WITH_SIM_TIME
+    for name, node in interface.items():
+        rights = policy()[name]
+        for right, kind in (
+            ("publish", "published"),
+            ("subscribe", "subscribed"),
+            ("reply", "services"),
+        ):
+            does = as_expressions(set(node[kind]))
+            if rights[right] != EVERYTHING:
+                assert does <= rights[right], f"{name}, {right}: add them to the policy"
+                assert rights[right] - does <= optional, f"{name}, {right}: more than it does"
 
 
 def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The numbers of a report equal those that plain code computes from the bag, read by rosbags."""
 

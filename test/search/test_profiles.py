@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Every profile is data on one kernel, and keeps the promises of the environment."""
 
