@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lockstep steps per second of `sim_node` while `recorder` writes and `dashboard` shows all of it."""
+"""Lockstep steps per second of `sim_node` while `recorder` and `dashboard` follow all of it."""
 
 from __future__ import annotations
 
