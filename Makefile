@@ -35,7 +35,7 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 TESTS_OF_CHECK := $(addprefix test/,campaign compat dashboard flight mission msg_adapters packaging \
 	planners recording report search)
 
-MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
+MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
 MOVIE_OF = $(if $(MOVIE),--movie '$(MOVIE)')
 
@@ -55,7 +55,7 @@ help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
 		printf 'make %-11s %s\n' "$$target" "$$text"; done
 
-sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file PLANNER=name DRONES=n SEED=n OUT=folder MOVIE=file VIEW=1
+sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name DRONES=n SEED=n OUT=folder MOVIE=file VIEW=1
 	@$(BIN)/run_mission $(MISSION) $(MOVIE_OF) $(if $(VIEW),--view)
 
 sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
@@ -124,7 +124,7 @@ $(VENV)/.sim: EXTRAS := viz,area,movie,onnx
 $(VENV)/.view: EXTRAS := viz,area,movie,onnx,dashboard
 $(VENV)/.campaign: EXTRAS := viz,area,campaign
 $(VENV)/.test: EXTRAS := \
-	viz,area,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
+	viz,area,geotiff,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt

@@ -55,6 +55,8 @@ setup(
         # What a scenario's fields of the same names need.
         "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
+        # Probability matrices from GeoTIFF files.
+        "geotiff": ["rasterio>=1.4"],
         # What `recorder` and `replay` write and read.
         "record": ["mcap>=1.6"],
         # The site of `make docs`.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
+from dsse_ros.search.coverage import METRICS
 from dsse_ros.search.observation import AgentObservation, Observation
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.images import image_to_probability
@@ -74,8 +75,11 @@ class ObservedStep:
             self.info.agents[i]: {"Found": found, "action_mask": masks[i]} for i in drones
         }
         definition = self.info.definition
+        if set(METRICS) <= set(self.report.dtype.names or ()):
+            for i, info in zip(drones, infos.values(), strict=True):
+                info |= {name: float(self.report[name][i]) for name in METRICS}
         # Where the number of persons is not known there may be several.
-        if definition is None or definition.scenario.person_amount > 1:
+        elif definition is None or definition.scenario.person_amount > 1:
             for i, info in zip(drones, infos.values(), strict=True):
                 info["found_person"] = bool(self.report["found"][i])
         return infos

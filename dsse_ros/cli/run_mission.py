@@ -231,6 +231,12 @@ def default_port_free() -> bool:
     return True
 
 
+def shows_belief(arguments: argparse.Namespace, scenario: ResolvedScenario, rules: Rules) -> bool:
+    """Return whether a belief follows the mission, which is shown then instead of the map."""
+    settings = SimSettings(compute_pos=arguments.compute_pos)
+    return not rules.covers and settings.has_belief(scenario.grid_size)
+
+
 def fly(
     arguments: argparse.Namespace, path: Path, scenario: ResolvedScenario, rules: Rules, stop: Stop
 ) -> None:
@@ -241,7 +247,7 @@ def fly(
         MissionStopped: If `stop` is wanted.
     """
     out: Path = arguments.out
-    belief = SimSettings(compute_pos=arguments.compute_pos).has_belief(scenario.grid_size)
+    belief = shows_belief(arguments, scenario, rules)
     sim = {
         "scenario": str(path), "rules": rules.profile, "seed": arguments.seed,
         "step_rate": float(arguments.rate), "record_file": str(out / "mission.csv"),
@@ -308,7 +314,11 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
     minutes, seconds = divmod(round(float(record.times_s[-1])), 60)
     finders = [f"drone{i}" for i in np.flatnonzero(record.found.any(axis=1))]
     found, persons = int(record.person_found.sum()), len(record.person_found)
-    if found == persons:
+    if record.coverage:
+        all_covered = record.coverage["coverage_rate"] == 1
+        out = "out of time" if record.truncated.any() else "all drones lost"
+        end = "ALL COVERED" if all_covered else f"not all covered: {out}"
+    elif found == persons:
         end = f"FOUND by {', '.join(finders)}"
     elif record.truncated.any():
         end = "not found: out of time"
@@ -317,7 +327,9 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
     if persons > 1:
         end += f" ({found} of {persons} persons)"
     rewards = record.rewards.sum(axis=1)
-    down = 0 if found == persons else int((~record.alive & ~record.truncated).sum())
+    # What ends a mission flags every drone that is left.
+    success = end.startswith(("FOUND", "ALL"))
+    down = 0 if success else int((~record.alive & ~record.truncated).sum())
     rows = {
         "end": end,
         "steps": f"{steps} of {scenario.timestep_limit}",
@@ -325,6 +337,7 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
         "drones": f"{len(metres)}, {down} lost" if down else f"{len(metres)}",
         "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
         **({} if record.pos is None else {"POS": f"{record.pos:.1%}"}),
+        **{name.replace("_", " "): f"{share:.1%}" for name, share in record.coverage.items()},
         "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
     }
     title = scenario.name or "Mission"
@@ -339,7 +352,7 @@ def draw(
     Raises:
         OSError: If a file cannot be written.
     """
-    belief = SimSettings(compute_pos=arguments.compute_pos).has_belief(scenario.grid_size)
+    belief = shows_belief(arguments, scenario, rules)
     views = mission_views(record, scenario, rules, seed=arguments.seed, belief=belief)
     written = {"picture": arguments.out / "mission.png"}
     last: list[MissionView] = []

@@ -64,7 +64,8 @@ class Mission:
     Args:
         env: The environment.
         seed: Of the first mission.
-        belief: Whether a belief follows the mission; without one there is no `pos`.
+        belief: Whether a belief follows the mission, if persons are looked for; without one there
+            is no `pos` then.
 
     Attributes:
         env: The environment.
@@ -79,7 +80,7 @@ class Mission:
 
     def __init__(self, env: SearchEnv, seed: int, *, belief: bool = True) -> None:
         self.env = env
-        self._beliefs = WorldBeliefs(env.world) if belief else None
+        self._beliefs = WorldBeliefs(env.world) if belief and not env.rules.covers else None
         # As the last caller of `belief` got it, until it changes.
         self._belief_map: NDArray[np.float32] | None = None
         self.commands = CommandBuffer(
@@ -154,6 +155,8 @@ class Mission:
         if self.aborted:
             return "aborted"
         result, rules, names = self.result, self.env.rules, self.env.possible_agents
+        if rules.covers and self.env.world.worlds["num_missing"][0] == 0:
+            return "all covered"
         all_found = rules.ends_together or self.env.world.persons[0]["found"].all()
         if all_found and result.found.any():
             return f"found by {', '.join(names[i] for i in np.flatnonzero(result.found))}"
@@ -179,9 +182,18 @@ class Mission:
         """Cumulative probability of success of the searches so far, None without a belief.
 
         The probability that searches like these find the person, before it is known how they
-        ended; of several persons the expected share of finds. See `belief.Belief`.
+        ended; of several persons the expected share of finds. See `belief.Belief`. Where the task
+        is coverage, it is that of `coverage.Coverage`.
         """
-        return None if self._beliefs is None else float(self._beliefs.pos[0])
+        if self._beliefs is not None:
+            return float(self._beliefs.pos[0])
+        return self.coverage.get("pos")
+
+    @property
+    def coverage(self) -> dict[str, float]:
+        """The metrics of the coverage task by their names, see `coverage.Coverage`; none else."""
+        metrics = self.env.world.coverage_metrics()
+        return {name: float(values[0]) for name, values in metrics.items()}
 
     def prepare_belief(self) -> None:
         """Have the steps of the first mission cost no more than those of later ones."""

@@ -58,7 +58,10 @@ class MissionFiles:
             FieldError: If that is not possible.
         """
         if self._record_file:
-            self._log = MissionLog(self._record_file, frame, resume_at=self._resume_at)
+            covers = self._mission.env.rules.covers
+            self._log = MissionLog(
+                self._record_file, frame, resume_at=self._resume_at, covers=covers
+            )
 
     def record(self) -> str:
         """Record the last step; returns why the log ends here, empty if it goes on."""

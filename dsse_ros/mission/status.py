@@ -159,6 +159,7 @@ def values(
         "lost_drones": names(mission, mission.lost),
         "timeouts": timeouts,
         **({} if mission.pos is None else {"pos": f"{mission.pos:.6f}"}),
+        **{name: f"{share:.6f}" for name, share in mission.coverage.items()},
         **{f"publishers.{topic}": count for topic, count in publishers.items()},
         "duplicates": duplicates,
         "rejected": sum(rejected.values()),

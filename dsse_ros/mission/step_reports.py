@@ -35,4 +35,5 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         held=result.held,
         action_mask=mission.env.action_masks(),
         all_found=bool(mission.env.world.worlds["num_missing"][0] == 0),
+        coverage=mission.coverage or None,
     )

@@ -182,7 +182,8 @@ class PlannerNode(AlarmNode):
             ValueError: If it needs to know more than `agents` contains.
         """
         name, seed = self.settings.planner, self.settings.seed
-        if name in PLANNERS:
+        covers = info.definition is not None and info.definition.rules.covers
+        if name in PLANNERS and not covers:
             return make_planner(name, info.actions, seed=seed, area=info.area_mask)
         if info.definition is None:
             raise ValueError("agents.definition: missing; this planner needs it")

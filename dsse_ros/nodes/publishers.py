@@ -276,7 +276,7 @@ class MissionPublishers:
             names=self._names,
             tracks=self._mission.tracks,
             live=(~(result.terminated | result.truncated)).tolist(),
-            datum=(int(world["datum_x"]), int(world["datum_y"])),
+            datum=None if env.rules.covers else (int(world["datum_x"]), int(world["datum_y"])),
             radius_cells=sea_map.radius(world) if env.rules.circle else None,
             person_cells=(
                 np.stack([persons["x"], persons["y"]], axis=1) if reveal_person else None

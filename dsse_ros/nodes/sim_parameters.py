@@ -51,6 +51,10 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
 
     settings = SimSettings(**of(SETTINGS_SPECS))
     rules = profile(settings.rules, **of(RULES_SPECS))
+    if rules.covers and settings.publish_belief:
+        raise FieldError(
+            f"publish_belief: true is not allowed with rules {rules.profile}, which have no persons"
+        )
     path = find_scenario(settings.scenario) if settings.scenario else None
     scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
     env = prepared_env(scenario, rules, node.get_logger().info, has_belief=settings.has_belief)

@@ -4,8 +4,10 @@
 from dsse_ros.planners.planner import Observation, Planner, PlannerFactory, Search
 from dsse_ros.planners.registry import (
     BELIEF_PLANNERS,
+    COVERAGE_PLANNERS,
     PLANNER_NAMES,
     PLANNERS,
+    check_task,
     load_planner,
     make_planner,
     planner_for,
@@ -13,12 +15,14 @@ from dsse_ros.planners.registry import (
 
 __all__ = [
     "BELIEF_PLANNERS",
+    "COVERAGE_PLANNERS",
     "PLANNERS",
     "PLANNER_NAMES",
     "Observation",
     "Planner",
     "PlannerFactory",
     "Search",
+    "check_task",
     "load_planner",
     "make_planner",
     "planner_for",

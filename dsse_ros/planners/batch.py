@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.belief import BeliefPlanner, Forecasts
 from dsse_ros.planners.planner import Planner, PlannerFactory
-from dsse_ros.planners.registry import load_planner
+from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.search.definition import SearchDefinition
 from dsse_ros.search.observation import Observation
 from dsse_ros.search.rules import Rules
@@ -174,6 +174,8 @@ def play_missions(
     """
     make = load_planner(planner) if isinstance(planner, str) else planner
     chosen, chosen_rules = scenario_and_rules(scenario, rules, **fields)
+    if isinstance(planner, str):
+        check_task(planner, chosen_rules)
     search = SearchDefinition(chosen_rules, assumed or chosen)
     world = World(chosen, chosen_rules, count, write_maps=False, threads=threads)
     world.seed(seed)
@@ -196,11 +198,14 @@ def play_missions(
     path_length, collisions = np.zeros(count), np.zeros(count, np.int64)
     with ThreadPoolExecutor(threads) as pool:
         for step in range(limit):
-            # It knows no person, and is the same in all of them.
+            # It knows no person, and is the same in all of them unless cells are covered.
             probability = world.map_of(int(groups[0].members[0]))
 
             def decide(group: _Group) -> None:
-                group.decide(world, names, masks, probability, step)  # noqa: B023
+                seen = probability  # noqa: B023
+                if world.coverage is not None:
+                    seen = world.map_of(int(group.members[0]))
+                group.decide(world, names, masks, seen, step)  # noqa: B023
 
             _each(pool, decide, groups)
             joint = np.full(world.drones.shape, HOLD, np.int8)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
 from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.drift import FIRST_OBSERVED, DriftEstimate
+from dsse_ros.search.drift_estimate import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.search.observation import most_probable
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario

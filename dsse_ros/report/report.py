@@ -154,7 +154,9 @@ class Report:
         if rules is not None and scenario is not None:
             search += [
                 f"profile {rules.profile}",
-                f"{scenario.person_amount} person{'s' if scenario.person_amount > 1 else ''}",
+                "coverage"
+                if rules.covers
+                else f"{scenario.person_amount} person{'s' if scenario.person_amount > 1 else ''}",
                 f"limit of {scenario.timestep_limit} steps",
             ]
         if record.seed is not None:

@@ -153,7 +153,7 @@ def prepared_env(
     """
     # Bad input is refused before the compiler takes its time.
     grid_size = scenario.resolve(rules).grid_size
-    with_belief = has_belief(grid_size)
+    with_belief = not rules.covers and has_belief(grid_size)
     with announced(announce, belief=with_belief):
         env = SearchEnv(scenario, rules)
         env.reset(seed=0)

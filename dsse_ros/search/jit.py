@@ -16,7 +16,8 @@ from typing import Any
 from numba import njit
 
 MODULES = (
-    "belief_kernels", "draws", "drift", "jit", "kernels", "person_motion", "sea_map", "streaming",
+    "belief_kernels", "collisions", "coverage_kernels", "draws", "drift_estimate", "jit",
+    "kernels", "person_motion", "sea_map", "streaming",
 )  # fmt: skip
 """The modules of this package that have compiled functions, or what those depend on."""
 

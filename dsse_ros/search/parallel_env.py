@@ -39,6 +39,9 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     what can be known from the searches so far (`belief.Belief`); `infos[agent]` then has `pos`, the
     cumulative probability of success of the searches of the mission.
 
+    Where the task is coverage, observed is the probability that is left; `Found` is whether all is
+    covered, and `infos[agent]` has the metrics of `coverage.Coverage`.
+
     Attributes:
         world: The arrays behind this environment, a batch of one.
         scenario: The resolved scenario.
@@ -374,12 +377,16 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             agent: {"Found": found, "action_mask": masks[y][x]}
             for agent, (x, y) in zip(agents, cells.tolist())
         }
-        if self.scenario.person_amount > 1:
+        if self.world.persons.shape[1] > 1:
             for info, found_person in zip(infos.values(), self.world.found[0, live].tolist()):
                 info["found_person"] = found_person
         if self._beliefs is not None:
             for info in infos.values():
                 info["pos"] = float(self._beliefs.pos[0])
+        if self.world.coverage is not None:
+            metrics = self.world.coverage_metrics()
+            for info in infos.values():
+                info |= {name: float(values[0]) for name, values in metrics.items()}
         return observations, infos
 
     def _take(self, actions: Mapping[str, int]) -> None:

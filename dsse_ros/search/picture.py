@@ -206,7 +206,11 @@ class Picture:
             for x in (0.0, 0.46, 0.92)
         ]
         learned = (
-            "after the searches so far" if view.belief else "by drift alone, before any search"
+            "left to cover"
+            if view.coverage_rate is not None
+            else "after the searches so far"
+            if view.belief
+            else "by drift alone, before any search"
         )
         self._panel.text(
             0.0, 0.93, f"probability per cell (%),\n{learned}", fontsize=9, va="bottom"

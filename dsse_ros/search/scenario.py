@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.search.area import Area, area_mask
 from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
+from dsse_ros.search.probability_matrix import ProbabilityMatrix
 from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.yaml_file import read_yaml
 
@@ -60,6 +61,12 @@ class Scenario:
         "bool",
         "Whether cells on land, in a land mask of 1 km, are left out; it takes 6 s and 1 GB.",
         False,
+    )
+    probability_matrix: ProbabilityMatrix | None = field(
+        "matrix",
+        "Coverage: what is to be covered, a .npy, CSV or GeoTIFF file or, in Python, an array; "
+        "empty for where the persons are after pre_search_minutes.",
+        None,
     )
     grid_size: int | None = field(
         "int", "Cells along a side of the square grid.", None, low=1, high=10000, unit="cells"
@@ -135,6 +142,11 @@ class Scenario:
         if self.area is not None:
             whole_grid = isinstance(self.area, str) and not self.area
             object.__setattr__(self, "area", None if whole_grid else Area.of(self.area))
+        matrix: Any = self.probability_matrix
+        if matrix is not None:
+            empty = isinstance(matrix, str) and not matrix
+            made = None if empty else ProbabilityMatrix.of(matrix)
+            object.__setattr__(self, "probability_matrix", made)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Scenario:
@@ -162,8 +174,9 @@ class Scenario:
         """
         try:
             values = read_yaml(path)
-            if isinstance(values, dict) and values.get("area") and isinstance(values["area"], str):
-                values["area"] = os.path.join(os.path.dirname(path), values["area"])
+            for name in FILES if isinstance(values, dict) else ():
+                if values.get(name) and isinstance(values[name], str):
+                    values[name] = os.path.join(os.path.dirname(path), values[name])
             return cls.from_dict({} if values is None else values)
         except FieldError as error:
             raise FieldError(f"scenario {os.fspath(path)!r}: {error}") from None
@@ -219,6 +232,8 @@ class Scenario:
             )
         grid = self._resolve_grid(rules, cell)
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
+        if self.probability_matrix is not None:
+            self.probability_matrix.check_place(grid, cell, origin)
         mask = area_mask(self.area, self.land, grid, cell, origin)
         positions = self._resolve_positions(grid, mask)
         sigma = self.sigma if self.sigma is not None else rules.sigma
@@ -258,8 +273,15 @@ class Scenario:
         return resolved
 
     def _resolve_grid(self, rules: Rules, cell: float) -> int:
+        matrix = self.probability_matrix
+        if matrix is not None and not rules.covers:
+            raise FieldError(
+                f"probability_matrix: it is not allowed with rules {rules.profile}; those of a "
+                "coverage task"
+            )
         if self.zone_size is None:
-            return self.grid_size or rules.grid_size
+            side = rules.grid_size if matrix is None else len(matrix.values)
+            return SPECS["grid_size"].check("grid_size", self.grid_size or side)
         # The tolerance keeps a zone of exactly n cells at n.
         grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
         if self.grid_size not in (None, grid):
@@ -359,6 +381,9 @@ class ResolvedScenario(Scenario):
         """Steps of drift before the drones arrive."""
         return round(self.pre_search_minutes * 60 / self.step_duration_s)
 
+
+FILES = ("area", "probability_matrix")
+"""Fields whose texts are paths."""
 
 _ALTERNATIVES = (
     (("grid_size",), ("zone_size",)),

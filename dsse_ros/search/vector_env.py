@@ -95,6 +95,9 @@ class VectorEnv:
     the searches of the mission. Beliefs take 8 B C K (G + 4)^2 bytes, with C different
     `person_pod_multipliers` and K = 1, or 64 where persons have a drift of their own (`v2`).
 
+    Where the task is coverage, `probability` is what is left to cover, `Found` whether all is
+    covered, and infos have the metrics of `coverage.Coverage`, (B,) float64 each.
+
     The arrays belong to the caller, who may keep and change them. The memory of those that nothing
     refers to any more is used again: a loop that holds the last observation or two makes no new
     arrays, one that keeps more pays for new memory as it would for copies.
@@ -263,6 +266,7 @@ class VectorEnv:
         }
         if self._beliefs is not None:
             infos["pos"] = self._beliefs.pos.copy()
+        infos |= self.world.coverage_metrics()
         return infos | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in infos}
 
 

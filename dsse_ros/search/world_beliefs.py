@@ -33,10 +33,16 @@ class WorldBeliefs:
         density: (B, C K, S S) float64, see `belief_kernels`.
 
     Raises:
-        FieldError: If the worlds of a batch cannot share a forecast, as it would be too large.
+        FieldError: If the task is coverage, or if the worlds of a batch cannot share a forecast, as
+            it would be too large.
     """
 
     def __init__(self, world: World) -> None:
+        if world.coverage is not None:
+            raise FieldError(
+                f"observe: 'belief' is not allowed with rules {world.rules.profile}, which have no "
+                "persons; map"
+            )
         self._world = world
         # One for each thread that asks: while one reads its tables another would write them.
         self._forecasts: deque[Forecast] = deque()

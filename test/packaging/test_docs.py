@@ -473,6 +473,7 @@ def test_every_dependency_is_explained() -> None:
                 "area",
                 "campaign",
                 "dashboard",
+                "geotiff",
                 "land",
                 "movie",
                 "onnx",

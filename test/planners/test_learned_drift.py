@@ -11,7 +11,7 @@ import pytest
 
 from dsse_ros.planners import BELIEF_PLANNERS, planner_for
 from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
-from dsse_ros.search.drift import FIRST_OBSERVED
+from dsse_ros.search.drift_estimate import FIRST_OBSERVED
 from dsse_ros.search.observation import most_probable
 
 V2: dict[str, Any] = {

@@ -14,7 +14,7 @@ from dsse_ros.search import jit
 PACKAGE = Path(search.__file__).parents[1]
 RUN = """
 import numpy as np
-from dsse_ros.search.drift import per_step
+from dsse_ros.search.drift_estimate import per_step
 from dsse_ros.search.kernels import CONSTANTS
 print(per_step(np.zeros(1, CONSTANTS), 1.0, 2.0))
 """

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsse_ros.search import HOLD, PROFILES, Scenario, World, kernels, profile
-from dsse_ros.search.world import constants_of
+from dsse_ros.search.constants import constants_of
 
 
 @pytest.mark.parametrize("rules", PROFILES)
