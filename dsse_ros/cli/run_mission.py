@@ -42,7 +42,7 @@ from dsse_ros.nodes.ros_arguments import OF_EVERY_NODE, pairs
 from dsse_ros.nodes.runtime import init_ros, new_executor
 from dsse_ros.nodes.settings import PlannerSettings, SimSettings
 from dsse_ros.search import FieldError, Rules, Scenario
-from dsse_ros.search.compiler import COMPILING
+from dsse_ros.search.compiler import COMPILING, compilation_bar
 from dsse_ros.search.fields import specs
 from dsse_ros.search.movie import check_movie, save_movie
 from dsse_ros.search.rendering import MissionView, save_picture
@@ -268,10 +268,12 @@ def fly(
         mininterval=0.1 if sys.stdout.isatty() else 2.0,
         bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
     )  # fmt: skip
-    last_step_s, announced = time.monotonic(), False
+    last_step_s = time.monotonic()
+    compiler = contextlib.ExitStack()
+    show_compiled: Callable[[], None] | None = None
 
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
-        nonlocal last_step_s, announced
+        nonlocal last_step_s, show_compiled
         executor.spin_once(timeout_sec=0.1)
         if stop.wanted:
             raise MissionStopped
@@ -282,18 +284,21 @@ def fly(
             # The step that finds the time out is one more than the limit.
             bar.update(min(watcher.step, bar.total) - bar.n)
         if watcher.step < 0 and compiling(sim_log):
-            if not announced:
+            if show_compiled is None:
                 bar.write(COMPILING)
-            announced, last_step_s = True, time.monotonic()
+                show_compiled = compiler.enter_context(compilation_bar(belief=belief))
+            show_compiled()
+            last_step_s = time.monotonic()
         if time.monotonic() - last_step_s > SILENCE_S:
             raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
         if watcher.count_publishers("step_report") > 1:
             raise MissionFailed("another mission is on this ROS_DOMAIN_ID; choose one of your own")
 
-    with bar, process("sim_node", sim, sim_log, sim_ros) as sim_process:
+    with bar, compiler, process("sim_node", sim, sim_log, sim_ros) as sim_process:
         # The planner comes when the watcher is there, so that no step is missed.
         while watcher.step < 0:
             watch("sim_node", sim_process, sim_log)
+        compiler.close()
         with process("planner_node", planner, planner_log, planner_ros) as planner_process:
             while not watcher.done:
                 watch("sim_node", sim_process, sim_log)

@@ -216,8 +216,8 @@ def _records(path: Path) -> Iterator[McapRecord]:
                     raise FieldError(f"bag: {str(path)!r} is no MCAP file") from None
                 except Exception as error:
                     # Of struct, of the decompressors, of mcap: a record that is not whole. In a
-                    # file that is cut off it is the last one, and would end behind the file's end.
-                    last = file.tell() == size or isinstance(error, RecordLengthLimitExceeded)
+                    # file that is cut off, or still written, it is the last one and not all there.
+                    last = file.tell() >= size or isinstance(error, RecordLengthLimitExceeded)
                     if last and not ended:
                         return
                     at = file.tell()

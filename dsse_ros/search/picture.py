@@ -245,7 +245,8 @@ class Picture:
         self._sea.set_data(100.0 * view.probability)
         self._sea.set_clim(0, top or 1.0)
         for text, share in zip(self._percents, (0, 0.25, 1), strict=True):
-            text.set_text(f"{share * top:.2g}")
+            percent = share * top
+            text.set_text(f"{percent:.0f}" if percent >= 99.5 else f"{percent:.2g}")
         self._draw_searches(view)
         self._draw_tracks(view)
         place = self._place

@@ -28,7 +28,7 @@ DRONES, STEPS = 20, 300
 MISSION = {
     "num_drones": DRONES, "grid_size": 20, "timestep_limit": STEPS, "seed": 6, "rules": "v2",
     "probability_of_detection": 0.0, "person_pod_multipliers": [0.0], "exit_at_end": True,
-    # On a busy machine a recorder must not fall behind by the hundred reports that are kept.
+    # On a busy machine a recorder falls behind what is kept of topics other than the reports.
     "step_rate": 60.0,
 }  # fmt: skip
 # A file that may have that many bytes stands for a disk that is full.

@@ -66,7 +66,7 @@ SCRIPTS = {path.name for path in (ROOT / "scripts").iterdir()}
 # Of every ROS 2 node.
 COMMON_TOPICS = {"/parameter_events", "/rosout"}
 COMMON_PARAMETERS = {"use_sim_time", "start_type_description_service"}
-PATIENCE_S = 180.0
+PATIENCE_S = 600.0
 """A first run compiles, and the machine may be busy."""
 
 Row = dict[str, str]
