@@ -49,7 +49,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim sitl-demo campaign check test test-oldest lint format docs docs-check bench reproduce compare clean
+.PHONY: help sim sitl-demo campaign check test test-oldest lint format docs docs-check bench reproduce compare soak clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
@@ -102,6 +102,9 @@ reproduce: $(VENV)/.test ## Replay the published tables
 compare: $(VENV)/.test ## Compare all planners on the same missions: MISSIONS=n of each
 	@$(BIN)/python -m benchmarks.compare --missions '$(or $(MISSIONS),2000)'
 
+soak: $(VENV)/.soak ## Keep every promise of reliability for long: SOAK='--only load late_joiner'
+	@$(BIN)/python -m soak $(SOAK)
+
 clean: ## Remove the environment and everything built
 	rm -rf $(VENV) $(VENV)-oldest build dist docs/_build install log *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
@@ -125,12 +128,13 @@ $(VENV)/.view: EXTRAS := viz,area,movie,onnx,dashboard
 $(VENV)/.campaign: EXTRAS := viz,area,campaign
 $(VENV)/.test: EXTRAS := \
 	viz,area,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
+$(VENV)/.soak: EXTRAS := viz,area,onnx,test,record,dashboard,viewer,soak
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
-$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.docs $(VENV)/.oldest: $(BASE) setup.py \
-		pyproject.toml $(SOURCES)
+$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.docs $(VENV)/.soak $(VENV)/.oldest: \
+		$(BASE) setup.py pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
 	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg

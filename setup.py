@@ -70,6 +70,8 @@ setup(
         # The program `dashboard`; `browser` drives one in its tests.
         "dashboard": ["nicegui>=3.18", "pillow>=10.2"],
         "browser": ["playwright>=1.49"],
+        # What guides the fuzzing of `make soak`.
+        "soak": ["atheris>=3.0"],
         "test": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",
