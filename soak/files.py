@@ -94,7 +94,8 @@ def files_lost(run: Run) -> Figures:
     """Let missions write a log and snapshots, and take that from them."""
     wrong: list[str] = []
     with domain(run.folder) as rig:
-        for name in run.each(CASES, "cases"):
+        cases, of_start = list(CASES)[:: run.size(1, 2)], list(OF_START)[:: run.size(1, 4)]
+        for name in run.each(cases, "cases"):
             case = CASES[name]
             folder = run.folder / name.replace(" ", "_")
             folder.mkdir(parents=True)
@@ -115,13 +116,13 @@ def files_lost(run: Run) -> Figures:
             case.happens(sim, folder)
             fly(sim, STEPS)
             wrong += [f"{name}: {what}" for what in faults(sim, case, folder)]
-        for argument, field in OF_START.items():
+        for argument in of_start:
+            field = OF_START[argument]
             process = rig.start("sim_node", {}, "-p", argument)
             if process.wait() != 2 or field not in process.output.splitlines()[-1]:
                 wrong.append(f"{argument}: {process.output}")
     return {
-        "cases": len(CASES) + len(OF_START),
-        "steps": len(CASES) * 2 * STEPS,
+        "cases": len(cases) + len(of_start),
         "wrong": len(wrong),
         "failures": wrong,
     }

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import array
 import hashlib
+import io
 import json
 import sys
 import tempfile
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -225,34 +227,51 @@ def _snapshots() -> tuple[Take, list[bytes]]:
     mission = Mission(parallel_env(**fields), seed=1)
     mission.commands.set_goals(0, [(3, 3)])
     mission.advance("search")
-    whole = mission.snapshot().to_bytes()
+    body = mission.snapshot().to_bytes().partition(b"\n")[2]
+    with zipfile.ZipFile(io.BytesIO(body)) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    names = list(parts)
     twin = Mission(parallel_env(**fields), seed=2)
 
+    def state(mission: Mission) -> tuple[Any, ...]:
+        kept = mission.snapshot()
+        # Between the fields of a structured array there may be anything.
+        parts = {
+            (name, field): (one[field] if field else one).tobytes()
+            for name, one in kept.arrays.items()
+            for field in one.dtype.names or ("",)
+        }
+        return kept.extra, parts
+
     def take(data: bytes) -> None:
-        # Whoever writes a snapshot on purpose makes its checksum fit.
-        digest = hashlib.sha256(data).hexdigest()
-        before = twin.snapshot().to_bytes()
+        # The first byte chooses the part that the others replace; after the last one it is all.
+        part, rest = data[0] % (len(names) + 1) if data else 0, data[1:]
+        changed = rest if part == len(names) else _zipped(parts | {names[part]: rest})
+        # Who writes a snapshot on purpose makes its checksum fit.
+        digest = hashlib.sha256(changed).hexdigest()
+        before = state(twin)
         try:
-            twin.restore(Snapshot.from_bytes(MAGIC + f" {VERSION} {digest}\n".encode() + data))
+            twin.restore(Snapshot.from_bytes(MAGIC + f" {VERSION} {digest}\n".encode() + changed))
         except SnapshotError as error:
             _on_one_line(error)
-            assert twin.snapshot().to_bytes() == before, "what was refused has changed the mission"
+            assert state(twin) == before, "what was refused has changed the mission"
         else:
-            twin.advance("search")
+            twin.commands.route(0, (0, 0))
+            assert len(twin.history) == twin.result.step + 1
+            twin.snapshot().to_bytes()
+            if not twin.done:
+                twin.advance("repeat")
             twin.reset(2)
 
-    return take, [whole.partition(b"\n")[2], _stored(whole.partition(b"\n")[2])]
+    whole = bytes([len(names)])
+    return take, [whole + body, *(bytes([i]) + parts[name] for i, name in enumerate(names))]
 
 
-def _stored(body: bytes) -> bytes:
-    """Return a ZIP file with another order of its parts."""
-    import io
-    import zipfile
-
+def _zipped(parts: dict[str, bytes]) -> bytes:
     out = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(body)) as before, zipfile.ZipFile(out, "w") as after:
-        for name in reversed(before.namelist()):
-            after.writestr(name, before.read(name))
+    with zipfile.ZipFile(out, "w") as archive:
+        for name, data in parts.items():
+            archive.writestr(name, data)
     return out.getvalue()
 
 

@@ -35,13 +35,13 @@ def start_stop(run: Run) -> Figures:
     cycles = run.size(200, 10)
     draw = random.Random(8)
     failed: list[str] = []
-    orphans = left = 0
+    orphans = left = stopped = 0
     with domain(run.folder) as rig:
         for cycle in run.each(range(cycles), "cycles"):
             name = list(SIGNALS)[cycle % len(SIGNALS)]
             processes = started(rig, run, cycle)
-            # At first the node that is busiest, then another one in each cycle.
             watched = processes[0]
+            stopped += len(processes)
             until(lambda p=watched: "mission 1" in p.output or not p.running, "its first line")
             time.sleep(draw.random() * MOMENTS_S if cycle % 5 else 0.0)
             files = {file for p in processes for file in shared_files(p.child.pid)}
@@ -59,7 +59,7 @@ def start_stop(run: Run) -> Figures:
             left += sum(Path(file).exists() for file in files - others)
     return {
         "cycles": cycles,
-        "processes": cycles * 2,
+        "processes": stopped,
         "failed": len(failed),
         "orphans": orphans,
         "shared_memory_left": left,
@@ -68,7 +68,9 @@ def start_stop(run: Run) -> Figures:
 
 
 def started(rig: Rig, run: Run, cycle: int) -> list[Process]:
-    """Start a simulation and one of its neighbours."""
+    """Start a simulation and one of its neighbours; the short form has few of those."""
+    if run.quick and cycle % 4:
+        return [rig.start(*NODES[0])]
     name, parameters = NODES[1 + cycle % (len(NODES) - 1)]
     if name == "recorder":
         parameters = {"bag": str(run.folder / f"{cycle}.mcap")}
@@ -104,7 +106,7 @@ ROWS = (
         "Nodes are started and stopped by SIGINT, SIGTERM, SIGHUP and SIGINT twice: no failure, no "
         "orphan process, no file left in shared memory",
         start_stop,
-        "{cycles} cycles of two nodes: {failed} failures, {orphans} orphans, {shared_memory_left} "
+        "{cycles} cycles, {processes} nodes: {failed} failures, {orphans} orphans, {shared_memory_left} "
         "files left",
         zero("failed", "orphans", "shared_memory_left"),
     ),

@@ -112,7 +112,7 @@ def duplicates(run: Run) -> Figures:
 
     What a step still needs after its window is sent once more, as a planner does.
     """
-    steps, window, drones = run.size(10_000, 200), 8, 5
+    steps, window, drones = run.size(10_000, 200), 5, 5
     draw = random.Random(1)
     commands = np.random.default_rng(2).integers(0, ACTIONS, (steps, drones), np.int8)
     sent = 0
