@@ -87,7 +87,7 @@ OF_START = {
     "record_file:=/proc/mission.csv": "record_file",
     "snapshot_file:=/proc/self/fd/mission": "snapshot_file",
 }
-"""Where nobody may write, whoever is asked: refused at the start."""
+"""Where not even root may write: refused at the start."""
 
 
 def files_lost(run: Run) -> Figures:

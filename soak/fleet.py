@@ -20,6 +20,8 @@ from soak.row import Figures, Goal, Row, Run, zero
 
 UP, DOWN, SEARCH = 2, 3, 4
 CELL_M = 130.0
+ALTITUDE_M = 250.0
+"""Room for fifty layers, each almost five metres high."""
 ORIGIN = (-24.04, -46.17)
 
 FAILURES: dict[str, dict[str, Any]] = {
@@ -60,22 +62,20 @@ def fleet(run: Run) -> Figures:
                 "rules": "v2",
                 "grid_size": side,
                 "cell_size": CELL_M,
-                "altitude": 400.0,
+                "altitude": ALTITUDE_M,
                 "origin_lat": ORIGIN[0],
                 "origin_lon": ORIGIN[1],
                 "drones_positions": [part for cell in cells for part in cell],
                 "probability_of_detection": 0.0,
                 "timestep_limit": steps,
                 "wait_for_vehicles": True,
-                "command_timeout": 60.0 / speedup,
-                "missing_action": "search",
                 "seed": 1,
             }
         )
         bridge = Bridge(
             rig,
             vehicles,
-            max_altitude=450.0,
+            max_altitude=ALTITUDE_M + 50,
             join_timeout=150.0,
             pose_rate=2.0,
             lost_timeout=20.0,
@@ -84,6 +84,8 @@ def fleet(run: Run) -> Figures:
         sound = [i for i in range(number) if i not in failing]
         for i in sound:
             bridge.until(i, flying="true")
+        # One that is slow holds up the others no longer than this.
+        sim.set(command_timeout=60.0 / speedup)
         beats, began_s = heartbeats(bridge, sound), time.monotonic()
         with Outside(vehicles, failing, speedup) as outside:
             while sim.flying:
@@ -120,7 +122,7 @@ def vehicle_at(
     cell: tuple[int, int], system: int, side: int, speedup: float, failure: Mapping[str, Any]
 ) -> Iterator[Running]:
     """Run a vehicle that stands in a cell."""
-    frame = GridFrame(side, CELL_M, *ORIGIN, 0.0, 400.0)
+    frame = GridFrame(side, CELL_M, *ORIGIN, 0.0, ALTITUDE_M)
     x, y = (cell[0] + 0.5) * CELL_M, (side - 1 - cell[1] + 0.5) * CELL_M
     with running_autopilot(
         link="udp",

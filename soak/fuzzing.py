@@ -11,9 +11,11 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from types import FunctionType, ModuleType
 
-from soak.parsers import PARSERS, Take
+from soak.parsers import PARSERS
 from soak.row import Figures, Row, Run, zero
 
 SECONDS = 600
@@ -70,8 +72,6 @@ def guided(name: str, folder: Path, seconds: int) -> Figures:
     Raises:
         AssertionError: If it has found something; the bytes are in the folder.
     """
-    corpus = folder / "corpus"
-    corpus.mkdir(parents=True, exist_ok=True)
     began_s = time.monotonic()
     with (folder / "log").open("w+") as log:
         code = subprocess.call(
@@ -96,24 +96,32 @@ def _guide(name: str, seconds: str, folder: str) -> None:
     import atheris
 
     parser = PARSERS[name]
-    with atheris.instrument_imports(include=list(parser.modules)):
-        take, seeds = parser.make()
+    take, seeds = parser.make()
+    for module in parser.modules:
+        for function in functions(sys.modules[module]):
+            atheris.instrument_func(function)
     corpus = Path(folder, "corpus")
+    corpus.mkdir(parents=True, exist_ok=True)
     for number, seed in enumerate(seeds):
         (corpus / f"seed{number}").write_bytes(seed)
     options = [f"-max_total_time={seconds}", "-timeout=20", "-rss_limit_mb=3000", "-max_len=20000"]
     atheris.Setup(
         [sys.argv[0], *options, f"-artifact_prefix={folder}/", "-print_final_stats=1", str(corpus)],
-        _quiet(take),
+        take,
     )
     atheris.Fuzz()
 
 
-def _quiet(take: Take) -> Take:
-    def one(data: bytes) -> None:
-        take(data)
-
-    return one
+def functions(module: ModuleType) -> Iterator[FunctionType]:
+    """Yield the functions of a module and the methods of its classes."""
+    for value in vars(module).values():
+        members = vars(value).values() if isinstance(value, type) else [value]
+        for member in members:
+            if isinstance(member, property):
+                member = member.fget
+            function = getattr(member, "__func__", member)
+            if isinstance(function, FunctionType) and function.__module__ == module.__name__:
+                yield function
 
 
 def _row(name: str) -> Row:

@@ -106,8 +106,8 @@ ROWS = (
         "Nodes are started and stopped by SIGINT, SIGTERM, SIGHUP and SIGINT twice: no failure, no "
         "orphan process, no file left in shared memory",
         start_stop,
-        "{cycles} cycles, {processes} nodes: {failed} failures, {orphans} orphans, {shared_memory_left} "
-        "files left",
+        "{cycles} cycles, {processes} nodes: {failed} failures, {orphans} orphans, "
+        "{shared_memory_left} files left",
         zero("failed", "orphans", "shared_memory_left"),
     ),
 )
