@@ -51,9 +51,11 @@ def check_mission(snapshot: Snapshot, mission: Mission) -> None:
     }
     of_now = mission.snapshot().arrays
     for name in ("result_actions", "result_held", "result_probabilities"):
-        stored = arrays.get(name)
-        same = stored is not None and stored.shape == of_now[name].shape
-        possible[name] = same and stored.dtype == of_now[name].dtype
+        stored, now = arrays.get(name), of_now[name]
+        possible[name] = stored is not None and (stored.shape, stored.dtype) == (
+            now.shape,
+            now.dtype,
+        )
     history = arrays["history"]
     possible["history"] = (
         history.dtype == of_now["history"].dtype
