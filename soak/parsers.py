@@ -277,6 +277,7 @@ def _zipped(parts: dict[str, bytes]) -> bytes:
 
 def _bags() -> tuple[Take, list[bytes]]:
     from flown import write
+    from mcap.writer import Writer
 
     from dsse_ros.recording.bag import read_bag
     from dsse_ros.recording.replay import replay
@@ -291,12 +292,24 @@ def _bags() -> tuple[Take, list[bytes]]:
         except FieldError as error:
             _on_one_line(error)
 
-    whole = _file("seed.mcap")
+    whole, flat = _file("seed.mcap"), _file("flat.mcap")
     whole.unlink(missing_ok=True)
     write(whole, _flown().messages)
-    return take, [whole.read_bytes()]
+    with flat.open("wb") as file:
+        # Without chunks there is neither a checksum nor a compressor between us and the records.
+        writer = Writer(file, use_chunking=False, enable_crcs=False)
+        writer.start(profile="ros2")
+        channels = {
+            topic: writer.register_channel(topic, "cdr", writer.register_schema(kind, "", b""))
+            for topic, kind in sorted({(one.topic, one.type_name) for one in _flown().messages})
+        }
+        for one in _flown().messages:
+            writer.add_message(channels[one.topic], one.log_time_ns, one.data, one.log_time_ns)
+        writer.finish()
+    return take, [whole.read_bytes(), flat.read_bytes()]
 
 
+@cache
 def _flown() -> Any:
     """Return a short mission with all its messages."""
     from flown import Flown

@@ -16,8 +16,7 @@ from soak.table import table
 
 ROOT = Path(__file__).resolve().parents[2]
 ELSEWHERE = {
-    "big_swarm": "soak/test_traffic.py::"
-    "test_every_command_of_a_hundred_drones_is_done_in_its_step",
+    "big_swarm": "soak/test_traffic.py::test_every_command_of_a_hundred_drones_is_done_in_its_step",
     "late_joiner": "nodes/test_lockstep.py::test_a_late_joiner_gets_everything_about_the_last_step",
     "planner_killed": "nodes/test_planner_node.py::"
     "test_a_planner_that_was_restarted_goes_on_with_the_mission",
