@@ -8,6 +8,7 @@ import math
 from fractions import Fraction
 from typing import Any
 
+from autopilot.wire import mavlink
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
@@ -26,12 +27,15 @@ from test_against_reference import (
     assert_same_step,
     reference_of,
 )
+from virtual_flight import VirtualFlight
 
+from dsse_ros.flight.orders import GoTo, Hold, Land, Return, TakeOff
 from dsse_ros.mission.step_scheduler import Due, StepScheduler, Timing
 from dsse_ros.search import SearchEnv, Snapshot, parallel_env
 from soak.row import Figures, Row, Run, zero
 
 STEPS_OF_EXAMPLE = 50
+ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 
 
 class WorldMachine(RuleBasedStateMachine):
@@ -215,6 +219,106 @@ class SchedulerMachine(RuleBasedStateMachine):
         self.plain.paused = paused
 
 
+ORDERS = st.one_of(
+    st.builds(TakeOff, st.floats(5.0, 40.0)),
+    st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(5.0, 40.0)),
+    st.sampled_from([Hold(), Return(), Land()]),
+)
+"""Of a flight to a place only the place, north, east and up of home."""
+ACCEPTANCE_M = 3.0
+NEAR_M = ACCEPTANCE_M + 5.0
+"""How far a vehicle may have flown on until its report was here."""
+MODES = {"ardupilot": "LOITER", "px4": "POSCTL"}
+
+
+class ControllerMachine(RuleBasedStateMachine):
+    """A vehicle controller, beside where its vehicle really is and what it was ordered."""
+
+    steps = 0
+
+    @initialize(
+        autopilot=st.sampled_from(sorted(MODES)), arm=st.booleans(), seed=st.integers(0, 2**32 - 1)
+    )
+    def begin(self, autopilot: str, arm: bool, seed: int) -> None:
+        """Start a vehicle and its controller."""
+        self.autopilot, self.arm = autopilot, arm
+        self.flight = VirtualFlight(autopilot, arm=arm, seed=seed, delay_s=0.1)
+        self.orders = 0
+        self.place: tuple[float, float, float] | None = None
+        self.taken = False
+        self.was_done = False
+        self.flight.wait(20.0)
+
+    @rule(order=ORDERS)
+    def order(self, order: Any) -> None:
+        """Give an order; the latest one counts."""
+        self.place = None
+        if isinstance(order, tuple):
+            self.place = order
+            order = GoTo(*self.flight.place(*order[:2]), order[2], ACCEPTANCE_M)
+        self.orders += 1
+        self.was_done = False
+        sent = len(self.flight.sent)
+        self.flight.give(order)
+        assert not (self.taken and len(self.flight.sent) > sent)
+
+    @rule(seconds=st.floats(0.1, 40.0))
+    def wait(self, seconds: float) -> None:
+        """Let time pass, and hold each moment of it to the truth."""
+        end_s, sent = self.flight.now + seconds, len(self.flight.sent)
+        while self.flight.now < end_s:
+            self.flight.step()
+            type(self).steps += 1
+            self.look()
+        assert not (self.taken and len(self.flight.sent) > sent)
+
+    def look(self) -> None:
+        """Compare what the controller says with what is so."""
+        flight, outcome = self.flight, self.flight.outcome
+        assert outcome.number == self.orders
+        assert self.arm or not (flight.vehicle.armed or flight.commands(ARM))
+        done = outcome.status == "done"
+        if done and not self.was_done:
+            up_m = flight.vehicle.craft.up_m
+            match outcome.order:
+                case TakeOff(alt_m=alt_m):
+                    assert not flight.vehicle.landed and up_m > alt_m - NEAR_M
+                case GoTo() if self.place is not None:
+                    assert flight.off_m(*self.place[:2]) < NEAR_M
+                    assert abs(up_m - self.place[2]) < NEAR_M
+                case Return() | Land():
+                    assert flight.vehicle.landed and not flight.vehicle.armed
+        self.was_done = done
+
+    @rule(loss=st.sampled_from([0.0, 0.0, 0.2, 1.0]))
+    def change_link(self, loss: float) -> None:
+        """Have the link lose some messages, or all."""
+        self.flight.loss = loss
+
+    @precondition(lambda self: not self.taken)
+    @rule()
+    def restart(self) -> None:
+        """Start the program anew: it knows nothing of its orders."""
+        self.flight.restart()
+        self.orders, self.was_done = 0, False
+
+    @precondition(lambda self: not self.taken and not self.flight.vehicle.landed and self.orders)
+    @rule()
+    def take_over(self) -> None:
+        """Let a pilot take the vehicle: from then on nothing is sent to it."""
+        flight, mode = self.flight, MODES[self.autopilot]
+        flight.loss = 0.0
+        flight.wait(10.0)
+        if flight.vehicle.landed or flight.outcome.status != "under_way":
+            return
+        for _ in range(5):
+            # A command that was sent before a heartbeat showed it comes after it: then once more.
+            if flight.vehicle.mode.name != mode:
+                flight.vehicle.pilot_takes_over(mode)
+            flight.wait(3.0)
+        self.taken = flight.vehicle.mode.name == mode
+
+
 def stateful(machine: Any, run: Run) -> Figures:
     """Compare over random scenarios until there were enough steps.
 
@@ -255,4 +359,5 @@ def _row(name: str, what: str, machine: Any) -> Row:
 ROWS = (
     _row("world", "world", WorldMachine),
     _row("scheduler", "step scheduler", SchedulerMachine),
+    _row("controller", "vehicle controller", ControllerMachine),
 )

@@ -18,6 +18,6 @@ def test_a_parser_reads_damaged_bytes_or_refuses_them_on_one_line(
     keep("fuzzing", f"fuzz_{name}", tmp_path)
 
 
-@pytest.mark.parametrize("name", ["world", "scheduler"])
+@pytest.mark.parametrize("name", ["world", "scheduler", "controller"])
 def test_whatever_happens_all_is_as_in_the_plain_reference(name: str, tmp_path: Path) -> None:
     keep("stateful", f"stateful_{name}", tmp_path)
