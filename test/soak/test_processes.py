@@ -12,7 +12,5 @@ def test_ten_starts_and_stops_leave_nothing_behind(tmp_path: Path) -> None:
     keep("start_stop", "start_stop", tmp_path)
 
 
-def test_missions_with_recorder_and_dashboard_take_no_more_files_and_threads(
-    tmp_path: Path,
-) -> None:
+def test_mission_after_mission_takes_no_more_files_and_threads(tmp_path: Path) -> None:
     keep("endurance", "endurance", tmp_path)

@@ -12,7 +12,7 @@ import pytest
 from soak.__main__ import main
 from soak.row import Goal, Row, Run
 from soak.rows import ROWS
-from soak.table import table
+from soak.table import BEGIN, END, PAGE, RESULTS, filled, stated, table
 
 ROOT = Path(__file__).resolve().parents[2]
 ELSEWHERE = {
@@ -42,6 +42,16 @@ def test_every_row_has_a_short_form() -> None:
     for place in ELSEWHERE.values():
         file, _, test = place.partition("::")
         assert f"def {test}" in (ROOT / "test" / file).read_text()
+
+
+def test_the_declaration_states_the_figures_of_the_results() -> None:
+    results = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
+    assert set(results) <= set(ROWS)
+    page = PAGE.read_text(encoding="utf-8") if PAGE.exists() else f"Before\n{BEGIN}{END}After\n"
+    # It states nothing before it is filled for the first time.
+    assert stated(page) in ("", table(results))
+    assert stated(filled(page, results)) == table(results)
+    assert filled(filled(page, results), results) == filled(page, results)
 
 
 @pytest.fixture
