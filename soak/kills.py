@@ -45,6 +45,7 @@ def planner_killed(run: Run) -> Figures:
         planner = start_planner(rig, sim)
         for kill in run.each(range(kills), "kills"):
             planner.kill()
+            sim.wait_until_quiet()
             # What it had sent before may still be a step's command.
             for _ in range(2):
                 others_fly(sim, kill)
