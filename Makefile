@@ -57,7 +57,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim sitl-demo campaign check test test-oldest lint coverage mutants format docs docs-check bench reproduce compare lock sbom audit clean
+.PHONY: help sim sitl-demo campaign check test test-oldest lint coverage mutants format docs docs-check bench reproduce compare soak lock sbom audit clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
@@ -119,6 +119,9 @@ reproduce: $(VENV)/.test ## Replay the published tables
 compare: $(VENV)/.test ## Compare all planners on the same missions: MISSIONS=n of each
 	@$(BIN)/python -m benchmarks.compare --missions '$(or $(MISSIONS),2000)'
 
+soak: $(VENV)/.soak ## Keep every promise of reliability for long: SOAK='--only load late_joiner'
+	@$(BIN)/python -m soak $(SOAK)
+
 # For all Pythons and platforms; UV finds what it needs where pip does by default, or by its own settings.
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.10 --generate-hashes --upgrade \
 	--custom-compile-command 'make lock' --no-annotate --no-python-downloads
@@ -168,12 +171,13 @@ $(VENV)/.campaign: EXTRAS := viz,area,campaign
 $(VENV)/.test: EXTRAS := $(OF_TESTS)
 $(VENV)/.test: $(if $(SOURCED),,requirements.lock)
 $(VENV)/.quality: EXTRAS := quality
+$(VENV)/.soak: EXTRAS := viz,area,onnx,test,record,dashboard,viewer,soak
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
 TO_RESOLVE = $(if $(filter requirements.lock,$^),,$(filter $(BASE) $(VENV)/oldest.txt setup.py,$?))
-$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VENV)/.docs $(VENV)/.oldest: \
+$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VENV)/.docs $(VENV)/.soak $(VENV)/.oldest: \
 		$(BASE) setup.py pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
 	$(if $(filter requirements.lock,$?),@$(PIP_INSTALL) $(LOCKED) requirements.lock)

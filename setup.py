@@ -82,6 +82,8 @@ setup(
             "pytest-cov>=6",
             "uv>=0.9",
         ],
+        # What guides the fuzzing of `make soak`.
+        "soak": ["atheris>=3.0"],
         "test": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",

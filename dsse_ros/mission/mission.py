@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission.command_buffer import CommandBuffer
-from dsse_ros.search import HOLD, SearchEnv, Snapshot, SnapshotError
+from dsse_ros.mission.mission_snapshots import check_mission
+from dsse_ros.search import HOLD, FieldError, SearchEnv, Snapshot, SnapshotError
 from dsse_ros.search.actions import Cell
 from dsse_ros.search.fault_kernels import LOST
 from dsse_ros.search.world_beliefs import WorldBeliefs
@@ -323,17 +324,26 @@ class Mission:
         """Go on from a snapshot, bit for bit; commands for its next step are given again.
 
         Raises:
-            SnapshotError: If it is no mission's, or of another scenario or other rules; the
-                mission under way stays as it is.
+            SnapshotError: If it is no mission's, or of another scenario or other rules, or of no
+                mission that can be; the mission under way stays as it is.
         """
         extra, arrays = snapshot.extra, snapshot.arrays
         if not {*_OF_MISSION, "commands"} <= extra.keys() or "history" not in arrays:
             raise SnapshotError("the snapshot is of a world, not of a mission")
-        if self._beliefs is not None:
+        check_mission(snapshot, self)
+        if self._beliefs is None:
+            self.env.restore(snapshot)
+        else:
             self._beliefs.check(snapshot)
-        self.env.restore(snapshot)
-        if self._beliefs is not None:
-            self._beliefs.restore(snapshot)
+            before = replace(self.env.snapshot(), extra={})
+            before.arrays.update(self._beliefs.arrays())
+            self.env.restore(snapshot)
+            try:
+                self._beliefs.restore(snapshot)
+            except (FieldError, SnapshotError) as error:
+                self.env.restore(before)
+                self._beliefs.restore(before)
+                raise SnapshotError(str(error)) from None
         for name in _OF_MISSION:
             setattr(self, name, extra[name])
         self.tracks = [[(col, row) for col, row in track] for track in extra["tracks"]]

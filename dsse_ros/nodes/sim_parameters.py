@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import secrets
 from typing import Any
 
@@ -59,11 +60,26 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
         )
     path = find_scenario(settings.scenario) if settings.scenario else None
     scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
+    _check_size(settings, scenario, rules)
     env = prepared_env(scenario, rules, node.get_logger().info, has_belief=settings.has_belief)
     declare(node, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
     declare(node, SCENARIO_SPECS, _in_force(env.scenario))
     declare(node, RULES_SPECS, vars(rules))
     return settings, env, Endpoints(node, qos)
+
+
+def _check_size(settings: SimSettings, scenario: Scenario, rules: Rules) -> None:
+    """Raise for a grid of more than `max_cells`, before there is any memory for it.
+
+    Raises:
+        FieldError: If it is one, or there is no such grid.
+    """
+    side, _ = scenario.grid_of(rules)
+    if side * side > settings.max_cells:
+        raise FieldError(
+            f"grid_size: {side} is not allowed; at most {math.isqrt(settings.max_cells)}, for "
+            f"max_cells {settings.max_cells}"
+        )
 
 
 def grid_frame(scenario: ResolvedScenario, settings: SimSettings) -> GridFrame:

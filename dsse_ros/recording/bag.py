@@ -167,7 +167,12 @@ def read_bag(path: str | os.PathLike[str]) -> Iterator[Recorded]:
                     channels[record.id] = record
                     of_mission |= record.topic.rpartition("/")[2] in _OF_A_MISSION
                 case Message():
-                    channel = channels[record.channel_id]
+                    channel = channels.get(record.channel_id)
+                    if channel is None:
+                        raise FieldError(
+                            f"bag: {os.fspath(path)!r} is damaged: a message stands before its "
+                            f"channel, {record.channel_id}"
+                        )
                     yield Recorded(
                         channel.topic,
                         schemas[channel.schema_id].name if channel.schema_id in schemas else "",

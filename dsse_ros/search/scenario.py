@@ -226,13 +226,7 @@ class Scenario(FaultFields):
         Raises:
             FieldError: If fields contradict each other or do not fit the grid.
         """
-        cell = self.cell_size
-        if cell is None:
-            cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
-            cell = SPECS["cell_size"].check(
-                "cell_size (of altitude and field_of_view)", round(cell, 3)
-            )
-        grid = self._resolve_grid(rules, cell)
+        grid, cell = self.grid_of(rules)
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
         if self.probability_matrix is not None:
             self.probability_matrix.check_place(grid, cell, origin)
@@ -274,6 +268,20 @@ class Scenario(FaultFields):
                 f"{MAX_PRE_SEARCH_STEPS} steps of {resolved.step_duration_s:g} s"
             )
         return resolved
+
+    def grid_of(self, rules: Rules) -> tuple[int, float]:
+        """Return the cells along a side of the grid, and the side of a cell in metres.
+
+        Raises:
+            FieldError: If fields contradict each other, or there is no such grid.
+        """
+        cell = self.cell_size
+        if cell is None:
+            cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
+            cell = SPECS["cell_size"].check(
+                "cell_size (of altitude and field_of_view)", round(cell, 3)
+            )
+        return self._resolve_grid(rules, cell), cell
 
     def _resolve_grid(self, rules: Rules, cell: float) -> int:
         matrix = self.probability_matrix

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from signal import SIGINT, SIGTERM
+from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, getsignal
 
 import pytest
 from rig import Process, Rig, Sim
@@ -14,6 +14,8 @@ Flight = tuple[Sim, Process]
 SIGNALS = {
     "int": [SIGINT],
     "term": [SIGTERM],
+    # Where nohup has started the tests, it has the nodes ignore it too.
+    **({} if getsignal(SIGHUP) is SIG_IGN else {"hup": [SIGHUP]}),
     "int_int": [SIGINT, SIGINT],
     "term_int_term": [SIGTERM, SIGINT, SIGTERM],
 }

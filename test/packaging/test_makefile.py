@@ -159,8 +159,8 @@ def test_a_check_lints_and_runs_folders_of_tests_without_what_is_slow(folder: Pa
     command = shlex.split(planned[-1])
     assert command[command.index("-m") + 1] == "not slow"
     folders = {ROOT / part for part in command if part.startswith("test/")}
-    # The others start nodes, or are of the benchmarks.
-    others = ("benchmarks", "cli", "nodes", "oracles", "ros_env")
+    # The others start nodes, or are of the benchmarks or the soak.
+    others = ("benchmarks", "cli", "nodes", "oracles", "ros_env", "soak")
     assert {ROOT / "test" / name for name in others} == {
         path for path in (ROOT / "test").iterdir() if path.is_dir() and path.name != "__pycache__"
     } - folders

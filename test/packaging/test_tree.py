@@ -14,7 +14,7 @@ LICENCE = "SPDX-License-Identifier: Apache-2.0"
 # A path of somebody's machine; a web address or a longer word before it is none.
 MACHINE_PATH = re.compile(r"(?<![\w./~-])/(?:home|root|Users|work)/")
 UPWARD_PATH = re.compile(r"(?<![\w./])(?:\.\./)+[\w.-]+")
-PACKAGES = ("benchmarks", "dsse_ros", "msg_adapters")
+PACKAGES = ("benchmarks", "dsse_ros", "msg_adapters", "soak")
 MAX_LINES = 500
 MAX_FLIGHT_MODULES = 15
 MAX_OWN_LINES = {"dsse_ros/nodes/sim_node.py": 450}
