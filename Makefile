@@ -41,7 +41,7 @@ TESTS_OF_KERNELS := $(addprefix test/search/test_,actions.py against_reference.p
 
 # Folders of tests without DDS; those marked slow are left out of them.
 TESTS_OF_CHECK := $(addprefix test/,campaign compat dashboard flight mission msg_adapters packaging \
-	planners recording report search)
+	planners recording report search training)
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')

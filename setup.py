@@ -34,7 +34,11 @@ setup(
     license=manifest.findtext("license"),
     python_requires=">=3.10",
     packages=find_packages(include=["dsse_ros", "dsse_ros.*", "msg_adapters", "msg_adapters.*"]),
-    package_data={"dsse_ros.dashboard": ["*.css", "*.js"], "dsse_ros.report": ["*.html"]},
+    package_data={
+        "dsse_ros": ["models/*"],
+        "dsse_ros.dashboard": ["*.css", "*.js"],
+        "dsse_ros.report": ["*.html"],
+    },
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
     install_requires=[
         "gymnasium>=1.1",
@@ -50,6 +54,8 @@ setup(
         "routes": ["ortools>=9.10"],
         # What the planner `onnx` runs models with.
         "onnx": ["onnxruntime>=1.17"],
+        # What examples/train.py learns with, on PyTorch, and exports the policy with.
+        "train": ["onnxruntime>=1.17", "onnxscript>=0.2", "sb3-contrib>=2.4", "tensorboard>=2.14"],
         # Ground stations that the tests fly with. MAVProxy needs `future` without saying so; from
         # 1.8.75 on it brings 800 MB of 3D libraries.
         "sitl": ["MAVProxy>=1.8.71,<1.8.75", "future>=1.0", "mavsdk>=4.1,<5"],

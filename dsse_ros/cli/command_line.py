@@ -53,7 +53,7 @@ class Parser(argparse.ArgumentParser):
         self.add("--scenario", default=scenario, help="YAML file or name")
         self.add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
         self.add("--planner", default="greedy", choices=PLANNER_NAMES, help="planner")
-        self.add("--model", help="ONNX file of the planner onnx")
+        self.add("--model", help="ONNX file of the planner onnx, by default that of this package")
         self.add("--drones", type=int, help="number of drones, by default the scenario's")
         seeded = "random seed of the map, the persons and the planner"
         self.add("--seed", type=int, default=0, help=seeded)

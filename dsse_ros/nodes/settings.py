@@ -189,7 +189,9 @@ class PlannerSettings:
     planner: str = field("str", "Which planner commands the drones.", "greedy",
         choices=PLANNER_NAMES,
     )  # fmt: skip
-    model: str = field("str", "ONNX file of the planner onnx.", "")
+    model: str = field(
+        "str", "ONNX file of the planner onnx; empty for the model of this package.", "",
+    )  # fmt: skip
     seed: int = field("int", "Seed of what the planner draws.", 0, low=0, high=2**62)
     resend_period: float = field(
         "float",

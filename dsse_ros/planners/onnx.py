@@ -8,19 +8,24 @@ A model has inputs of these names, any of them, all float32 with the drones as t
 | --- | --- | --- |
 | `position` | (N, 2) | each drone's cell (x, y) over G - 1 |
 | `positions` | (N, 2M) | cells of all M drones over G - 1, its own swapped with the first |
+| `number` | (N, 1) | each drone's number, from 0 |
 | `probability` | (N, G, G) | the map [y, x] over its maximum |
 | `action_mask` | (N, A) | 0 where a move would leave the grid or the area |
 
 In `positions` a drone that is out of the search stays where it was. The first output is (N, A): a
 score of each action. A drone does the action with the highest score of those that its mask allows.
 The metadata `dsse_ros` of the file is a JSON object with `actions` (their names by number), `rules`
-(the name of the profile) and, where the model fits no other, `grid_size` and `num_drones`.
+(the name of the profile) and, where the model fits no other, `grid_size` and `num_drones`. With
+`"observe": "belief"` in it `probability` is the belief: where drones observe the map, the planner
+keeps a belief of its own.
 """
 
 from __future__ import annotations
 
+import copy
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,44 +33,69 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
+from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.planner import Cell, Planner, Search, cells_of, probability_of
+from dsse_ros.search.actions import ActionSet
+from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.fields import FieldError, shown
 from dsse_ros.search.observation import AgentObservation
+from dsse_ros.search.options import OBSERVED
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 
 try:
     import onnxruntime
 except ImportError as error:
     raise ImportError(f"{error}; {pip_install('onnx')}") from error
 
+SHIPPED = Path(__file__).parents[1] / "models" / "v2.onnx"
+"""The model of this package."""
+
 METADATA = "dsse_ros"
 """Key of the file's metadata."""
 
-INPUTS = ("position", "positions", "probability", "action_mask")
+INPUTS = ("position", "positions", "number", "probability", "action_mask")
 """Inputs that a model may have."""
 
 
-class OnnxPolicy:
-    """The policy of a model."""
+class Policy:
+    """The policy of a model in one mission.
+
+    Args:
+        session: The model.
+    """
 
     def __init__(self, session: onnxruntime.InferenceSession) -> None:
         self._session = session
         self._inputs = [one.name for one in session.get_inputs()]
         # Of all drones, those out of the search too.
-        self._cells: dict[str, Cell] = {}
+        self._cells: dict[Hashable, Cell] = {}
 
-    def __call__(
+    def copy(self) -> Policy:
+        """Return one that goes on by itself from here; the model is shared."""
+        twin = copy.copy(self)
+        twin._cells = dict(self._cells)
+        return twin
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Policy:
+        return self.copy()
+
+    def actions(
         self,
-        observations: Mapping[str, AgentObservation],
-        infos: Mapping[str, Mapping[str, Any]],
-    ) -> dict[str, int]:
-        """Return the allowed action with the highest score for every drone."""
-        if not observations:
-            return {}
-        self._cells.update(zip(observations, cells_of(observations), strict=True))
-        numbers = [n for n, name in enumerate(self._cells) if name in observations]
-        names = [name for name in self._cells if name in observations]
-        probability = probability_of(observations)
-        masks = np.stack([infos[name]["action_mask"] for name in names])
+        present: Mapping[Any, Cell],
+        probability: NDArray[np.float32],
+        masks: NDArray[np.int8],
+    ) -> list[int]:
+        """Return the allowed action with the highest score for every live drone.
+
+        Args:
+            present: Their cells.
+            probability: (G, G), the map [y, x].
+            masks: (N, A), their action masks.
+        """
+        self._cells.update(present)
+        names = list(self._cells)
+        numbers = [names.index(name) for name in present]
         given = encode(list(self._cells.values()), numbers, probability, masks)
         scores = np.asarray(self._session.run(None, {k: given[k] for k in self._inputs})[0])
         if scores.shape != masks.shape:
@@ -75,8 +105,89 @@ class OnnxPolicy:
             )
         # Where nothing is allowed nothing is forbidden.
         barred = (masks == 0) & masks.any(axis=1, keepdims=True)
-        best = np.where(barred, -np.inf, scores).argmax(axis=1)
-        return dict(zip(names, best.tolist(), strict=True))
+        best: list[int] = np.where(barred, -np.inf, scores).argmax(axis=1).tolist()
+        return best
+
+
+class OnnxPlanner:
+    """Flies a policy on what the drones observe.
+
+    Args:
+        policy: What is flown.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+
+    def __call__(
+        self,
+        observations: Mapping[str, AgentObservation],
+        infos: Mapping[str, Mapping[str, Any]],
+    ) -> dict[str, int]:
+        """Return an action number for every drone, see `Planner`."""
+        if not observations:
+            return {}
+        present = dict(zip(observations, cells_of(observations), strict=True))
+        masks = np.stack([infos[name]["action_mask"] for name in observations])
+        actions = self._policy.actions(present, probability_of(observations), masks)
+        return dict(zip(observations, actions, strict=True))
+
+
+class OnnxOnBelief:
+    """Flies a policy on a belief; a `Tactic`.
+
+    Args:
+        policy: What is flown.
+        actions: Those of the search, in its area.
+        grid_size: G.
+    """
+
+    def __init__(self, policy: Policy, actions: ActionSet, grid_size: int) -> None:
+        self._policy, self._actions = policy, actions
+        self._masks = actions.masks(grid_size)
+
+    def copy(self) -> OnnxOnBelief:
+        """Return one that goes on by itself from here; the model is shared."""
+        twin = copy.copy(self)
+        twin._policy = self._policy.copy()
+        return twin
+
+    def __call__(
+        self,
+        belief: Belief,
+        agents: Sequence[Hashable],
+        present: Sequence[Cell],
+        deadline_s: float = math.inf,
+    ) -> list[Cell]:
+        """Return the cell that each drone goes to; see `Tactic`."""
+        masks = np.stack([self._masks[row][col] for col, row in present])
+        probability = belief.cells().astype(np.float32)
+        actions = self._policy.actions(dict(zip(agents, present, strict=True)), probability, masks)
+        moves = [self._actions.moves[action] for action in actions]
+        return [(x + dx, y + dy) for (x, y), (dx, dy) in zip(present, moves, strict=True)]
+
+
+class OnnxTactics:
+    """Makes `OnnxOnBelief` for each mission.
+
+    Args:
+        session: The model.
+    """
+
+    # As environments that observe the belief.
+    drift_samples = DRIFT_SAMPLES
+
+    def __init__(self, session: onnxruntime.InferenceSession) -> None:
+        self._session = session
+
+    def horizon(self, rules: Rules) -> int:
+        """Return 0: it looks at the present."""
+        return 0
+
+    def start(self, forecast: Forecast, seed: int) -> OnnxOnBelief:
+        """Return the tactic for a mission; it draws nothing."""
+        actions = forecast.rules.action_set.within(forecast.scenario.area_mask)
+        return OnnxOnBelief(Policy(self._session), actions, forecast.scenario.grid_size)
 
 
 def encode(
@@ -102,21 +213,20 @@ def encode(
     inputs = {
         "position": places[own],
         "positions": places[order].reshape(len(own), -1),
+        "number": own[:, np.newaxis],
         "probability": np.repeat(likely[np.newaxis], len(own), axis=0),
         "action_mask": masks,
     }
     return {name: np.ascontiguousarray(value, np.float32) for name, value in inputs.items()}
 
 
-def read_model(model: str) -> onnxruntime.InferenceSession:
-    """Return the model in an ONNX file.
+def read_model(model: str = "") -> onnxruntime.InferenceSession:
+    """Return the model in an ONNX file, by default the one of this package.
 
     Raises:
         FieldError: If there is none, or it has inputs that are not known.
     """
-    if not model:
-        raise FieldError("model: missing; the planner onnx needs an ONNX file")
-    path = Path(model).expanduser()
+    path = Path(model).expanduser() if model else SHIPPED
     if not path.is_file():
         raise FieldError(f"model: {shown(model)} is not allowed; no such file")
     options = onnxruntime.SessionOptions()
@@ -140,18 +250,20 @@ def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
     Args:
         search: What is searched.
         seed: Not used: a model draws nothing.
-        model: ONNX file.
+        model: ONNX file, by default the model of this package.
 
     Raises:
         FieldError: If there is no such model, or it is one of another search.
     """
     session = read_model(model)
-    _check_metadata(session.get_modelmeta().custom_metadata_map, search)
-    return OnnxPolicy(session)
+    observes = _observed(session.get_modelmeta().custom_metadata_map, search)
+    if observes == "belief" and search.observed == "map":
+        return BeliefPlanner(search, OnnxTactics(session), seed=seed)
+    return OnnxPlanner(Policy(session))
 
 
-def _check_metadata(metadata: Mapping[str, str], search: Search) -> None:
-    """Check that a model is one of this search.
+def _observed(metadata: Mapping[str, str], search: Search) -> str:
+    """Return what a model observes: `map` or `belief`.
 
     Raises:
         FieldError: If it is of another one, or does not state which.
@@ -171,9 +283,13 @@ def _check_metadata(metadata: Mapping[str, str], search: Search) -> None:
         "num_drones": scenario.num_drones,
     }
     of_model = {**stated, "actions": actions, "rules": rules}
+    observed = str(OBSERVED.check("model: observe", of_model.get("observe", search.observed)))
+    if observed == "map":
+        of_search["observe"] = search.observed
     for name, value in of_search.items():
         if of_model.get(name, value) != value:
             raise FieldError(
                 f"model: {name} {of_model[name]!r} of the model is not allowed; the search has "
                 f"{value!r}"
             )
+    return observed

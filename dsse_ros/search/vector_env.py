@@ -25,6 +25,9 @@ from dsse_ros.search.world_beliefs import WorldBeliefs
 
 Observations = dict[str, Any]
 
+RESET_MASK = "reset_mask"
+"""Option of a reset: as in Gymnasium, the worlds that it resets."""
+
 MAX_REACH = 10_000
 """Cells on each side of the centre of the largest window."""
 
@@ -173,22 +176,26 @@ class VectorEnv:
                 `numpy.random.SeedSequence` gives each world one of its words; batches of sequences
                 that were spawned are independent. Without a seed the generators go on.
             options: As in `SearchEnv.reset`, for all worlds. They hold until the next call, through
-                automatic resets too.
+                automatic resets too. Or `reset_mask`, (B,) bool: only these worlds start anew, as
+                they would by themselves, and only they are seeded; the others stay as they are.
 
         Raises:
             FieldError: If an option or the seed is not allowed; the missions under way stay as
                 they are.
         """
-        start = check_options({} if options is None else options, self.scenario, self.rules)
+        start, which = self._check_options(options)
         if seed is not None:
-            self.world.seed(_check_seeds(seed, self.num_envs))
-        self.world.place(**start)
+            seeds, going_on = _check_seeds(seed, self.num_envs), self.world.worlds["rng"][~which]
+            self.world.seed(seeds)
+            self.world.worlds["rng"][~which] = going_on
+        if start is not None:
+            self.world.place(**start)
         maps = self._maps.take()
         if self._beliefs is None:
-            self.world.reset(maps=maps)
+            self.world.reset(which, maps)
         else:
-            self._beliefs.reset()
-            self.world.reset()
+            self._beliefs.reset(which)
+            self.world.reset(which)
             self._beliefs.write(maps)
         positions, *_, masks = outputs = [recycler.take() for recycler in self._report]
         self._write(outputs, 0, self.num_envs)
@@ -237,6 +244,25 @@ class VectorEnv:
     def close(self) -> None:
         """End the threads; a later step starts them again."""
         self.world.close()
+
+    def _check_options(
+        self, options: Mapping[str, Any] | None
+    ) -> tuple[dict[str, Any] | None, NDArray[np.bool_]]:
+        """Return what to place, None for what is placed already, and which worlds to reset.
+
+        Raises:
+            FieldError: If an option is not allowed.
+        """
+        if not isinstance(options, Mapping) or options.get(RESET_MASK) is None:
+            start = check_options({} if options is None else options, self.scenario, self.rules)
+            return start, np.ones(self.num_envs, np.bool_)
+        mask = options[RESET_MASK]
+        if others := [name for name in options if name != RESET_MASK]:
+            raise FieldError(f"{RESET_MASK}: not allowed together with {shown(others[0])}")
+        shape = (self.num_envs,)
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != shape:
+            raise FieldError(f"{RESET_MASK}: {shown(mask)} is not allowed; bool {shape}")
+        return None, mask
 
     def _write(self, outputs: list[NDArray[Any]], first: int, last: int) -> None:
         """Write the report of some worlds, see `kernels.report_worlds`."""

@@ -216,12 +216,14 @@ class World:
 
         Args:
             which: (B,) bool, by default all.
-            maps: As in `step`, when all are reset.
+            maps: Memory for `maps`, by default new memory.
         """
         if which is None:
             which = np.ones(self.num_worlds, bool)
         if maps is None:
-            maps = np.empty(self._map_shape, np.float32) if which.all() else self.maps.copy()
+            maps = np.empty(self._map_shape, np.float32)
+        if not which.all():
+            self._refresh(maps)
         self.maps = maps
         _, *scratch = self._scratch[0]
         kernels.reset_worlds(

@@ -81,8 +81,11 @@ class WorldBeliefs:
             for _ in range(steps):
                 belief.advance()
 
-    def reset(self) -> None:
-        """Start anew in every world, with what it was last placed by.
+    def reset(self, which: NDArray[np.bool_] | None = None) -> None:
+        """Start anew with what the worlds were last placed by.
+
+        Args:
+            which: (B,) bool, the worlds; by default, and after they were placed, all.
 
         Raises:
             FieldError: As the class; the beliefs stay as they are.
@@ -93,8 +96,9 @@ class WorldBeliefs:
             self._scenario, self._start, self._pods = scenario, belief.density, belief.pods
             self._forecasts = deque([forecast])
             self.density = np.empty((self._world.num_worlds, *self._start.shape))
-        self.density[:] = self._start
-        self.pos[:] = 0.0
+        worlds = slice(None) if which is None else which
+        self.density[worlds] = self._start
+        self.pos[worlds] = 0.0
 
     def _placed(self) -> ResolvedScenario:
         """Return the scenario with what the options of a reset have replaced for the persons."""

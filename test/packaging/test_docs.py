@@ -508,6 +508,7 @@ def test_every_dependency_is_explained() -> None:
                 "onnx",
                 "ray",
                 "record",
+                "train",
                 "viewer",
                 "viz",
             )

@@ -27,6 +27,10 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"dsse_ros.compat", "dsse_ros.search"},
         {"ros", "messages", "mavlink"},
     ),
+    "dsse_ros.training": (
+        {"dsse_ros.training", "dsse_ros.planners", "dsse_ros.search"},
+        {"ros", "messages", "mavlink"},
+    ),
     "msg_adapters": ({"msg_adapters", "dsse_ros.search"}, {"effects", "ros"}),
     "dsse_ros.mission": (
         {"dsse_ros.mission", "msg_adapters", "dsse_ros.search"},
@@ -165,6 +169,7 @@ def test_a_module_imports_only_from_below(module: str, file: Path) -> None:
         ("dsse_ros.search.world", "import importlib\nimportlib.import_module('rclpy.node')"),
         ("dsse_ros.planners.sweep", "from dsse_ros.nodes.sim_node import SimNode"),
         ("dsse_ros.planners.sweep", "from msg_adapters.poses import pose"),
+        ("dsse_ros.search.drone_slots", "from dsse_ros.training.vec_env import DroneVecEnv"),
         ("dsse_ros.mission.mission", "from rclpy.node import Node"),
         ("dsse_ros.mission.mission", "from dsse_ros.flight import link"),
         ("dsse_ros.mission.mission", "from ..nodes.settings import SimSettings"),

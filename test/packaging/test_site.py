@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import re
 import runpy
 import subprocess
 import sys
@@ -12,7 +11,6 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from tree import by_name, files
 
@@ -103,17 +101,3 @@ def test_the_cpp_on_the_page_is_in_the_example() -> None:
     for block in shown:
         part = [line.strip() for line in block.splitlines()]
         assert any(lines[i : i + len(part)] == part for i in range(len(lines))), block
-
-
-def test_the_trained_agent_of_the_page_finds_sooner_than_a_random_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(ROOT)
-    example = runpy.run_path("examples/train.py")
-    drawn = example["train"](generations=1, policies=4, missions=2)
-    page = (ROOT / "docs/tutorials/training.md").read_text(encoding="utf-8")
-    (printed,) = re.findall(r"^weights \[(.+)\]$", page, re.MULTILINE)
-    trained = np.array(printed.split(), dtype=float)
-    assert trained.shape == drawn.shape == (4,)
-    steps = example["Searches"](2, 40).mean_steps(np.stack([0 * trained, trained]), seed=10**6)
-    assert steps[1] < 0.6 * steps[0]

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from dsse_ros.planners import planner_for
+from dsse_ros.planners.batch import play_missions
+from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.search import FieldError, parallel_env
 
 onnx = pytest.importorskip("onnx")
@@ -108,10 +110,51 @@ def test_what_is_no_model_is_refused_with_one_line(tmp_path: Path) -> None:
     env, broken = parallel_env(**FIELDS), tmp_path / "broken.onnx"
     broken.write_bytes(b"not a model")
     for file, line in (
-        ("", "model: missing"),
         (str(tmp_path / "none.onnx"), "no such file"),
         (str(broken), "cannot be read"),
     ):
         with pytest.raises(FieldError, match=line) as caught:
             planner_for(env, "onnx", model=file)
         assert "\n" not in str(caught.value)
+
+
+PUBLISHED: dict[str, Any] = {
+    "rules": "v2", "grid_size": 40, "person_initial_position": (20, 20), "dispersion_inc": 0.05,
+    "drones_positions": [(20, 0), (20, 39), (0, 20), (39, 20)],
+}  # fmt: skip
+"""The search that the model of the package was trained on."""
+
+
+def test_the_model_of_the_package_is_small_and_finds_more_than_the_published_agents() -> None:
+    from dsse_ros.planners.onnx import SHIPPED
+
+    assert SHIPPED.stat().st_size < 2_000_000
+    missions = play_missions(600, "onnx", seed=5_000, **PUBLISHED)
+    assert missions.found.mean() > 0.9
+    assert missions.steps.mean() < 33
+
+
+def test_the_model_of_the_package_searches_other_grids_with_other_numbers_of_drones() -> None:
+    for drones in (1, 7):
+        fields = {"rules": "v2", "grid_size": 15, "num_drones": drones}
+        missions = play_missions(200, "onnx", seed=5_000, person_initial_position=(8, 9), **fields)
+        assert missions.found.mean() > 0.8
+
+
+def test_a_model_of_the_belief_does_the_same_on_the_map_and_where_the_belief_is_observed() -> None:
+    env = parallel_env(**PUBLISHED)
+    seeing = parallel_env(observe="belief", **PUBLISHED)
+    on_map, on_belief = planner_for(env, "onnx"), planner_for(seeing, "onnx")
+    assert isinstance(on_map, BeliefPlanner) and not isinstance(on_belief, BeliefPlanner)
+    (observations, infos), (others, other_infos) = env.reset(seed=4), seeing.reset(seed=4)
+    while env.agents:
+        joint = on_map(observations, infos)
+        assert joint == on_belief(others, other_infos)
+        observations, _, _, _, infos = env.step(joint)
+        others, _, _, _, other_infos = seeing.step(joint)
+
+
+def test_a_model_of_the_map_is_not_flown_on_a_belief(tmp_path: Path) -> None:
+    path = model(tmp_path, np.zeros((2, len(actions()))), **of_search(observe="map"))
+    with pytest.raises(FieldError, match="observe 'map' of the model is not allowed; .* 'belief'"):
+        planner_for(parallel_env(observe="belief", **FIELDS), "onnx", model=path)

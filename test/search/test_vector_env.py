@@ -438,3 +438,54 @@ def test_worlds_that_share_scratch_memory_do_not_see_each_others_drones() -> Non
         crashes += int((rewards == envs[0].rules.collision).sum())
     assert crashes > 100
     assert envs[0].world.state_bytes() == envs[1].world.state_bytes()
+
+
+@pytest.mark.parametrize("observe", ["map", "belief"])
+@pytest.mark.parametrize("rules", PROFILES)
+def test_worlds_that_are_reset_by_a_mask_start_as_by_themselves_and_the_others_go_on(
+    rules: str, observe: str
+) -> None:
+    one, other = (vector_env(BATCH, rules=rules, observe=observe, **MISSION) for _ in range(2))
+    one.reset(seed=3)
+    other.reset(seed=3)
+    for actions in random_actions(one, 12):
+        one.step(actions)
+        other.step(actions)
+    mask = np.array([True, False, False, True, False])
+    observations, infos = one.reset(seed=40, options={"reset_mask": mask})
+    fresh = vector_env(BATCH, rules=rules, observe=observe, **MISSION)
+    first, first_infos = fresh.reset(seed=40)
+    for name, values in observations.items():
+        assert np.array_equal(values[mask], first[name][mask])
+    for name, values in infos.items():
+        assert np.array_equal(values[mask], first_infos[name][mask])
+    for actions in random_actions(one, 20, seed=1):
+        observations, *_, infos = one.step(actions)
+        in_fresh, *_, infos_in_fresh = fresh.step(actions)
+        in_other, *_, infos_in_other = other.step(actions)
+        for name, values in observations.items():
+            assert np.array_equal(values[mask], in_fresh[name][mask])
+            assert np.array_equal(values[~mask], in_other[name][~mask])
+        for name, values in infos.items():
+            assert np.array_equal(values[mask], infos_in_fresh[name][mask])
+            assert np.array_equal(values[~mask], infos_in_other[name][~mask])
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"reset_mask": [True]}, r"reset_mask: \[True\] is not allowed; bool \(5,\)"),
+        ({"reset_mask": np.zeros(5)}, "reset_mask: .* is not allowed; bool"),
+        (
+            {"reset_mask": np.ones(5, bool), "vector": (0, 0)},
+            "reset_mask: not allowed together with 'vector'",
+        ),
+    ],
+)
+def test_a_mask_that_is_none_is_refused_and_the_missions_go_on(options: Any, line: str) -> None:
+    env = vector_env(BATCH, **MISSION)
+    env.reset(seed=3)
+    before = env.world.state_bytes()
+    with pytest.raises(FieldError, match=line):
+        env.reset(options=options)
+    assert env.world.state_bytes() == before

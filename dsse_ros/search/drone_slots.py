@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each drone of each world as a slot of its own: what learning libraries train one policy on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.search.fields import FieldError
+from dsse_ros.search.vector_env import RESET_MASK, Observations, VectorEnv
+from dsse_ros.search.wrappers import FLATTENED, Encoding
+
+
+class Transition(NamedTuple):
+    """A step of B worlds.
+
+    Attributes:
+        env: The worlds.
+        before: Observations before it.
+        actions: (B, N) int8, numbers of the rules.
+        after: Observations after it, before any world is reset.
+        over: (B,) bool, the worlds whose mission it has ended.
+    """
+
+    env: VectorEnv
+    before: Observations
+    actions: NDArray[np.int8]
+    after: Observations
+    over: NDArray[np.bool_]
+
+
+Reward = Callable[[Transition], NDArray[np.float64]]
+"""From a step to rewards (B, N)."""
+
+
+class SlotStep(NamedTuple):
+    """What a step has come to in S = B N slots and B worlds.
+
+    Attributes:
+        observations: (S, ...) float32; where a world's mission has ended, those of its next one.
+        rewards: (S,) float64.
+        terminated: (S,) bool.
+        truncated: (S,) bool.
+        action_masks: (S, A) int8, those of `observations`.
+        final_observations: (S, ...) float32, those at the ends of missions too.
+        over: (B,) bool, the worlds whose mission has ended.
+        found: (B,) bool, those in which every person was found.
+        steps: (B,) int64, steps of the mission that this step was one of.
+    """
+
+    observations: NDArray[np.float32]
+    rewards: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    action_masks: NDArray[np.int8]
+    final_observations: NDArray[np.float32]
+    over: NDArray[np.bool_]
+    found: NDArray[np.bool_]
+    steps: NDArray[np.int64]
+
+
+def searched_probability(step: Transition) -> NDArray[np.float64]:
+    """Return the probability (B, N) that each drone's search finds; drones in one cell share it.
+
+    With the belief as observation their sum is what the step is expected to find, whether it does
+    or not: a dense reward without the chance of a find. Several persons count with their mean.
+    """
+    env, positions, probability = step.env, step.before["positions"], step.before["probability"]
+    grid = probability.shape[-1]
+    searches = step.actions == env.rules.actions.index("search")
+    cells = np.where(searches, positions[..., 1] * grid + positions[..., 0], -1)
+    inside = searches & ((positions >= 0) & (positions < grid)).all(axis=-1)
+    together = (cells[:, :, None] == cells[:, None, :]).sum(axis=-1)
+    flat = probability.reshape(len(cells), -1)
+    there = np.take_along_axis(flat, np.where(inside, cells, 0), axis=1)
+    detected = 1.0 - (1.0 - env.scenario.probability_of_detection) ** together
+    shares: NDArray[np.float64] = np.where(inside, there * detected / together, 0.0)
+    return shares
+
+
+class DroneSlots:
+    """A batch of searches whose drones are slots: slot b N + n is drone n of world b.
+
+    A world whose mission has ended is reset in the same step. A drone that is out before its
+    mission is over stays a slot that is terminated or truncated in every step, with reward 0, and
+    action 0 alone is allowed to it.
+
+    Args:
+        env: The batch; not a lazy one.
+        encoding: What a drone observes. Where `encode` returns a tuple, its second part is
+            (..., N, A), the actions of the rules that the numbers of each slot stand for.
+        reward: What it is rewarded for, by default as the rules say.
+
+    Attributes:
+        env: As given.
+        num_slots: S.
+        num_actions: A.
+        single_observation_space: Of one slot.
+        order: (S, A), the actions of the rules that the numbers of each slot stand for at the last
+            observation; None for the same.
+
+    Raises:
+        FieldError: If the batch is lazy.
+    """
+
+    def __init__(
+        self, env: VectorEnv, encoding: Encoding = FLATTENED, reward: Reward | None = None
+    ) -> None:
+        if env.lazy:
+            raise FieldError("lazy: true is not allowed with slots")
+        self.env = env
+        self._encoding, self._reward = encoding, reward
+        self._drones = env.world.num_drones
+        self.num_slots = env.num_envs * self._drones
+        self.num_actions = len(env.rules.actions)
+        self.single_observation_space = encoding.space(self._drones, env.world.grid_size)
+        self._observations: Observations = {}
+        self.order: NDArray[np.int64] | None = None
+        self._out = np.zeros((env.num_envs, self._drones), np.bool_)
+
+    def reset(self, seed: Any = None) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+        """Start a new mission in every world, see `VectorEnv.reset`.
+
+        Returns:
+            Observations (S, ...) and action masks (S, A).
+        """
+        self._observations, infos = self.env.reset(seed)
+        self._out[:] = False
+        encoded, self.order = self._encoded()
+        return encoded, self._masks(infos)
+
+    def step(self, actions: NDArray[Any]) -> SlotStep:
+        """Advance every world by one step.
+
+        Args:
+            actions: (S,) integers.
+        """
+        numbers = np.asarray(actions)
+        if self.order is not None:
+            numbers = np.take_along_axis(self.order, numbers[:, None], axis=1)
+        joint = numbers.reshape(self._out.shape).astype(np.int8)
+        before = self._observations
+        self._observations, rewards, terminated, truncated, infos = self.env.step(joint)
+        over = infos["over"]
+        if self._reward is not None:
+            rewards = self._reward(Transition(self.env, before, joint, self._observations, over))
+        rewards = np.where(self._out, 0.0, rewards)
+        self._out = (terminated | truncated) & ~over[:, None]
+        ends, now = None, infos
+        if over.any():
+            ends, _ = self._encoded(over)
+            self._observations, now = self.env.reset(options={RESET_MASK: over})
+        observed, self.order = self._encoded()
+        final = observed
+        if ends is not None:
+            final = observed.copy()
+            final[np.repeat(over, self._drones)] = ends
+        return SlotStep(
+            observed, rewards.ravel(), terminated.ravel(), truncated.ravel(), self._masks(now),
+            final, over, infos["Found"], infos["step"],
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """End the batch's threads."""
+        self.env.close()
+
+    def _masks(self, infos: Mapping[str, NDArray[Any]]) -> NDArray[np.int8]:
+        masks: NDArray[np.int8] = infos["action_mask"].reshape(self.num_slots, -1)
+        if self.order is not None:
+            masks = np.take_along_axis(masks, self.order, axis=1)
+        masks[self._out.ravel()] = np.arange(self.num_actions) == 0
+        return masks
+
+    def _encoded(
+        self, which: Any = slice(None)
+    ) -> tuple[NDArray[np.float32], NDArray[np.int64] | None]:
+        """Return the observations of all slots, or of those of some worlds, and their actions."""
+        positions, probability = (
+            self._observations[name][which] for name in ("positions", "probability")
+        )
+        encoded, order = self._encoding.encode(positions, probability), None
+        if isinstance(encoded, tuple):
+            encoded, order = encoded
+            order = order.reshape(-1, self.num_actions)
+        return encoded.reshape(-1, *encoded.shape[2:]).astype(np.float32, copy=False), order

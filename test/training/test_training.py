@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is trained is what flies: the same numbers in training and in the exported model."""
+
+from __future__ import annotations
+
+import csv
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.planners import planner_for
+from dsse_ros.search import ACTION_VECTORS, parallel_env, vector_env
+from dsse_ros.search.drone_slots import DroneSlots
+
+torch = pytest.importorskip("torch")
+MaskablePPO = pytest.importorskip("sb3_contrib").MaskablePPO
+
+from dsse_ros.training.export import export  # noqa: E402
+from dsse_ros.training.foveated import FEATURES, foveated  # noqa: E402
+from dsse_ros.training.vec_env import DroneVecEnv  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+SEARCH: dict[str, Any] = {
+    "rules": "v2", "grid_size": 12, "num_drones": 3, "person_initial_position": (5, 6),
+    "timestep_limit": 20, "drones_positions": [(0, 0), (11, 2), (4, 9)],
+}  # fmt: skip
+ACTIONS = parallel_env(**SEARCH).rules.actions
+MOVES = [ACTION_VECTORS[name] for name in ACTIONS]
+
+
+def make_env(worlds: int = 4) -> Any:
+    batch = vector_env(worlds, observe="belief", **SEARCH)
+    return DroneVecEnv(DroneSlots(batch, foveated(batch.rules.actions)))
+
+
+def test_a_search_that_is_mirrored_looks_the_same_and_its_actions_are_mirrored() -> None:
+    generator = np.random.default_rng(2)
+    cells, belief = generator.integers(0, 12, (3, 2)), generator.random((12, 12), np.float32)
+    seen, order = foveated(ACTIONS).encode(cells, belief)
+    for mirrored, turned, of_move in (
+        (np.stack([11 - cells[:, 0], cells[:, 1]], 1), belief[:, ::-1], lambda x, y: (-x, y)),
+        (np.stack([cells[:, 0], 11 - cells[:, 1]], 1), belief[::-1], lambda x, y: (x, -y)),
+        (cells[:, ::-1], belief.T, lambda x, y: (y, x)),
+    ):
+        also, other_order = foveated(ACTIONS).encode(mirrored, np.ascontiguousarray(turned))
+        np.testing.assert_allclose(seen, also, atol=1e-5)
+        for drone in range(3):
+            there = [of_move(*MOVES[action]) for action in order[drone]]
+            assert there == [MOVES[action] for action in other_order[drone]]
+
+
+def test_the_exported_model_does_what_the_trained_policy_does(tmp_path: Path) -> None:
+    env = make_env(1)
+    model = MaskablePPO("MlpPolicy", env, n_steps=8, batch_size=12, seed=3, device="cpu")
+    path = tmp_path / "policy.onnx"
+    metadata = {"actions": ACTIONS, "rules": "v2", "observe": "belief"}
+    export(model.policy, path, metadata, grid=9, drones=2)
+    single = parallel_env(**SEARCH)
+    planner = planner_for(single, "onnx", model=str(path))
+    env.seed(8)
+    observed = env.reset()
+    observations, infos = single.reset(seed=8)
+    steps = 0
+    while single.agents:
+        joint = planner(observations, infos)
+        chosen, _ = model.predict(observed, action_masks=env.action_masks(), deterministic=True)
+        actions = np.take_along_axis(env.slots.order, chosen[:, None], axis=1)
+        assert list(joint.values()) == actions.ravel().tolist()
+        observations, _, _, _, infos = single.step(joint)
+        observed, *_ = env.step(chosen)
+        steps += 1
+    assert steps > 10
+
+
+def test_stable_baselines_learns_in_it_and_sees_the_ends_of_missions() -> None:
+    env = make_env()
+    model = MaskablePPO("MlpPolicy", env, n_steps=32, batch_size=96, seed=3, device="cpu")
+    model.learn(3 * 4 * 32)
+    assert env.observation_space.shape == (FEATURES,)
+    assert model.ep_info_buffer and all(1 <= one["l"] <= 21 for one in model.ep_info_buffer)
+
+
+def test_the_example_goes_on_from_its_checkpoint_after_an_interrupt(tmp_path: Path) -> None:
+    def train(steps: int) -> subprocess.Popen[str]:
+        command = [sys.executable, ROOT / "examples/train.py", "--out", tmp_path]
+        return subprocess.Popen(
+            [*command, f"--steps={steps}", "--check-every=1e9"], stdout=subprocess.PIPE, text=True
+        )
+
+    first = train(10**9)
+    try:
+        # TensorBoard's file has a first event when the first policy was improved.
+        while not any(file.stat().st_size > 500 for file in tmp_path.glob("log/events*")):
+            assert first.poll() is None
+            time.sleep(0.5)
+        first.send_signal(signal.SIGINT)
+        assert first.wait(300) == 0
+    finally:
+        first.kill()
+    done = read(tmp_path / "curve.csv")
+    assert len(done) == 1 and (tmp_path / "best.onnx").is_file()
+    second = train(int(done[0]["drone_steps"]) + 1)
+    printed, _ = second.communicate(timeout=600)
+    assert second.returncode == 0 and f"going on from {tmp_path / 'checkpoint.zip'}" in printed
+    assert int(read(tmp_path / "curve.csv")[1]["drone_steps"]) > int(done[0]["drone_steps"])
+
+
+def read(curve: Path) -> list[dict[str, str]]:
+    with curve.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
