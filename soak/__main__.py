@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make soak`: measures every row of the table of promises, and goes on where it was stopped."""
 

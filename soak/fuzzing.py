@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Bytes of all kinds into every parser: guided by coverage in the soak, at random in the tests.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Worlds of a million cells, and those that are refused before memory is asked for."""
 

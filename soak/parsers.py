@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Every parser that reads what others wrote: whatever the bytes are, it answers or refuses."""
 

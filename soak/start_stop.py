@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Nodes are started and stopped again and again, by every signal and at any moment."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """World, step scheduler and vehicle controller beside plain slow references, step by step."""
 

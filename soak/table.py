@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`python -m soak.table` writes the figures of the last soak into QUALITY_DECLARATION.md.
 

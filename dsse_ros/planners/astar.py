@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Coverage by shortest ways: each drone flies to a cell of its own that is left to cover.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Batteries of the drones: what a step takes, the way home, and which cells are in reach.
 

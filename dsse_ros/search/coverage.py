@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The coverage task of B worlds: what is to be covered, what is left of it, and its metrics."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The faults of a scenario as data: their fields, and one table of what each of them is."""
 

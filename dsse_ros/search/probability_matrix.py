@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A probability matrix that is given: as an array, or as a file (.npy, CSV or GeoTIFF)."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The coverage task over ROS: what the nodes say and write of it is what the environment does."""
 

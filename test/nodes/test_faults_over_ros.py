@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission with faults over ROS: step by step the direct one, on topics and in its record."""
 

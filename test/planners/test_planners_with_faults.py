@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Planners heed the action masks, and what they are given of faults; missions repeat with them."""
 

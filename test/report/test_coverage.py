@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The report of a coverage task: the same metrics and maps from a CSV and from a bag."""
 

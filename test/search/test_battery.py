@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Batteries: a drone comes home with its reserve, whatever it is commanded, and is relieved."""
 

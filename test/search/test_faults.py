@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Faults of drones: off by default, repeated by their seed, alike in single worlds and batches."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A probability matrix comes from any kind of file, and what is none gets one clear line."""
 

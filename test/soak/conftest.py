@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Puts helpers and the soak where these tests can import them, the soak after all installed."""
 

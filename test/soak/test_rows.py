@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The table of promises: each row has a short form in the tests, and results say what they are."""
 
