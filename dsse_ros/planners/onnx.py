@@ -158,6 +158,7 @@ class OnnxOnBelief:
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
+        batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         masks = np.stack([self._masks[row][col] for col, row in present])
