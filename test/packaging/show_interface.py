@@ -78,6 +78,7 @@ def started(make_node: Callable[[], Node], *arguments: str) -> dict[str, Any]:
 
 if __name__ == "__main__":
     options = ("-p", "num_drones:=1", "-p", "wait_for_vehicles:=true", "-p", "publish_belief:=true")
+    options += ("-p", "battery_move:=1.0", "-p", "loss_steps:=[1000]")
     # In this mode it listens to no vehicle. What has no value has no type.
     of_bridge = [
         part
