@@ -305,7 +305,10 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
     [
         (
             "sim_node",
-            [(PARAMETERS, heading) for heading in ("Of the simulation", "Scenario", "Rules")],
+            [
+                *((PARAMETERS, heading) for heading in ("Of the simulation", "Scenario", "Rules")),
+                (DOCS / "faults.md", "Kinds of faults"),
+            ],
         ),
         ("planner_node", [(PARAMETERS, "Of the planner")]),
         ("mavlink_bridge", [(FLIGHT, "Parameters")]),
