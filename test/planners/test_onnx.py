@@ -20,8 +20,10 @@ from dsse_ros.search import FieldError, parallel_env
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
 
+from dsse_ros.planners.onnx import SHIPPED  # noqa: E402
+
 FIELDS: dict[str, Any] = {"rules": "v2", "grid_size": 7, "num_drones": 3}
-INPUTS = {"position": 2, "positions": 6, "action_mask": 9}
+INPUTS = {"position": 2, "positions": 6, "number": 1, "action_mask": 9}
 
 
 def model(
@@ -73,6 +75,7 @@ def test_each_drone_does_the_allowed_action_with_the_highest_score(
             value = {
                 "position": cells[i],
                 "positions": np.concatenate([cells[i], *others]),
+                "number": np.array([i]),
                 "action_mask": infos[agent]["action_mask"],
             }[name]
             scores = np.where(infos[agent]["action_mask"] == 1, value @ weights, -np.inf)
@@ -126,8 +129,6 @@ PUBLISHED: dict[str, Any] = {
 
 
 def test_the_model_of_the_package_is_small_and_finds_more_than_the_published_agents() -> None:
-    from dsse_ros.planners.onnx import SHIPPED
-
     assert SHIPPED.stat().st_size < 2_000_000
     missions = play_missions(600, "onnx", seed=5_000, **PUBLISHED)
     assert missions.found.mean() > 0.9
