@@ -5,9 +5,11 @@
 from __future__ import annotations
 
 import array
+import atexit
 import hashlib
 import io
 import json
+import shutil
 import sys
 import tempfile
 import zipfile
@@ -322,7 +324,9 @@ def _flown() -> Any:
 
 @cache
 def _folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="dsse_ros_soak_"))
+    made = Path(tempfile.mkdtemp(prefix="dsse_ros_soak_"))
+    atexit.register(shutil.rmtree, made, ignore_errors=True)
+    return made
 
 
 def _file(name: str) -> Path:
