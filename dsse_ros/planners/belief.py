@@ -24,6 +24,7 @@ from dsse_ros.planners.heeding import heed_masks, is_aloft
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.drift_estimate import FIRST_OBSERVED, DriftEstimate
+from dsse_ros.search.fault_fields import may_be_held_up
 from dsse_ros.search.observation import most_probable
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
@@ -204,6 +205,7 @@ class BeliefPlanner:
         self._seed = seed
         self.forecasts = Forecasts(search.rules, tactic)
         self._actions = search.rules.action_set.with_moves()
+        self._may_be_held_up = may_be_held_up(search.scenario)
         self._learn_drift = learn_drift and search.observed == "map"
         self._drift: DriftEstimate | None = None
         self._searches: list[list[tuple[Cell, bool]]] = []
@@ -243,6 +245,10 @@ class BeliefPlanner:
                 self.belief, steered, [cells[a] for a in steered], began_s + limit_s, batteries
             )
             ends |= zip(steered, chosen, strict=True)
+            if self._may_be_held_up:
+                # What a drone is about to leave may not get free.
+                occupied = {cells[agent] for agent in steered}
+                ends |= {agent: cells[agent] for agent in steered if ends[agent] in occupied}
         self._commanded = {agent: (cell, ends[agent]) for agent, cell in cells.items()}
         actions = {agent: self._actions.action(cell, ends[agent]) for agent, cell in cells.items()}
         return heed_masks(actions, cells, infos, self._actions)

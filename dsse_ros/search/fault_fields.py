@@ -95,11 +95,13 @@ class Fault:
         doc: What it does, one sentence.
         switches: Fields of which each brings the fault about, where it is not 0.
         options: Fields that say how.
+        holds_up: Whether a drone may stay in a cell that it was commanded to leave.
     """
 
     doc: str
     switches: tuple[str, ...]
     options: tuple[str, ...] = ()
+    holds_up: bool = False
 
 
 FAULTS: Mapping[str, Fault] = MappingProxyType(
@@ -117,17 +119,20 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
             "A search seems to find somebody; the drone hovers until it knows better.",
             ("false_alarm_rate",),
             ("false_alarm_steps",),
+            holds_up=True,
         ),
         "dropped_commands": Fault(
-            "A command does not arrive; the drone hovers.", ("command_drop_rate",)
+            "A command does not arrive; the drone hovers.", ("command_drop_rate",), holds_up=True
         ),
-        "delayed_commands": Fault("Commands arrive late.", ("command_delay",)),
+        "delayed_commands": Fault("Commands arrive late.", ("command_delay",), holds_up=True),
         "stuck": Fault(
-            "A drone hovers where it is, whatever its command.", ("stuck_rate",), ("stuck_steps",)
+            "A drone hovers where it is, whatever its command.", ("stuck_rate",), ("stuck_steps",),
+            holds_up=True,
         ),
         "position_noise": Fault("Drones observe wrong positions.", ("position_noise",)),
         "wind": Fault(
-            "Moves against or across the wind take more steps.", ("wind_speed",), ("wind_toward",)
+            "Moves against or across the wind take more steps.", ("wind_speed",), ("wind_toward",),
+            holds_up=True,
         ),
     }
 )  # fmt: skip
@@ -141,3 +146,8 @@ def faults_of(scenario: FaultFields) -> list[str]:
         for name, fault in FAULTS.items()
         if any(np.any(getattr(scenario, switch)) for switch in fault.switches)
     ]
+
+
+def may_be_held_up(scenario: FaultFields) -> bool:
+    """Return whether a drone may stay in a cell that it was commanded to leave."""
+    return any(FAULTS[name].holds_up for name in faults_of(scenario))

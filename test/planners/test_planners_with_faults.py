@@ -16,8 +16,8 @@ from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.search import parallel_env
 from dsse_ros.search.actions import ActionSet
 
-NAMES = [name for name in PLANNER_NAMES if name != "onnx"]
-"""Planners that need no file."""
+NAMES = [name for name in PLANNER_NAMES if name not in ("astar", "onnx")]
+"""Planners that look for persons and need no file."""
 ACTIONS = ActionSet(("left", "right", "up", "down", "search"))
 SEARCH: dict[str, Any] = {
     "grid_size": 9, "num_drones": 3, "person_initial_position": (6, 6), "timestep_limit": 45,
@@ -72,6 +72,19 @@ def test_missions_with_faults_are_what_single_ones_are(name: str) -> None:
     for m, seed in enumerate(seeds):
         planner = planner_for(env, name, seed=4 + m % 2, **options)
         assert (missions.found[m], missions.steps[m]) == alone(env, planner, seed, None)
+
+
+@pytest.mark.parametrize("name", ["greedy", "belief_greedy", "belief"])
+@pytest.mark.parametrize(
+    "fault",
+    [{"wind_speed": 5.0, "wind_toward": 90.0}, {"command_drop_rate": 0.2}, {"stuck_rate": 0.1}],
+)
+def test_planners_meet_nobody_who_was_held_up(name: str, fault: dict[str, float]) -> None:
+    missions = play_missions(
+        8, name, seed=3, planner_seeds=range(8), options=OPTIONS.get(name, {}), grid_size=9,
+        num_drones=4, timestep_limit=30, probability_of_detection=0.2, **fault,
+    )  # fmt: skip
+    assert missions.collisions.sum() == missions.lost.sum() == 0
 
 
 def test_the_beam_search_is_on_its_way_home_before_it_has_to_be() -> None:
