@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from test_batch import OPTIONS, alone
 
-from dsse_ros.planners import PLANNER_NAMES, planner_for
+from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.search import parallel_env
 from dsse_ros.search.actions import ActionSet
 
-NAMES = [name for name in PLANNER_NAMES if name not in ("astar", "onnx")]
+NAMES = [name for name in PLANNER_NAMES if name not in (*COVERAGE_PLANNERS, "onnx")]
 """Planners that look for persons and need no file."""
 ACTIONS = ActionSet(("left", "right", "up", "down", "search"))
 SEARCH: dict[str, Any] = {
