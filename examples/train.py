@@ -200,7 +200,12 @@ def export_policy(model: MaskablePPO, path: Path) -> None:
     export(
         model.policy,
         path,
-        {"actions": batch.rules.actions, "rules": batch.rules.profile, "observe": "belief"},
+        {
+            "actions": batch.rules.actions,
+            "rules": batch.rules.profile,
+            "observe": "belief",
+            "avoid_collisions": True,
+        },
         grid=batch.world.grid_size,
         drones=batch.world.num_drones,
     )

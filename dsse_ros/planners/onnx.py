@@ -17,7 +17,8 @@ score of each action. A drone does the action with the highest score of those th
 The metadata `dsse_ros` of the file is a JSON object with `actions` (their names by number), `rules`
 (the name of the profile) and, where the model fits no other, `grid_size` and `num_drones`. With
 `"observe": "belief"` in it `probability` is the belief: where drones observe the map, the planner
-keeps a belief of its own.
+keeps a belief of its own. With `"avoid_collisions": true` no drone is sent into another one's cell:
+one that has to give way searches where it is.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from __future__ import annotations
 import copy
 import json
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
+from dsse_ros.planners.avoidance import resolve_conflicts
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.planner import Cell, Planner, Search, cells_of, probability_of
 from dsse_ros.search.actions import ActionSet
@@ -63,10 +66,13 @@ class Policy:
 
     Args:
         session: The model.
+        apart: The actions of the search, if drones are to be kept out of one another's cells.
     """
 
-    def __init__(self, session: onnxruntime.InferenceSession) -> None:
-        self._session = session
+    def __init__(
+        self, session: onnxruntime.InferenceSession, apart: ActionSet | None = None
+    ) -> None:
+        self._session, self._apart = session, apart
         self._inputs = [one.name for one in session.get_inputs()]
         # Of all drones, those out of the search too.
         self._cells: dict[Hashable, Cell] = {}
@@ -88,6 +94,8 @@ class Policy:
     ) -> list[int]:
         """Return the allowed action with the highest score for every live drone.
 
+        One that has to give way searches where it is.
+
         Args:
             present: Their cells.
             probability: (G, G), the map [y, x].
@@ -106,7 +114,21 @@ class Policy:
         # Where nothing is allowed nothing is forbidden.
         barred = (masks == 0) & masks.any(axis=1, keepdims=True)
         best: list[int] = np.where(barred, -np.inf, scores).argmax(axis=1).tolist()
-        return best
+        if self._apart is None:
+            return best
+        cells = list(present.values())
+        requested = _ends(self._apart, cells, best)
+        granted = resolve_conflicts(cells, requested)
+        return [
+            action if end == wanted else self._apart.search
+            for action, wanted, end in zip(best, requested, granted, strict=True)
+        ]
+
+
+def _ends(actions: ActionSet, cells: Sequence[Cell], numbers: Sequence[int]) -> list[Cell]:
+    """Return where the actions lead drones from their cells."""
+    moves = [actions.moves[number] for number in numbers]
+    return [(x + dx, y + dy) for (x, y), (dx, dy) in zip(cells, moves, strict=True)]
 
 
 class OnnxPlanner:
@@ -163,23 +185,22 @@ class OnnxOnBelief:
         """Return the cell that each drone goes to; see `Tactic`."""
         masks = np.stack([self._masks[row][col] for col, row in present])
         probability = belief.cells().astype(np.float32)
-        actions = self._policy.actions(dict(zip(agents, present, strict=True)), probability, masks)
-        moves = [self._actions.moves[action] for action in actions]
-        return [(x + dx, y + dy) for (x, y), (dx, dy) in zip(present, moves, strict=True)]
+        cells = dict(zip(agents, present, strict=True))
+        return _ends(self._actions, present, self._policy.actions(cells, probability, masks))
 
 
 class OnnxTactics:
     """Makes `OnnxOnBelief` for each mission.
 
     Args:
-        session: The model.
+        new_policy: Makes the policy of a mission.
     """
 
     # As environments that observe the belief.
     drift_samples = DRIFT_SAMPLES
 
-    def __init__(self, session: onnxruntime.InferenceSession) -> None:
-        self._session = session
+    def __init__(self, new_policy: Callable[[], Policy]) -> None:
+        self._new_policy = new_policy
 
     def horizon(self, rules: Rules) -> int:
         """Return 0: it looks at the present."""
@@ -188,7 +209,7 @@ class OnnxTactics:
     def start(self, forecast: Forecast, seed: int) -> OnnxOnBelief:
         """Return the tactic for a mission; it draws nothing."""
         actions = forecast.rules.action_set.within(forecast.scenario.area_mask)
-        return OnnxOnBelief(Policy(self._session), actions, forecast.scenario.grid_size)
+        return OnnxOnBelief(self._new_policy(), actions, forecast.scenario.grid_size)
 
 
 def encode(
@@ -257,14 +278,16 @@ def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
         FieldError: If there is no such model, or it is one of another search.
     """
     session = read_model(model)
-    observes = _observed(session.get_modelmeta().custom_metadata_map, search)
-    if observes == "belief" and search.observed == "map":
-        return BeliefPlanner(search, OnnxTactics(session), seed=seed)
-    return OnnxPlanner(Policy(session))
+    stated = _metadata(session.get_modelmeta().custom_metadata_map, search)
+    apart = search.rules.action_set if stated["avoid_collisions"] else None
+    new_policy = partial(Policy, session, apart)
+    if stated["observe"] == "belief" and search.observed == "map":
+        return BeliefPlanner(search, OnnxTactics(new_policy), seed=seed)
+    return OnnxPlanner(new_policy())
 
 
-def _observed(metadata: Mapping[str, str], search: Search) -> str:
-    """Return what a model observes: `map` or `belief`.
+def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:
+    """Return what a model states of itself: `observe` is `map` or `belief`.
 
     Raises:
         FieldError: If it is of another one, or does not state which.
@@ -283,7 +306,7 @@ def _observed(metadata: Mapping[str, str], search: Search) -> str:
         "grid_size": scenario.grid_size,
         "num_drones": scenario.num_drones,
     }
-    of_model = {**stated, "actions": actions, "rules": rules}
+    of_model = {"avoid_collisions": False, **stated, "actions": actions, "rules": rules}
     observed = str(OBSERVED.check("model: observe", of_model.get("observe", search.observed)))
     if observed == "map":
         of_search["observe"] = search.observed
@@ -293,4 +316,4 @@ def _observed(metadata: Mapping[str, str], search: Search) -> str:
                 f"model: {name} {of_model[name]!r} of the model is not allowed; the search has "
                 f"{value!r}"
             )
-    return observed
+    return {**of_model, "observe": observed}

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import runpy
 import subprocess
 import sys
@@ -101,3 +103,22 @@ def test_the_cpp_on_the_page_is_in_the_example() -> None:
     for block in shown:
         part = [line.strip() for line in block.splitlines()]
         assert any(lines[i : i + len(part)] == part for i in range(len(lines))), block
+
+
+def test_the_page_states_the_evaluation_and_the_curve_that_come_with_the_model() -> None:
+    models = ROOT / "dsse_ros" / "models"
+    card = json.loads((models / "v2.json").read_text(encoding="utf-8"))
+    page = (ROOT / "docs/tutorials/training.md").read_text(encoding="utf-8")
+    for planner, measured in card["evaluation"]["value_low_high"].items():
+        (found, low, high), (mean, below, above) = (
+            measured[name] for name in ("found_percent", "mean_steps")
+        )
+        median = measured["median_steps"][0]
+        row = (
+            f"| `{planner}` | {found:.2f} ({low:.2f} to {high:.2f}) "
+            f"| {mean:.2f} ({below:.2f} to {above:.2f}) | {median:g} |"
+        )
+        assert row in page
+    with (models / "v2_curve.csv").open(encoding="utf-8") as file:
+        steps = [int(row["drone_steps"]) for row in csv.DictReader(file)]
+    assert card["training"]["drone_steps"] in steps and steps == sorted(steps)

@@ -155,6 +155,23 @@ def test_a_model_of_the_belief_does_the_same_on_the_map_and_where_the_belief_is_
         others, _, _, _, other_infos = seeing.step(joint)
 
 
+def test_a_model_that_avoids_collisions_sends_no_drone_into_the_cell_of_another(
+    tmp_path: Path,
+) -> None:
+    # All drones want to go to the right, and down at the edge.
+    weights = np.zeros((9, 9))
+    weights[actions().index("right"), actions().index("right")] = 2.0
+    weights[actions().index("down"), actions().index("down")] = 1.0
+    fields = {**FIELDS, "drones_positions": [(0, 0), (0, 1), (0, 2)], "timestep_limit": 40}
+    together = {}
+    for avoid in (False, True):
+        metadata = of_search(avoid_collisions=avoid)
+        path = model(tmp_path, weights, "action_mask", **metadata)
+        missions = play_missions(50, "onnx", seed=3, options={"model": path}, **fields)
+        together[avoid] = missions.collisions.sum()
+    assert together[False] > 0 and together[True] == 0
+
+
 def test_a_model_of_the_map_is_not_flown_on_a_belief(tmp_path: Path) -> None:
     path = model(tmp_path, np.zeros((2, len(actions()))), **of_search(observe="map"))
     with pytest.raises(FieldError, match="observe 'map' of the model is not allowed; .* 'belief'"):
