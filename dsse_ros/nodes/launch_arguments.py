@@ -137,7 +137,9 @@ _VIEWER = ("foxglove_viewer",)
 
 MISSION: Mapping[str, Argument] = {
     "scenario": Argument("str", "YAML file, or name of a scenario of the package.", "santos", _SIM),
-    "rules": Argument("str", "Profile of the rules.", "paper", _SIM, choices=("paper", "v1", "v2")),
+    "rules": Argument(
+        "str", "Profile of the rules.", "paper", _SIM, choices=("paper", "v1", "v2", "coverage"),
+    ),
     "planner": Argument(
         "str", "Which planner commands the drones, one of this package or of another.", "greedy",
         _PLANNER,

@@ -24,7 +24,7 @@ class FaultFields(BatteryFields):
         "float", "Probability that a step loses a drone in the air.", 0.0, low=0, high=1
     )
     loss_steps: tuple[int, ...] = field(
-        "ints", "Step that loses each drone, one per drone, 0 for never; empty: none does.", (),
+        "ints", "Step that loses each drone, or one for all drones; 0 for never.", (0,),
         low=0, high=10**9, unit="steps",
     )  # fmt: skip
     stuck_rate: float = field(
@@ -74,10 +74,10 @@ class FaultFields(BatteryFields):
         Raises:
             FieldError: If they contradict each other or the drones.
         """
-        if self.loss_steps and len(self.loss_steps) != num_drones:
+        if len(self.loss_steps) not in (1, num_drones):
             raise FieldError(
                 f"loss_steps: {len(self.loss_steps)} steps are not allowed; "
-                f"one per drone ({num_drones})"
+                f"one for all drones or one per drone ({num_drones})"
             )
         if self.wind_speed >= drone_speed:
             raise FieldError(

@@ -68,7 +68,8 @@ class Faults:
     def __init__(self, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> None:
         shape = (num_worlds, scenario.num_drones)
         self._constants = fault_constants(scenario, rules)
-        self._losses = np.array(scenario.loss_steps or (0,) * scenario.num_drones, np.int64)
+        self._losses = np.empty(scenario.num_drones, np.int64)
+        self._losses[:] = scenario.loss_steps
         self.conditions = np.zeros(shape, CONDITIONS)
         self.applied = np.full(shape, HELD, np.int8)
         self.has_battery = scenario.battery_move > 0

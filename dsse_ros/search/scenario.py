@@ -141,14 +141,10 @@ class Scenario(FaultFields):
 
     def __post_init__(self) -> None:
         check_all(self, Scenario)
-        if self.area is not None:
-            whole_grid = isinstance(self.area, str) and not self.area
-            object.__setattr__(self, "area", None if whole_grid else Area.of(self.area))
-        matrix: Any = self.probability_matrix
-        if matrix is not None:
-            empty = isinstance(matrix, str) and not matrix
-            made = None if empty else ProbabilityMatrix.of(matrix)
-            object.__setattr__(self, "probability_matrix", made)
+        for name, make in (("area", Area.of), ("probability_matrix", ProbabilityMatrix.of)):
+            if (value := getattr(self, name)) is not None:
+                empty = isinstance(value, str) and not value
+                object.__setattr__(self, name, None if empty else make(value))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Scenario:
@@ -233,6 +229,7 @@ class Scenario(FaultFields):
         mask = area_mask(self.area, self.land, grid, cell, origin)
         positions = self._resolve_positions(grid, mask)
         sigma = self.sigma if self.sigma is not None else rules.sigma
+        growth = rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
         person = self.person_initial_position or rules.person_initial_position
         person = person or (grid // 2, grid // 2)
         check_cell("person_initial_position", person, grid, mask)
@@ -254,9 +251,7 @@ class Scenario(FaultFields):
             "sigma": sigma,
             "sigma_x": self.sigma_x or sigma,
             "sigma_y": self.sigma_y or sigma,
-            "dispersion_inc": (
-                rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
-            ),
+            "dispersion_inc": growth,
             "timestep_limit": self.timestep_limit or rules.timestep_limit,
             **self.resolved_faults(len(positions), self.drone_speed),
         }
@@ -278,9 +273,8 @@ class Scenario(FaultFields):
         cell = self.cell_size
         if cell is None:
             cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
-            cell = SPECS["cell_size"].check(
-                "cell_size (of altitude and field_of_view)", round(cell, 3)
-            )
+            derived_from = "cell_size (of altitude and field_of_view)"
+            cell = SPECS["cell_size"].check(derived_from, round(cell, 3))
         return self._resolve_grid(rules, cell), cell
 
     def _resolve_grid(self, rules: Rules, cell: float) -> int:

@@ -85,7 +85,7 @@ def test_every_fault_has_fields_and_every_field_is_of_one_fault() -> None:
 def test_without_a_fault_there_is_nothing_of_them() -> None:
     env = parallel_env(SEARCH)
     assert env.world.faults is None
-    assert env.scenario.loss_steps == ()
+    assert env.scenario.loss_steps == (0,)
     _, infos = env.reset(seed=1)
     assert infos["drone0"].keys() == {"Found", "action_mask", "found_person"}
     assert "conditions" not in env.snapshot().arrays
