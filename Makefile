@@ -1,10 +1,11 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # Set-up, simulation and tests from a fresh clone; `make` alone lists the targets.
 
 PYTHON ?= python3
 DISTRO ?= jazzy
 
-# ROS 2 as wheels, one set for each distribution.
+# ROS 2 as wheels, one set for each distribution; `make lock` pins what they need.
 WHEELS_jazzy := 'ros-rclpy[fastrtps]==7.1.6' 'ros-common-interfaces==5.3.6'
 WHEELS_kilted := 'ros-rclpy[fastrtps]==9.1.2' 'ros-common-interfaces==5.5.1'
 
@@ -25,11 +26,18 @@ PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no
 WITH_NODES := --numprocesses=4 --dist=loadfile --no-loadscope-reorder
 WITHOUT_NODES := --numprocesses=2 --dist=worksteal
 
+# Nothing but what is in a file, by its hashes.
+LOCKED := --no-deps --require-hashes --requirement
+COMMA := ,
+OF_TESTS := viz,area,geotiff,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
+
 # What calls the libraries that have lower bounds.
 TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracles.py rendering.py \
 	scenario.py snapshot.py vector_env.py withdraw.py world.py) test/planners/test_planners.py \
 	$(addprefix test/msg_adapters/test_,geodesy.py mavlink_items.py occupancy.py poses.py) \
 	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
+
+TESTS_OF_KERNELS := $(addprefix test/search/test_,actions.py against_reference.py person.py withdraw.py world.py)
 
 # Folders of tests without DDS; those marked slow are left out of them.
 TESTS_OF_CHECK := $(addprefix test/,campaign compat dashboard flight mission msg_adapters packaging \
@@ -49,7 +57,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim sitl-demo campaign check test test-oldest lint format docs docs-check bench reproduce compare clean
+.PHONY: help sim sitl-demo campaign check test test-oldest lint coverage mutants format docs docs-check bench reproduce compare soak lock sbom audit clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
@@ -82,6 +90,15 @@ lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 
+# The compiled search is run twice: compiled by all tests, as plain Python by those that are quick so.
+coverage: $(VENV)/.test $(VENV)/.quality ## Measure which branches of search, mission, msg_adapters and flight are tested
+	@NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(WITHOUT_NODES) --cov --cov-report= $(TESTS_OF_KERNELS)
+	@$(BIN)/pytest $(WITHOUT_NODES) --cov --cov-append $(addprefix test/,search mission msg_adapters flight)
+
+mutants: $(VENV)/.test $(VENV)/.quality ## Test the tests of fence, upload and commands by changing those: MUTANTS='name ...'
+	@$(BIN)/mutmut run --max-children 2 $(MUTANTS)
+	@$(BIN)/mutmut results
+
 format: $(VENV)/.test ## Format the code and mend what the linter can
 	@$(BIN)/ruff check --fix
 	@$(BIN)/ruff format
@@ -102,11 +119,39 @@ reproduce: $(VENV)/.test ## Replay the published tables
 compare: $(VENV)/.test ## Compare all planners on the same missions: MISSIONS=n of each
 	@$(BIN)/python -m benchmarks.compare --missions '$(or $(MISSIONS),2000)'
 
+soak: $(VENV)/.soak ## Keep every promise of reliability for long: SOAK='--only load late_joiner'
+	@$(BIN)/python -m soak $(SOAK)
+
+# For all Pythons and platforms; UV finds what it needs where pip does by default, or by its own settings.
+LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.10 --generate-hashes --upgrade \
+	--custom-compile-command 'make lock' --no-annotate --no-python-downloads
+lock: $(VENV)/.quality ## Pin what the tests are run with anew, each file by its hash
+	@$(LOCK) setup.py --extra $(subst $(COMMA), --extra ,$(OF_TESTS)) --output-file requirements.lock
+	@for distro in jazzy kilted; do $(MAKE) --no-print-directory DISTRO=$$distro .lock; done
+
+.PHONY: .lock
+.lock:
+	@printf '%s\n' 'setuptools>=70.1' $(WHEELS_$(DISTRO)) | \
+		$(LOCK) --constraint requirements.lock --output-file requirements-$(DISTRO).lock -
+
+sbom: $(VENV)/.quality build/requirements-$(DISTRO).txt ## Write a bill of materials of what the tests are run with, as CycloneDX
+	@$(BIN)/cyclonedx-py requirements --output-reproducible --output-file build/sbom.json build/requirements-$(DISTRO).txt
+	@echo build/sbom.json
+
+audit: $(VENV)/.quality build/requirements-$(DISTRO).txt ## Look up known weaknesses of what the tests are run with
+	@$(BIN)/pip-audit --disable-pip --require-hashes --requirement build/requirements-$(DISTRO).txt
+
+# What is in both stands there once.
+build/requirements-$(DISTRO).txt: requirements.lock requirements-$(DISTRO).lock
+	@mkdir -p build
+	@awk '/^[^ #]/ { keep = !seen[$$0]++ } keep' $^ > $@
+
 clean: ## Remove the environment and everything built
-	rm -rf $(VENV) $(VENV)-oldest build dist docs/_build install log *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(VENV)-oldest build dist docs/_build install log mutants .coverage *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-$(BASE):
+# A sourced ROS 2 comes with packages of its own, with which its own were compiled: they are not replaced.
+$(BASE): $(if $(SOURCED),,$(wildcard requirements-$(DISTRO).lock))
 	$(if $(SOURCED)$(WHEELS_$(DISTRO)),,$(error DISTRO=$(DISTRO): choose jazzy or kilted))
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null || \
 		{ echo '$(PYTHON) is not Python 3.10 or later: name one with PYTHON=...' >&2; exit 1; }
@@ -115,7 +160,7 @@ $(BASE):
 	@echo 'Setting up $(VENV) with $(if $(SOURCED),the sourced ROS 2 $(SOURCED),ROS 2 $(DISTRO) from wheels)'
 	@rm -rf $(VENV)
 	@$(PYTHON) -m venv $(if $(SOURCED),--system-site-packages) $(VENV)
-	@$(PIP_INSTALL) 'setuptools>=70.1' $(if $(SOURCED),,$(WHEELS_$(DISTRO)))
+	@$(PIP_INSTALL) $(if $(SOURCED),'setuptools>=70.1',$(LOCKED) requirements-$(DISTRO).lock)
 	@touch $@
 
 # Requirements are looked at again only when they may have changed. The build has a new folder of
@@ -123,19 +168,23 @@ $(BASE):
 $(VENV)/.sim: EXTRAS := viz,area,movie,onnx
 $(VENV)/.view: EXTRAS := viz,area,movie,onnx,dashboard
 $(VENV)/.campaign: EXTRAS := viz,area,campaign
-$(VENV)/.test: EXTRAS := \
-	viz,area,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
+$(VENV)/.test: EXTRAS := $(OF_TESTS)
+$(VENV)/.test: $(if $(SOURCED),,requirements.lock)
+$(VENV)/.quality: EXTRAS := quality
+$(VENV)/.soak: EXTRAS := viz,area,onnx,test,record,dashboard,viewer,soak
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
-$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.docs $(VENV)/.oldest: $(BASE) setup.py \
-		pyproject.toml $(SOURCES)
+TO_RESOLVE = $(if $(filter requirements.lock,$^),,$(filter $(BASE) $(VENV)/oldest.txt setup.py,$?))
+$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VENV)/.docs $(VENV)/.soak $(VENV)/.oldest: \
+		$(BASE) setup.py pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
+	$(if $(filter requirements.lock,$?),@$(PIP_INSTALL) $(LOCKED) requirements.lock)
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
 	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg
 	@DIST_EXTRA_CONFIG=$(CURDIR)/$(VENV)/build/cfg $(PIP_INSTALL) --no-build-isolation \
-		$(CONSTRAINTS) $(if $(filter $(BASE) $(VENV)/oldest.txt setup.py,$?),'.[$(EXTRAS)]',--no-deps .)
+		$(CONSTRAINTS) $(if $(TO_RESOLVE),'.[$(EXTRAS)]',--no-deps .)
 	@touch $@
 
 # Otherwise each worker would compile the search, and each node that starts before one has.

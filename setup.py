@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The package as pip and colcon install it; name, version and maintainer come from package.xml.
 
@@ -61,6 +62,8 @@ setup(
         # What a scenario's fields of the same names need.
         "area": ["shapely>=2.0.3"],
         "land": ["global-land-mask>=1.0"],
+        # Probability matrices from GeoTIFF files.
+        "geotiff": ["rasterio>=1.4"],
         # What `recorder` and `replay` write and read.
         "record": ["mcap>=1.6"],
         # The site of `make docs`.
@@ -76,6 +79,17 @@ setup(
         # The program `dashboard`; `browser` drives one in its tests.
         "dashboard": ["nicegui>=3.18", "pillow>=10.2"],
         "browser": ["playwright>=1.49"],
+        # `make coverage`, `make mutants`, `make lock`, `make sbom` and `make audit`.
+        "quality": [
+            "coverage>=7.6",
+            "cyclonedx-bom>=7",
+            "mutmut>=3.8",
+            "pip-audit>=2.9",
+            "pytest-cov>=6",
+            "uv>=0.9",
+        ],
+        # What guides the fuzzing of `make soak`.
+        "soak": ["atheris>=3.0"],
         "test": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",

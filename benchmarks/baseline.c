@@ -1,3 +1,4 @@
+// Copyright 2026 dsse_ros maintainers
 // SPDX-License-Identifier: Apache-2.0
 /* Baseline: one DSSE(v1-rule) env step in C, single core. gcc -O3 -march=native -ffast-math baseline.c -o baseline -lm
    usage: baseline GRID NDRONES BATCH SECS MODE   MODE 0=eager dense matrix every step, 1=lazy (parameters only)

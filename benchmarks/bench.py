@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make bench`: everything in one run on one machine, so that its ratios can be trusted."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make compare`: all planners on the same missions, and how they degrade when they are misled.
 
@@ -14,7 +15,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from math import cos, radians, sin
@@ -149,6 +150,46 @@ DISTURBANCES = {
 }
 DISTURBED_CASES = ("v2", "santos_4")
 
+FAULTS: dict[str, tuple[str, dict[str, Any]]] = {
+    "none": ("nothing", {}),
+    "battery": (
+        "batteries of 50 steps, none relieved",
+        {"battery_move": 2.0, "battery_reserve": 20.0},
+    ),
+    "relief": (
+        "the same, relieved after 5 steps",
+        {"battery_move": 2.0, "battery_reserve": 20.0, "relief_steps": 5},
+    ),
+    "loss": ("a drone is lost in 2 % of its steps", {"loss_rate": 0.02}),
+    "missed": ("20 % of detections missed", {"probability_of_detection": 0.8}),
+    "alarms": (
+        "10 % false alarms, 2 steps each",
+        {"false_alarm_rate": 0.1, "false_alarm_steps": 2},
+    ),
+    "dropped": ("10 % of commands dropped", {"command_drop_rate": 0.1}),
+    "delayed": ("commands one step late", {"command_delay": 1}),
+    "stuck": ("stuck in 2 % of the steps, for 5", {"stuck_rate": 0.02, "stuck_steps": 5}),
+    "noise": ("positions half a cell off", {"position_noise": 0.5}),
+    "wind": ("wind of 5 m/s to the east", {"wind_speed": 5.0, "wind_toward": 90.0}),
+}
+"""Title and fields of the scenario by fault; planners know them."""
+FAULT_CASE = "santos_4"
+FAULT_PLANNERS = ("random", "sweep", "greedy", "optimal_effort", "belief_greedy", "belief")
+FAULT_MISSIONS = 400
+"""At the most: with faults no two missions are alike, and each has a planner of its own."""
+
+
+def fly_with_fault(planner: str, fault: str, count: int) -> Missions:
+    """Play missions of `FAULT_CASE` with a fault."""
+    case = CASES[FAULT_CASE]
+    scenario = case.scenario.override(**FAULTS[fault][1])
+    numbers = SEED + np.arange(min(count, FAULT_MISSIONS))
+    seeds = range(PLANNER_SEEDS.get(planner, 1))
+    return play_missions(
+        len(numbers), planner, scenario, rules=case.rules, seed=numbers.tolist(),
+        planner_seeds=seeds,
+    )  # fmt: skip
+
 
 def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
     """Play the missions of a case."""
@@ -224,22 +265,25 @@ def _found_and_steps(row: dict[str, Any]) -> str:
     return f"{100 * row['found']:.1f} %, {steps}"
 
 
-def disturbance_table(results: dict[str, dict[str, Any]]) -> str:
+def disturbance_table(results: dict[str, dict[str, Any]], titles: Mapping[str, str]) -> str:
     """Return found and mean steps of each planner under each disturbance as a Markdown table."""
     names = list(results["none"])
     lines = ["| What is wrong | " + " | ".join(f"`{name}`" for name in names) + " |"]
     lines.append("| --- |" + " --- |" * len(names))
     for key, row in results.items():
         cells = [_found_and_steps(row[name]) for name in names]
-        lines.append(f"| {DISTURBANCES[key].title} | " + " | ".join(cells) + " |")
+        lines.append(f"| {titles[key]} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
 def tables(results: dict[str, Any]) -> dict[str, str]:
     """Return the Markdown tables by name."""
     written = {key: case_table(CASES[key], rows) for key, rows in results["cases"].items()}
+    titles = {key: disturbance.title for key, disturbance in DISTURBANCES.items()}
     for key, rows in results["disturbed"].items():
-        written[f"{key}_disturbed"] = disturbance_table(rows)
+        written[f"{key}_disturbed"] = disturbance_table(rows, titles)
+    of_faults = {key: title for key, (title, _) in FAULTS.items()}
+    written["faults"] = disturbance_table(results["faults"], of_faults)
     return written
 
 
@@ -283,8 +327,28 @@ def installed(names: Sequence[str]) -> list[str]:
     return kept
 
 
+def run_faults(count: int, workers: int) -> dict[str, Any]:
+    """Play `FAULT_CASE` with each fault; returns the figures."""
+    names = installed(FAULT_PLANNERS)
+    done: dict[tuple[str, str], Missions] = {}
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = {
+            pool.submit(fly_with_fault, name, fault, count): (fault, name)
+            for name in reversed(names)
+            for fault in FAULTS
+        }
+        for job in progress(as_completed(jobs), "compare, faults", total=len(jobs)):
+            (fault, name), missions = jobs[job], job.result()
+            done[fault, name] = missions
+            say(f"{fault}, {name}: {missions.found.mean():.2%}, {missions.steps.mean():.2f} steps")
+    return {
+        fault: {name: figures(done[fault, name], done["none", name]) for name in names}
+        for fault in FAULTS
+    }
+
+
 def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-    """Play everything; returns the figures and the curves."""
+    """Play everything but faults; returns the figures and the curves."""
     names = installed(PLANNERS)
     jobs: dict[Future[Missions], tuple[str, str, str]] = {}
     done: dict[tuple[str, str, str], Missions] = {}
@@ -327,17 +391,25 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="compare", description=__doc__)
     parser.add_argument("--missions", type=int, default=2000, help="of each planner and case")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    parser.add_argument(
+        "--faults", action="store_true", help="play the faults only, and keep the other results"
+    )
     arguments = parser.parse_args(argv)
     if arguments.missions < 100:
         parser.error(f"missions: {arguments.missions} is not allowed; at least 100")
-    began = time.perf_counter()
-    results, curves = run(arguments.missions, os.cpu_count() or 1)
-    results |= {"seconds": round(time.perf_counter() - began), "machine": machine()}
-    results["versions"] = own_versions()
+    began, workers = time.perf_counter(), os.cpu_count() or 1
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / "compare.json"
+    if arguments.faults:
+        results = json.loads(path.read_text(encoding="utf-8"))
+    else:
+        results, curves = run(arguments.missions, workers)
+        save_plot(curves, arguments.out / "compare.png")
+    results["faults"] = run_faults(arguments.missions, workers)
+    if not arguments.faults:
+        results |= {"seconds": round(time.perf_counter() - began), "machine": machine()}
+        results["versions"] = own_versions()
     path.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    save_plot(curves, arguments.out / "compare.png")
     for name, table in tables(results).items():
         print(f"\n{name}\n\n{table}")
     if arguments.out == RESULTS:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """World to message: the map of a large world as an OccupancyGrid, beside copying its bytes."""
 

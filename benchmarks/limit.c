@@ -1,3 +1,4 @@
+// Copyright 2026 dsse_ros maintainers
 // SPDX-License-Identifier: Apache-2.0
 /* Limit of any batch that writes its maps: as many bytes, written by memset. Each thread has its share of the maps and
    writes it again and again. gcc -O3 -march=native limit.c -o limit -lpthread

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Lockstep steps per second of `sim_node`, beside bare rclpy that sends the same messages."""
 
@@ -8,7 +9,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,11 +37,15 @@ BELIEFS: dict[str, dict[str, Any]] = {
 
 
 def measure(
-    *, rounds: int, seconds: float, log: Callable[[str], None]
+    *,
+    rounds: int,
+    seconds: float,
+    log: Callable[[str], None],
+    drones: Sequence[int] = DRONES,
 ) -> dict[str, dict[str, Any]]:
     """Return steps per second by number of drones; both take turns."""
     found = {}
-    for num_drones in DRONES:
+    for num_drones in drones:
         try:
             found[str(num_drones)] = figures = _measure(num_drones, rounds, seconds)
         except (BenchmarkError, subprocess.SubprocessError) as error:

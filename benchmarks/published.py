@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The published packages, installed from PyPI into environments of their own, and programs in C."""
 

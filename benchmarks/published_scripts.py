@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Steps per second of one script on DSSE 1.1.9 and, unchanged, on `dsse_ros.compat`."""
 

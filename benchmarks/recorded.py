@@ -1,41 +1,93 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Lockstep steps per second of `sim_node` while `recorder` writes all of it to a bag."""
+"""Lockstep steps per second of `sim_node` while `recorder` and `dashboard` follow all of it."""
 
 from __future__ import annotations
 
+import shutil
+import socket
 import tempfile
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from benchmarks.lockstep import _environment, _node, _parameters, _take_turns, _write_walk
-from benchmarks.processes import Process
+from benchmarks.processes import BenchmarkError, Process
 
 DRONES = 20
+KINDS = {
+    "plain": "alone",
+    "recorded": "recorded",
+    "dashboard": "and dashboard",
+    "page_open": "and its page open",
+}
+"""What runs beside the simulation and its peer, each with all before it, and how it is printed."""
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def measure(
     *, rounds: int, seconds: float, log: Callable[[str], None]
 ) -> dict[str, dict[str, list[float]]]:
-    """Return steps per second by number of drones, without and with a recorder in turns."""
-    rates: dict[str, list[float]] = {"plain": [], "recorded": []}
+    """Return steps per second by number of drones and `KINDS`, which take turns."""
+    kinds = list(KINDS)
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        log(f"no browser is installed, none of {', '.join(BROWSERS)}: the page is not opened")
+        kinds.remove("page_open")
+    rates: dict[str, list[float]] = {kind: [] for kind in kinds}
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         workload = folder / "walk.npz"
         starts = _write_walk(workload, "paper", DRONES)
         peers = {}
-        for offset, name in enumerate(rates):
+        for offset, kind in enumerate(kinds):
             domain = _environment(offset)
-            if name == "recorded":
-                bag = ["--ros-args", "-p", f"bag:={folder / 'bag.mcap'}"]
+            port = _free_port()
+            if offset >= 1:
+                bag = ["--ros-args", "-p", f"bag:={folder / kind}.mcap"]
                 stack.enter_context(_node("dsse_ros.nodes.recorder", bag, domain))
+            if offset >= 2:
+                of_page = ["--ros-args", "-p", f"port:={port}"]
+                stack.enter_context(_node("dsse_ros.nodes.dashboard", of_page, domain))
             stack.enter_context(_node("dsse_ros.nodes.sim_node", _parameters(starts), domain))
-            peers[name] = stack.enter_context(Process("lockstep", environment=domain))
-            peers[name].set_up({"node": "dsse_sim", "workload": str(workload)})
-            peers[name].rate(seconds)
+            peers[kind] = stack.enter_context(Process("lockstep", environment=domain))
+            peers[kind].set_up({"node": "dsse_sim", "workload": str(workload)})
+            peers[kind].rate(seconds)
+            if kind == "page_open":
+                stack.enter_context(_open_page(str(browser), f"http://127.0.0.1:{port}/"))
         _take_turns(peers, rounds, seconds, rates)
-    log(
-        f"{DRONES:>7} drones{max(rates['plain']):10.1f} plain"
-        f"{max(rates['recorded']):10.1f} recorded   steps/s"
-    )
+    shown = "".join(f"{max(found):10.1f} {KINDS[kind]}" for kind, found in rates.items())
+    log(f"{DRONES:>7} drones{shown}   steps/s")
     return {str(DRONES): rates}
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@contextmanager
+def _open_page(browser: str, url: str) -> Iterator[None]:
+    """Have a page in a browser without a window while the block lasts, once it shows a mission.
+
+    Raises:
+        BenchmarkError: If it does not.
+    """
+    from playwright.sync_api import Error, sync_playwright
+
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=browser, args=["--no-sandbox"])
+        try:
+            page = opened.new_page(viewport={"width": 1024, "height": 800})
+            try:
+                page.goto(url)
+                page.wait_for_function(
+                    "document.querySelector('canvas.mission-map')?.dataset.step >= 0"
+                )
+            except Error as error:
+                raise BenchmarkError(f"the page: {str(error).splitlines()[0]}") from None
+            yield
+        finally:
+            opened.close()

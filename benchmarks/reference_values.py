@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Figures that the authors of DSSE published, and what an independent replay of them gave."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make reproduce`: two published tables, replayed in batches on the profiles v1 and v2.
 

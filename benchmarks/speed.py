@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Environment steps per second of ours and of the baselines, by grid and number of drones."""
 

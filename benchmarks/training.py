@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Steps per second of CPU in a training loop: the same one on this package and on DSSE 1.1.9.
 

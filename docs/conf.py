@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The documentation site: the Markdown that is read in the repository too, as pages (`make docs`).
 
@@ -31,6 +32,7 @@ NAVIGATION = {
         "docs/ros",
         "docs/planners",
         "docs/flight",
+        "docs/security",
         "docs/dashboard",
         "docs/recording",
         "docs/report",
@@ -43,12 +45,15 @@ NAVIGATION = {
         "docs/topics",
         "docs/parameters",
         "docs/rules",
+        "docs/faults",
         "docs/api",
     ],
     "Project": [
         "docs/speed",
         "docs/architecture",
         "CONTRIBUTING",
+        "SECURITY",
+        "QUALITY_DECLARATION",
         "CHANGELOG",
         "benchmarks/README",
         "test/oracles/README",

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Writes the tables of parameters and of metrics, from the code, into the pages of docs.
 
@@ -31,6 +32,7 @@ from dsse_ros.nodes.settings import (
 )
 from dsse_ros.report.metrics import METRICS
 from dsse_ros.search import PROFILES, Rules, Scenario
+from dsse_ros.search.fault_fields import FAULTS, FaultFields
 from dsse_ros.search.fields import Spec, specs
 from dsse_ros.search.rules import GROUPS
 
@@ -129,13 +131,32 @@ def scenario_table() -> str:
     """Return the table of a scenario's fields; a default may depend on the profile."""
     values, of_rules = defaults(Scenario), specs(Rules)
     rows = []
+    # What it has in common with faults is a table of its own.
     for name, spec in specs(Scenario).items():
+        if name in specs(FaultFields):
+            continue
         default = shown(values[name])
         if values[name] is None and name in of_rules:
             given = [shown(getattr(rules, name)) or "centre" for rules in PROFILES.values()]
             default = given[0] if len(set(given)) == 1 else " / ".join(given)
         rows.append([f"`{name}`", type_of(spec), spec.unit, default, allowed(spec), spec.doc])
     return table(["Parameter", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
+
+
+def faults_table() -> str:
+    """Return the table of the faults and of the fields of a scenario that say how."""
+    values, of_fields = defaults(FaultFields), specs(FaultFields)
+    rows = []
+    for name, fault in FAULTS.items():
+        for number, field in enumerate((*fault.switches, *fault.options)):
+            spec = of_fields[field]
+            rows.append(
+                [
+                    name.replace("_", " ") if number == 0 else "", f"`{field}`", type_of(spec),
+                    spec.unit, shown(values[field]), allowed(spec), spec.doc,
+                ]
+            )  # fmt: skip
+    return table(["Fault", "Parameter", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
 
 
 def rules_table() -> str:
@@ -209,6 +230,7 @@ TABLES = {
     "recorder": lambda: settings_table(RecorderSettings),
     "viewer": lambda: settings_table(ViewerSettings),
     "scenario": scenario_table,
+    "faults": faults_table,
     "rules": rules_table,
 }
 PAGES = tuple(
@@ -216,6 +238,7 @@ PAGES = tuple(
     for name in (
         "campaign",
         "dashboard",
+        "faults",
         "flight",
         "parameters",
         "recording",

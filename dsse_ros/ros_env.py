@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A search that runs in a `sim_node`, as a PettingZoo parallel environment."""
 
@@ -5,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import operator
+import os
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -21,10 +23,12 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import get_rmw_implementation_identifier
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 from std_srvs.srv import Trigger
 
+from dsse_ros.nodes import security
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.fields import shown
@@ -70,7 +74,8 @@ class DsseRosEnv(ParallelEnv[str, AgentObservation, int]):
 
     Raises:
         TimeoutError: If there is no such node in time.
-        FieldError: If the node does not wait for each action, or does not state its search.
+        FieldError: If the node does not wait for each action, or does not state its search, or if
+            security is asked for in a way that would start unprotected.
     """
 
     metadata = {"name": "dsse_ros_v1", "render_modes": [], "is_parallelizable": True}
@@ -94,6 +99,8 @@ class DsseRosEnv(ParallelEnv[str, AgentObservation, int]):
         self._refused = ""
         self._draws = np.random.default_rng()
         self._context = Context()
+        security.enforce(os.environ)
+        security.check_middleware(os.environ, get_rmw_implementation_identifier())
         rclpy.init(
             args=[],
             context=self._context,
@@ -350,9 +357,11 @@ class DsseRosEnv(ParallelEnv[str, AgentObservation, int]):
         if step.step_id == self._last.step_id:
             return
         applied, held = step.report["action"].tolist(), step.report["held"].tolist()
+        # Drones with faults do what they can.
+        faulty = "status" in (step.report.dtype.names or ())
         for i, (done, asked) in enumerate(zip(applied, joint, strict=True)):
             # One that was lost since does nothing.
-            if done != asked and (done != HOLD or held[i]):
+            if done != asked and (held[i] or (done != HOLD and not faulty)):
                 raise SearchLostError(
                     f"step {step.step_id[2]}: {self.possible_agents[i]} did action {done}, not "
                     f"{asked}: somebody else commands the node, or its command_timeout is over"

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A planner of one's own, which uses nothing but topics: start `sim_node`, then this.
 

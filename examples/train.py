@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Trains one policy for all drones with MaskablePPO, and exports it for the planner `onnx`.
 

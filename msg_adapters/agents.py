@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a planner has to know of the search, as JSON in std_msgs/String."""
 
@@ -109,6 +110,9 @@ def agents_message(info: AgentsInfo) -> String:
     if info.definition is not None:
         rules, scenario = info.definition.rules, info.definition.scenario
         fields = {name: getattr(scenario, name) for name in SPECS}
+        if scenario.probability_matrix is not None:
+            matrix = replace(scenario.probability_matrix, source="")
+            fields["probability_matrix"] = asdict(matrix)
         if scenario.area is not None:
             fields["area"] = json.loads(scenario.area.to_geojson())
         values["definition"] = {"rules": asdict(rules), "scenario": fields}
@@ -128,6 +132,8 @@ def _definition(keys: Keys) -> SearchDefinition:
     # A message must not name a file to be read here.
     if not isinstance(parts["scenario"].get("area"), dict | None):
         keys.inner("scenario").refuse("area", "a GeoJSON object or null")
+    if not isinstance(parts["scenario"].get("probability_matrix"), dict | None):
+        keys.inner("scenario").refuse("probability_matrix", "an object or null")
     try:
         rules = profile("paper", **parts["rules"])
         return SearchDefinition(rules, Scenario.from_dict(parts["scenario"]).resolve(rules))

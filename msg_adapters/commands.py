@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Messages that command drones, parsed into `Accepted` or `Rejected`, and made for planners."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The exact probability map as sensor_msgs/Image in 32FC1, and back."""
 

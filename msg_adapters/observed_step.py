@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """From the messages about a step to observations and infos, as the environment hands them out."""
 
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
+from dsse_ros.search.coverage import METRICS
+from dsse_ros.search.fault_kernels import STATUSES
 from dsse_ros.search.observation import AgentObservation, Observation
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.images import image_to_probability
@@ -74,10 +77,19 @@ class ObservedStep:
             self.info.agents[i]: {"Found": found, "action_mask": masks[i]} for i in drones
         }
         definition = self.info.definition
+        if set(METRICS) <= set(self.report.dtype.names or ()):
+            for i, info in zip(drones, infos.values(), strict=True):
+                info |= {name: float(self.report[name][i]) for name in METRICS}
         # Where the number of persons is not known there may be several.
-        if definition is None or definition.scenario.person_amount > 1:
+        elif definition is None or definition.scenario.person_amount > 1:
             for i, info in zip(drones, infos.values(), strict=True):
                 info["found_person"] = bool(self.report["found"][i])
+        if "status" in (self.report.dtype.names or ()):
+            for i, info in zip(drones, infos.values(), strict=True):
+                info["status"] = STATUSES[self.report["status"][i]]
+                info["action"] = int(self.report["action"][i])
+                if not np.isnan(self.report["battery"][i]):
+                    info["battery"] = float(self.report["battery"][i])
         return infos
 
 

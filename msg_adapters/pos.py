@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The probability of success after a step, as std_msgs/Float64MultiArray, and back."""
 

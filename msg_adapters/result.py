@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a parser of commands returns: a value, or why there is none. Parsers never raise."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The step report: a NumPy structured array to sensor_msgs/PointCloud2 and back.
 
@@ -6,6 +7,7 @@ One entry per drone; x, y, z are float32 metres in the map frame, so that RViz s
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from functools import cache
 from typing import Any
 
@@ -14,6 +16,8 @@ from builtin_interfaces.msg import Time
 from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2
 
+from dsse_ros.search.coverage import METRICS
+from dsse_ros.search.fault_kernels import STATUSES
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.point_clouds import cloud_message, points_from_message
 from msg_adapters.result import shown
@@ -38,25 +42,45 @@ POINT = (
 )
 """Fields of a drone in a step, in the reports of a step and of a mission."""
 
+FAULT_FIELDS = (("battery", "<f8"), ("status", "u1"))
+"""Fields of a drone in a step of a mission with faults."""
+
 _ALL_FOUND = "all_found"
 _MASK = "action_mask"
+_COVERAGE = tuple((name, "<f8") for name in METRICS)
 
 
 @cache
-def step_report_dtype(num_actions: int) -> np.dtype[Any]:
+def step_report_dtype(
+    num_actions: int, *, coverage: bool = False, faults: bool = False
+) -> np.dtype[Any]:
     """Return the layout of one drone's entry: packed, little-endian.
 
     Fields: x, y, z (m, map frame, float32), step (uint32), run_id and mission (uint32, as in
     `AgentsInfo`), reward (float64), col, row (int16), action (int8: the one applied, -1 if none),
     terminated, truncated, found, held, all_found (uint8: 0 or 1), action_mask (uint8 x num_actions:
-    0 if the action would leave the grid).
+    0 if the action would leave the grid). Where the task is coverage, coverage_rate,
+    repeated_coverage and pos (float64) follow, the same for all drones: see
+    `dsse_ros.search.coverage`. With faults further battery (float64, percent, NaN where it does not
+    run down) and status (uint8, number in `dsse_ros.search.fault_kernels.STATUSES`).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
     """
     if not 1 <= num_actions <= MAX_ACTIONS:
         raise ValueError(f"num_actions: {num_actions!r} is not allowed; 1 to {MAX_ACTIONS}")
-    return np.dtype([*POINT, (_ALL_FOUND, "u1"), (_MASK, "u1", (int(num_actions),))])
+    mask = (_MASK, "u1", (int(num_actions),))
+    further = (*(_COVERAGE if coverage else ()), *(FAULT_FIELDS if faults else ()))
+    return np.dtype([*POINT, (_ALL_FOUND, "u1"), mask, *further])
+
+
+def _dtype_of(num_actions: int, names: Collection[str]) -> np.dtype[Any]:
+    """Return the layout that has these fields."""
+    return step_report_dtype(
+        num_actions,
+        coverage=set(METRICS).issubset(names),
+        faults=any(name in names for name, _ in FAULT_FIELDS),
+    )
 
 
 def make_step_report(
@@ -74,6 +98,9 @@ def make_step_report(
     held: ArrayLike,
     action_mask: ArrayLike,
     all_found: bool = False,
+    coverage: Mapping[str, float] | None = None,
+    battery: ArrayLike | None = None,
+    status: ArrayLike | None = None,
 ) -> NDArray[Any]:
     """Return the report of all N drones in the order of the agents.
 
@@ -90,10 +117,13 @@ def make_step_report(
         found: (N,) flags: the drone found a person in this step.
         held: (N,) flags: no command came in time and the drone was held.
         action_mask: (N, A), 0 where the action would leave the grid.
-        all_found: Whether every person has been found.
+        all_found: Whether every person has been found, or every cell covered.
+        coverage: The metrics of a coverage task by their names; None for another one.
+        battery: (N,) percent, with faults.
+        status: (N,) numbers, with faults.
 
     Returns:
-        (N,) of `step_report_dtype(A)`.
+        (N,) of `step_report_dtype`, with faults where there is a status.
 
     Raises:
         ValueError: If the shapes do not match.
@@ -102,7 +132,10 @@ def make_step_report(
     mask = np.asarray(action_mask)
     if mask.ndim != 2:
         raise ValueError(f"action_mask: shape {mask.shape} is not allowed; (N, A) is")
-    report = np.zeros(len(cell), dtype=step_report_dtype(mask.shape[-1]))
+    dtype = step_report_dtype(
+        mask.shape[-1], coverage=coverage is not None, faults=status is not None
+    )
+    report = np.zeros(len(cell), dtype=dtype)
     report["col"], report["row"] = cell[:, 0], cell[:, 1]
     report["x"], report["y"] = cell_to_map(frame, cell[:, 0], cell[:, 1])
     report["z"] = frame.alt_m
@@ -113,6 +146,10 @@ def make_step_report(
         report[name] = np.asarray(flags, dtype=bool)
     report[_ALL_FOUND] = all_found
     report[_MASK] = mask
+    for name, value in (coverage or {}).items():
+        report[name] = value
+    if status is not None:
+        report["status"], report["battery"] = status, np.nan if battery is None else battery
     return report
 
 
@@ -131,8 +168,9 @@ def step_report_message(
         ValueError: If the array is not a report.
     """
     dtype = report.dtype
-    mask = dtype[_MASK] if _MASK in (dtype.names or ()) else dtype
-    if len(mask.shape) != 1 or dtype != step_report_dtype(mask.shape[0]):
+    names = dtype.names or ()
+    mask = dtype[_MASK] if _MASK in names else dtype
+    if len(mask.shape) != 1 or dtype != _dtype_of(mask.shape[0], names):
         raise ValueError(f"report: {shown(dtype)} is not allowed; a step_report_dtype is")
     return cloud_message(frame.map_frame, report[np.newaxis], stamp, into)
 
@@ -148,9 +186,12 @@ def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     if message.height != 1:
         raise ValueError(f"height: {message.height} is not allowed; 1 is")
     num_actions = next((field.count for field in message.fields if field.name == _MASK), 1)
-    dtype = step_report_dtype(num_actions)
-    if any(field.name == _ALL_FOUND for field in message.fields):
+    names = {field.name for field in message.fields}
+    dtype = _dtype_of(num_actions, names)
+    if _ALL_FOUND in names:
         report: NDArray[Any] = points_from_message(message, dtype)[0]
+        if "status" in names and len(report) and report["status"].max() >= len(STATUSES):
+            raise ValueError(f"status: {report['status'].max()} is not allowed; 0 to 5 is")
         return report
     read = points_from_message(message, np.dtype([*POINT, (_MASK, dtype[_MASK])]))[0]
     report = np.zeros(len(read), dtype)

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What vehicles fly for drones: a leg for each step, and whole tracks as missions."""
 

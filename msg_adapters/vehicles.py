@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What is known of a vehicle, as messages, and what the simulation reads from them."""
 
@@ -22,6 +23,7 @@ from msg_adapters.stamps import header
 LOST = "lost"
 REPORT = "report_stamp_ns"
 ARRIVED = "arrived_stamp_ns"
+BATTERY = "battery"
 
 
 @dataclass(frozen=True)
@@ -33,11 +35,13 @@ class Progress:
         arrived_stamp_ns: Stamp of the last step report of which it has done everything; -1 if
             there is none.
         lost: Why it does not follow its drone any more; empty if it does.
+        battery: What is left in its battery, 1 when full; NaN if it is not known.
     """
 
     report_stamp_ns: int = -1
     arrived_stamp_ns: int = -1
     lost: str = ""
+    battery: float = math.nan
 
 
 def vehicle_pose(
@@ -115,6 +119,7 @@ def vehicle_state_message(
         REPORT: progress.report_stamp_ns,
         ARRIVED: progress.arrived_stamp_ns,
         LOST: progress.lost,
+        BATTERY: f"{progress.battery:.2f}",
     }
     return diagnostic_array(
         stamp,
@@ -141,7 +146,8 @@ def progress_from_message(message: DiagnosticArray, drone_name: str) -> Result[P
             return Rejected(
                 "bad_state", f"{REPORT}, {ARRIVED}, {LOST}: {shown(values)} is not allowed"
             )
-        return Accepted(Progress(report_ns, arrived_ns, values[LOST]))
+        battery = _share(values.get(BATTERY, ""))
+        return Accepted(Progress(report_ns, arrived_ns, values[LOST], battery))
     return Rejected("bad_state", f"status: none is named {drone_name!r}")
 
 
@@ -161,6 +167,15 @@ def place_from_pose(message: PoseStamped, frame: GridFrame) -> Result[tuple[floa
     if not (math.isfinite(x_m) and math.isfinite(y_m)):
         return Rejected("not_finite", f"pose.position: ({x_m!r}, {y_m!r}) is not allowed")
     return Accepted((x_m, y_m))
+
+
+def _share(text: str) -> float:
+    """Return a number from 0 to 1, NaN for any other text."""
+    try:
+        share = float(text[:20])
+    except ValueError:
+        return math.nan
+    return share if 0.0 <= share <= 1.0 else math.nan
 
 
 def _integer(text: str) -> int | None:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """How Hypothesis looks for examples, and which tests come first."""
 
@@ -25,7 +26,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     def rank(item: pytest.Item) -> int:
         if item.path.name in FIRST:
             return 0
-        has_nodes = item.path.relative_to(FOLDER).parts[0] in ("nodes", "cli", "ros_env")
+        has_nodes = item.path.relative_to(FOLDER).parts[0] in ("nodes", "cli", "ros_env", "soak")
         return 1 if has_nodes or item.get_closest_marker("slow") else 2
 
     ranks: dict[Path, int] = {}

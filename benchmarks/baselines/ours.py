@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """This package: one world through PettingZoo's interface, or a batch of worlds."""
 

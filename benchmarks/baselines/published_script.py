@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A loop as users of DSSE 1.1.9 write it, on that package or on `dsse_ros.compat`."""
 

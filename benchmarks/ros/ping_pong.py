@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Bare rclpy in the place of `sim_node`: answers each joint action with the messages of a step.
 

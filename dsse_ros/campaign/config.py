@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a campaign plays: planners x scenarios x seeds, from one YAML file."""
 
@@ -19,7 +20,7 @@ from dsse_ros.planners import load_planner
 from dsse_ros.search import FieldError, Rules, Scenario
 from dsse_ros.search.definition import SearchDefinition
 from dsse_ros.search.fields import check_all, check_known, field, shown, specs
-from dsse_ros.search.scenario import ResolvedScenario, scenario_and_rules
+from dsse_ros.search.scenario import FILES, ResolvedScenario, scenario_and_rules
 from dsse_ros.search.yaml_file import read_yaml
 
 MAX_SEED = 2**62
@@ -268,8 +269,9 @@ def _case_of(value: Any, folder: Path) -> Case:
             raise FieldError(f"scenario: {shown(source)} is not allowed; a YAML file or a name")
         beside = folder / source
         path = beside.resolve() if beside.is_file() else find_scenario(source)
-    if isinstance(fields.get("area"), str) and fields["area"]:
-        fields["area"] = str(folder / fields["area"])
+    for name in FILES:
+        if isinstance(fields.get(name), str) and fields[name]:
+            fields[name] = str(folder / fields[name])
     scenario, chosen = scenario_and_rules(path, rules, **fields)
     resolved = scenario.resolve(chosen)
     name = resolved.name or (path.stem if path else f"{chosen.profile}_{resolved.grid_size}")

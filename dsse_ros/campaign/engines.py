@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What plays chunks: processes of this machine, or a Ray cluster.
 
@@ -12,10 +13,11 @@ import os
 import signal
 import socket
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from multiprocessing import connection, get_context, parent_process
+from multiprocessing.connection import Connection
 from types import MappingProxyType
 from typing import Any
 
@@ -23,10 +25,10 @@ from dsse_ros.campaign.chunks import Columns, Job, play
 from dsse_ros.campaign.config import CampaignSettings
 from dsse_ros.search import FieldError
 
-MAX_KILLS = 5
-"""Times in a row that workers may die with no chunk done."""
+MAX_DEATHS = 5
+"""Workers that may die over one chunk."""
 WAITING = 2
-"""Chunks for each worker that are handed out at once."""
+"""Chunks for each CPU of a cluster that are handed out at once."""
 CONNECT_S = 10.0
 """For a connection to the cluster."""
 
@@ -34,7 +36,7 @@ Engine = Callable[[Sequence[Job], CampaignSettings], Iterator[tuple[Job, Columns
 
 
 class WorkerError(RuntimeError):
-    """A planner has failed, or workers die again and again; its text is one line."""
+    """A planner has failed, or workers die over a chunk again and again; its text is one line."""
 
 
 def _cores() -> int:
@@ -42,8 +44,30 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _start_worker() -> None:
-    """Leave Ctrl-C to the campaign, and end with it even if it was killed."""
+class _Worker:
+    """A process of this machine that plays one chunk after another.
+
+    A queue that workers share can be left locked by one that is killed, or half written. So each
+    has a connection of its own, which ends with it.
+    """
+
+    def __init__(self) -> None:
+        # Forked, it would share locks that threads hold.
+        context = get_context("spawn")
+        self.connection, its_end = context.Pipe()
+        self._process = context.Process(target=_serve, args=(its_end,))
+        self._process.start()
+        its_end.close()
+
+    def end(self) -> None:
+        """End it, whatever it does."""
+        self._process.kill()
+        self._process.join()
+        self.connection.close()
+
+
+def _serve(jobs: Connection[Columns | WorkerError, Job]) -> None:
+    """Play what comes, leave Ctrl-C to the campaign, and end with it even if it was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None
@@ -53,57 +77,67 @@ def _start_worker() -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
+    with suppress(EOFError, OSError):
+        while True:
+            jobs.send(_answer(jobs.recv()))
+
+
+def _answer(job: Job) -> Columns | WorkerError:
+    try:
+        return play(job)
+    except Exception as error:  # Planners of others may raise anything.
+        return _failed(job, error)
 
 
 def local(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Job, Columns]]:
     """Yield chunks that processes of this machine have played.
 
     Raises:
-        WorkerError: If a planner fails, or workers die again and again.
+        WorkerError: If a planner fails, or workers die over a chunk again and again.
     """
-    workers = min(settings.workers or _cores(), len(jobs))
     left = list(reversed(jobs))
-    kills = 0
-    while left:
-        # Forked, workers would share locks that threads hold.
-        pool = ProcessPoolExecutor(workers, get_context("spawn"), _start_worker)
-        under_way: dict[Future[Columns], Job] = {}
-        try:
-            while left or under_way:
-                while left and len(under_way) < WAITING * workers:
-                    under_way[pool.submit(play, left[-1])] = left[-1]
-                    left.pop()
-                for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                    played = _result(future, under_way[future])
-                    job = under_way.pop(future)
-                    kills = 0
-                    yield job, played
-        except BrokenProcessPool:
-            left += reversed(under_way.values())
-            kills += 1
-            if kills >= MAX_KILLS:
-                raise WorkerError(
-                    f"workers have died {kills} times with no chunk done; too little memory?"
-                ) from None
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _result(future: Future[Columns], job: Job) -> Columns:
+    count = settings.workers or _cores()
+    deaths: Counter[int] = Counter()
+    idle: list[_Worker] = []
+    busy: dict[Any, tuple[_Worker, Job]] = {}
     try:
-        return future.result()
-    except BrokenProcessPool:
-        raise
-    except Exception as error:  # Planners of others may raise anything.
-        raise _failed(job, error) from error
+        while left or busy:
+            while left and len(busy) < count:
+                worker, job = idle.pop() if idle else _Worker(), left.pop()
+                busy[worker.connection] = worker, job
+                # One that was killed is noticed where its answer is read.
+                with suppress(OSError):
+                    worker.connection.send(job)
+            for ready in connection.wait(list(busy)):
+                worker, job = busy[ready]
+                try:
+                    answer = worker.connection.recv()
+                except (EOFError, OSError):
+                    answer = None
+                del busy[ready]
+                if answer is None:
+                    worker.end()
+                    left.append(job)
+                    deaths[job[0].number] += 1
+                    if deaths[job[0].number] >= MAX_DEATHS:
+                        raise _failed(job, f"{MAX_DEATHS} workers have died; too little memory?")
+                    continue
+                idle.append(worker)
+                if isinstance(answer, WorkerError):
+                    raise answer
+                yield job, answer
+    finally:
+        for worker in (*idle, *(worker for worker, _ in busy.values())):
+            worker.end()
 
 
-def _failed(job: Job, error: Exception) -> WorkerError:
+def _failed(job: Job, reason: Exception | str) -> WorkerError:
     chunk, entry, case, seed = job
-    reason = " ".join(f"{type(error).__name__}: {error}".split())
+    name = f"{type(reason).__name__}: " if isinstance(reason, Exception) else ""
     return WorkerError(
         f"planner {entry.name!r} has failed in {case.name!r}, missions with seeds "
-        f"{seed + chunk.first} to {seed + chunk.first + chunk.count - 1}: {reason}"
+        f"{seed + chunk.first} to {seed + chunk.first + chunk.count - 1}: "
+        + " ".join(f"{name}{reason}".split())
     )
 
 
@@ -128,7 +162,7 @@ def on_ray(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Jo
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise FieldError(f"address: no Ray cluster at {settings.address!r}: {error}") from None
     try:
-        remote = ray.remote(num_cpus=1, max_retries=MAX_KILLS)(play)
+        remote = ray.remote(num_cpus=1, max_retries=MAX_DEATHS)(play)
         workers = max(1, int(ray.cluster_resources().get("CPU", 1)))
         left = list(reversed(jobs))
         under_way: dict[Any, Job] = {}

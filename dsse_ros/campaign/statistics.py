@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a campaign shows: estimates with confidence intervals, and planners compared in pairs."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`campaign`: planners x scenarios x seeds, played on all cores or a cluster, and reported."""
 
@@ -14,8 +15,8 @@ from dsse_ros.campaign.chunks import Results, job
 from dsse_ros.campaign.config import Campaign
 from dsse_ros.campaign.engines import ENGINES, WorkerError
 from dsse_ros.cli.command_line import Parser, make_folder
-from dsse_ros.cli.start import missing
-from dsse_ros.nodes.exit_codes import FAILED, MISSING, fail
+from dsse_ros.cli.start import not_found
+from dsse_ros.nodes.exit_codes import FAILED, fail
 from dsse_ros.search import FieldError
 
 
@@ -39,7 +40,7 @@ def play(campaign: Campaign, results: Results) -> None:
         FieldError: If the engine has no cluster.
         ImportError: If the engine is not installed.
         OSError: If a chunk cannot be written.
-        WorkerError: If a planner fails, or workers die again and again.
+        WorkerError: If a planner fails, or workers die over a chunk again and again.
     """
     chunks = campaign.chunks()
     left = results.missing(chunks)
@@ -72,11 +73,7 @@ def main(argv: list[str] | None = None) -> int:
         fail("campaign", error)
         return FAILED
     except ImportError as error:
-        text = missing(error)
-        if text is None:
-            raise
-        fail("campaign", text)
-        return MISSING
+        return not_found("campaign", error)
     except OSError as error:
         fail("campaign", f"out: {error.filename or str(out)!r}: {error.strerror or error}")
         return FAILED

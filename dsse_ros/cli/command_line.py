@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What the programs make of their command lines, without ROS."""
 
@@ -19,7 +20,7 @@ from dsse_ros.nodes.ros_arguments import (
     parameters_for,
     split_ros_arguments,
 )
-from dsse_ros.planners import PLANNER_NAMES
+from dsse_ros.planners import PLANNER_NAMES, check_task
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
 from dsse_ros.search.fields import Spec, check_known, specs
 from dsse_ros.search.scenario import ResolvedScenario
@@ -113,6 +114,8 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
     of_scenario = {k: v for k, v in arguments.fields.items() if k in specs(Scenario)}
     of_rules = {k: v for k, v in arguments.fields.items() if k not in of_scenario}
     rules = profile(arguments.rules, **of_rules)
+    if "planner" in arguments:
+        check_task(arguments.planner, rules)
     path = find_scenario(arguments.scenario)
     scenario = Scenario.from_yaml(path).override(**of_scenario, num_drones=arguments.drones)
     return path, scenario.resolve(rules), rules

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`export_mission`: a search as mission files, from a scenario and a planner, without ROS."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`ros2 run dsse_ros replay`: says whether the missions of a bag repeat, or publishes it again."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`report`: a recorded mission as one HTML page, with its figures and numbers as files."""
 
@@ -13,8 +14,8 @@ from typing import Any
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
-from dsse_ros.cli.start import missing
-from dsse_ros.nodes.exit_codes import MISSING, fail
+from dsse_ros.cli.start import not_found
+from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.report.record import RecordedMission, is_bag, read_csv
 from dsse_ros.report.replay import (
     LARGEST_BELIEF_GRID,
@@ -22,12 +23,14 @@ from dsse_ros.report.replay import (
     forecast_for,
     views,
     views_of,
+    with_coverage,
     with_search,
 )
 from dsse_ros.report.report import Report, chosen_steps
 from dsse_ros.search import PROFILES, FieldError
 from dsse_ros.search.belief import Forecast
 from dsse_ros.search.compiler import announced
+from dsse_ros.search.progress import progress
 from dsse_ros.search.rendering import MissionView
 
 
@@ -102,7 +105,7 @@ def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterat
             "The file does not say what was searched; the option --scenario does. "
             f"{'The maps are those that drones observed.' if shown else 'So there are no maps.'}"
         )
-    elif not all(view.belief for view in shown.values()):
+    elif not record.covers and not all(view.belief for view in shown.values()):
         yield "The maps are those that drones observed; a belief was not recorded."
     if record.pos is None:
         large = record.grid_size > LARGEST_BELIEF_GRID
@@ -165,8 +168,8 @@ def main(argv: list[str] | None = None) -> int:
             raise FieldError(f"steps: {error}") from None
         with announced(lambda line: print(line, file=sys.stderr, flush=True)):
             forecast: Forecast | None = None
-            bar = tqdm(missions, "POS", unit="mission", disable=None, leave=False)
-            for i, one in enumerate(bar):
+            missions = [with_coverage(one) for one in missions]
+            for i, one in enumerate(progress(missions, "POS")):
                 if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
                     missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
             record = missions[at]
@@ -175,11 +178,7 @@ def main(argv: list[str] | None = None) -> int:
     except FieldError as error:
         return fail("report", error)
     except ImportError as error:
-        text = missing(error)
-        if text is None:
-            raise
-        fail("report", text)
-        return MISSING
+        return not_found("report", error)
     source = arguments.file.resolve().name
     report = Report(record, shown, missions, source, tuple(notices(record, shown)))
     try:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make sim`: one mission from start to end, `sim_node` and `planner_node` as two processes.
 
@@ -23,9 +24,9 @@ from typing import Any
 
 import matplotlib.figure  # noqa: F401  Where it is missing, no mission is flown.
 import numpy as np
-import rclpy
 from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
@@ -41,7 +42,7 @@ from dsse_ros.nodes.ros_arguments import OF_EVERY_NODE, pairs
 from dsse_ros.nodes.runtime import init_ros, new_executor
 from dsse_ros.nodes.settings import PlannerSettings, SimSettings
 from dsse_ros.search import FieldError, Rules, Scenario
-from dsse_ros.search.compiler import COMPILING
+from dsse_ros.search.compiler import COMPILING, compilation_bar
 from dsse_ros.search.fields import specs
 from dsse_ros.search.movie import check_movie, save_movie
 from dsse_ros.search.rendering import MissionView, save_picture
@@ -231,6 +232,12 @@ def default_port_free() -> bool:
     return True
 
 
+def shows_belief(arguments: argparse.Namespace, scenario: ResolvedScenario, rules: Rules) -> bool:
+    """Return whether a belief follows the mission, which is shown then instead of the map."""
+    settings = SimSettings(compute_pos=arguments.compute_pos)
+    return not rules.covers and settings.has_belief(scenario.grid_size)
+
+
 def fly(
     arguments: argparse.Namespace, path: Path, scenario: ResolvedScenario, rules: Rules, stop: Stop
 ) -> None:
@@ -241,7 +248,7 @@ def fly(
         MissionStopped: If `stop` is wanted.
     """
     out: Path = arguments.out
-    belief = SimSettings(compute_pos=arguments.compute_pos).has_belief(scenario.grid_size)
+    belief = shows_belief(arguments, scenario, rules)
     sim = {
         "scenario": str(path), "rules": rules.profile, "seed": arguments.seed,
         "step_rate": float(arguments.rate), "record_file": str(out / "mission.csv"),
@@ -261,10 +268,12 @@ def fly(
         mininterval=0.1 if sys.stdout.isatty() else 2.0,
         bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
     )  # fmt: skip
-    last_step_s, announced = time.monotonic(), False
+    last_step_s = time.monotonic()
+    compiler = contextlib.ExitStack()
+    show_compiled: Callable[[], None] | None = None
 
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
-        nonlocal last_step_s, announced
+        nonlocal last_step_s, show_compiled
         executor.spin_once(timeout_sec=0.1)
         if stop.wanted:
             raise MissionStopped
@@ -275,18 +284,21 @@ def fly(
             # The step that finds the time out is one more than the limit.
             bar.update(min(watcher.step, bar.total) - bar.n)
         if watcher.step < 0 and compiling(sim_log):
-            if not announced:
+            if show_compiled is None:
                 bar.write(COMPILING)
-            announced, last_step_s = True, time.monotonic()
+                show_compiled = compiler.enter_context(compilation_bar(belief=belief))
+            show_compiled()
+            last_step_s = time.monotonic()
         if time.monotonic() - last_step_s > SILENCE_S:
             raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
         if watcher.count_publishers("step_report") > 1:
             raise MissionFailed("another mission is on this ROS_DOMAIN_ID; choose one of your own")
 
-    with bar, process("sim_node", sim, sim_log, sim_ros) as sim_process:
+    with bar, compiler, process("sim_node", sim, sim_log, sim_ros) as sim_process:
         # The planner comes when the watcher is there, so that no step is missed.
         while watcher.step < 0:
             watch("sim_node", sim_process, sim_log)
+        compiler.close()
         with process("planner_node", planner, planner_log, planner_ros) as planner_process:
             while not watcher.done:
                 watch("sim_node", sim_process, sim_log)
@@ -303,7 +315,11 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
     minutes, seconds = divmod(round(float(record.times_s[-1])), 60)
     finders = [f"drone{i}" for i in np.flatnonzero(record.found.any(axis=1))]
     found, persons = int(record.person_found.sum()), len(record.person_found)
-    if found == persons:
+    if record.coverage:
+        all_covered = record.coverage["coverage_rate"] == 1
+        out = "out of time" if record.truncated.any() else "all drones lost"
+        end = "ALL COVERED" if all_covered else f"not all covered: {out}"
+    elif found == persons:
         end = f"FOUND by {', '.join(finders)}"
     elif record.truncated.any():
         end = "not found: out of time"
@@ -312,7 +328,9 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
     if persons > 1:
         end += f" ({found} of {persons} persons)"
     rewards = record.rewards.sum(axis=1)
-    down = 0 if found == persons else int((~record.alive & ~record.truncated).sum())
+    # What ends a mission flags every drone that is left.
+    success = end.startswith(("FOUND", "ALL"))
+    down = 0 if success else int((~record.alive & ~record.truncated).sum())
     rows = {
         "end": end,
         "steps": f"{steps} of {scenario.timestep_limit}",
@@ -320,6 +338,7 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
         "drones": f"{len(metres)}, {down} lost" if down else f"{len(metres)}",
         "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
         **({} if record.pos is None else {"POS": f"{record.pos:.1%}"}),
+        **{name.replace("_", " "): f"{share:.1%}" for name, share in record.coverage.items()},
         "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
     }
     title = scenario.name or "Mission"
@@ -334,7 +353,7 @@ def draw(
     Raises:
         OSError: If a file cannot be written.
     """
-    belief = SimSettings(compute_pos=arguments.compute_pos).has_belief(scenario.grid_size)
+    belief = shows_belief(arguments, scenario, rules)
     views = mission_views(record, scenario, rules, seed=arguments.seed, belief=belief)
     written = {"picture": arguments.out / "mission.png"}
     last: list[MissionView] = []
@@ -414,7 +433,7 @@ def main(argv: list[str] | None = None) -> int:
     except MissionStopped:
         return 130
     finally:
-        rclpy.try_shutdown()
+        try_shutdown()
     return 0
 
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Where every program of the package begins: quiet on Ctrl-C, clear where something is missing.
 
@@ -39,13 +40,22 @@ def start(module: str) -> int:
     try:
         program = importlib.import_module(f"dsse_ros.{module}")
     except ImportError as error:
-        text = missing(error)
-        if text is None:
-            raise
-        print(f"{module.rpartition('.')[2]}: {text}", file=sys.stderr)
-        return MISSING
+        return not_found(module.rpartition(".")[2], error)
     code: int = program.main()
     return code
+
+
+def not_found(program: str, error: ImportError) -> int:
+    """Say on one line what is not installed; returns the exit code.
+
+    Raises:
+        ImportError: If the package itself is broken.
+    """
+    text = missing(error)
+    if text is None:
+        raise error
+    print(f"{program}: {text}", file=sys.stderr)
+    return MISSING
 
 
 def missing(error: ImportError) -> str | None:

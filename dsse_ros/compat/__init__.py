@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The published names of DSSE 1.1.9 over this package's search; those of 0.1.13 are in `v1`.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Run a script that was written for DSSE: python -m dsse_ros.compat [--dsse VERSION] SCRIPT ..."""
 

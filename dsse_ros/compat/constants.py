@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The numbers of actions and the names of rewards, as DSSE 1.1.9 has them."""
 

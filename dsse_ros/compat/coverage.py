@@ -1,12 +1,10 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`CoverageDroneSwarmSearch` of DSSE 1.1.9: visit the cells where probability is, once each."""
+"""`CoverageDroneSwarmSearch` of DSSE 1.1.9 over `SearchEnv` with the profile coverage."""
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,55 +15,28 @@ from pettingzoo import ParallelEnv
 from dsse_ros.compat.arguments import check_render_mode, joint_action, with_names
 from dsse_ros.compat.search import NAMES, DroneData, DroneSwarmSearch
 from dsse_ros.search import rendering
-from dsse_ros.search.actions import ACTION_VECTORS
-from dsse_ros.search.options import check_options
-from dsse_ros.search.rules import profile
+from dsse_ros.search.parallel_env import SearchEnv
+from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.scenario import Scenario
 
 Cell = tuple[int, int]
 Observations = dict[str, tuple[Cell, NDArray[np.float64]]]
 Infos = dict[str, dict[str, Any]]
 
-MIN_PROBABILITY = 1e-10
-"""Cells below it need no visit."""
-
-
-def read_matrix(path: str | Path) -> NDArray[np.float64]:
-    """Return the probability matrix (G, G) as [y, x] of a .npy or CSV file.
-
-    Raises:
-        ValueError: If it is not square, finite and non-negative, with a cell above 0.
-        OSError: If the file cannot be read.
-    """
-    if Path(path).suffix.lower() == ".csv":
-        with open(path, newline="", encoding="utf-8") as file:
-            matrix = np.array([[float(value) for value in row] for row in csv.reader(file) if row])
-    else:
-        matrix = np.asarray(np.load(path, allow_pickle=False), np.float64)
-    square = matrix.ndim == 2 and matrix.shape[0] == matrix.shape[1]
-    if (
-        not square
-        or not np.isfinite(matrix).all()
-        or matrix.min() < 0
-        or matrix.max() < MIN_PROBABILITY
-    ):
-        raise ValueError(
-            f"prob_matrix_path: {str(path)!r} is not allowed; "
-            "a square matrix of numbers >= 0, not all 0"
-        )
-    return matrix
+_NAMES = {
+    **NAMES,
+    "drone_probability_of_detection": "probability_of_detection",
+    "prob_matrix_path": "probability_matrix",
+}
 
 
 class CoverageMatrix:
     """The probability that is left: a visit takes that of its cell."""
 
-    def __init__(self, matrix: NDArray[np.float64]) -> None:
-        self.original_map = matrix
-        self.probability_map = matrix.copy()
-
-    def restart(self) -> None:
-        """Put all probability back, into new memory."""
-        self.probability_map = self.original_map.copy()
+    def __init__(self, search: SearchEnv) -> None:
+        coverage = search.world.coverage
+        assert coverage is not None
+        self.original_map, self.probability_map = coverage.poc, coverage.left[0]
 
     def get_matrix(self) -> NDArray[np.float64]:
         """Return the matrix (G, G) float64 as [y, x]; visits change it."""
@@ -81,12 +52,23 @@ class CoverageMatrix:
             np.save(file, self.original_map)
 
 
+def rules_of(rewards: Mapping[str, float]) -> Rules:
+    """Return the profile coverage with these rewards."""
+    return profile(
+        "coverage",
+        move=rewards["default"],
+        leave_grid=rewards["default"],
+        time_out=rewards["exceed_timestep"],
+        cover=rewards["search_cell"],
+    )
+
+
 class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
     """The coverage task of DSSE 1.1.9 (PettingZoo parallel API).
 
     An observation is the agent's cell (x, y) and the probability that is left over its maximum,
-    (G, G) float64 as [y, x]; all 0 once nothing is left. The matrix comes from a file: particles
-    of an ocean model are not simulated here.
+    (G, G) float64 as [y, x]; all 0 once nothing is left. The matrix comes from a file, `.npy`, CSV
+    or GeoTIFF: particles of an ocean model are not simulated here.
 
     Raises:
         ValueError: If an argument is not allowed, or there is no `prob_matrix_path`.
@@ -124,33 +106,33 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         self.render_mode = check_render_mode(render_mode)
         if not isinstance(prob_matrix_path, str):
             raise ValueError(
-                f"prob_matrix_path: {prob_matrix_path!r} is not allowed; the path of a .npy or CSV "
-                "file, for no ocean model is run here"
+                f"prob_matrix_path: {prob_matrix_path!r} is not allowed; the path of a .npy, CSV "
+                "or GeoTIFF file, for no ocean model is run here"
             )
-        self.probability_matrix = CoverageMatrix(read_matrix(prob_matrix_path))
-        self.grid_size = self.probability_matrix.get_map_size()
-        self._rules = profile("v2")
-        names = {**NAMES, "drone_probability_of_detection": "probability_of_detection"}
         self._scenario = with_names(
-            names,
-            lambda: Scenario(
-                grid_size=self.grid_size,
-                timestep_limit=timestep_limit,
-                num_drones=drone_amount,
-                drone_speed=drone_speed,
-                probability_of_detection=drone_probability_of_detection,
-                cell_size=grid_cell_size,
-            ).resolve(self._rules),
+            _NAMES,
+            lambda: Scenario.from_dict(
+                {
+                    "probability_matrix": prob_matrix_path,
+                    "timestep_limit": timestep_limit,
+                    "num_drones": drone_amount,
+                    "drone_speed": drone_speed,
+                    "probability_of_detection": drone_probability_of_detection,
+                    "cell_size": grid_cell_size,
+                }
+            ),
         )
+        self.reward_scheme = dict(self.reward_scheme)
+        self._make(rules_of(self.reward_scheme))
+        self.grid_size = self.probability_matrix.get_map_size()
         self.cell_size = grid_cell_size
         self.timestep_limit = timestep_limit
         self.disaster_position = disaster_position
         self.drone = DroneData(drone_amount, drone_speed, drone_probability_of_detection)
         self.probability_of_detection = drone_probability_of_detection
         self.time_step_relation = self.calculate_simulation_time_step(drone_speed, grid_cell_size)
-        self.reward_scheme = dict(self.reward_scheme)
         self.timestep: int | None = None
-        self.possible_agents = [f"drone{i}" for i in range(drone_amount)]
+        self.possible_agents = self._search.possible_agents
         self.agents: list[str] = []
         self.agents_positions: list[Any] = [(None, None)] * drone_amount
         g = self.grid_size
@@ -158,20 +140,13 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
             self.possible_agents,
             spaces.Tuple((spaces.MultiDiscrete([g, g]), spaces.Box(0, 1, (g, g), np.float64))),
         )
-        self.action_spaces = {
-            agent: spaces.Discrete(len(self._rules.actions)) for agent in self.possible_agents
-        }
-        self._vectors = [ACTION_VECTORS[name] for name in self._rules.actions]
-        self._start = self.probability_matrix.original_map.copy()
-        flat = np.argwhere(np.abs(self._start) >= MIN_PROBABILITY).tolist()
+        self.action_spaces = self._search.action_spaces
         self.all_states = {(x, y) for x in range(g) for y in range(g)}
-        self._to_visit = frozenset((x, y) for y, x in flat)
-        self.seen_states: set[Cell] = set()
-        self.not_seen_states: set[Cell] = set(self._to_visit)
-        self.repeated_coverage = 0
-        self.cumm_pos = 0.0
-        self._tracks: list[list[Cell]] = []
-        self._viewer: rendering.Viewer | None = None
+
+    def _make(self, rules: Rules) -> None:
+        mode = "human" if self.render_mode == "human" else None
+        self._search = with_names(_NAMES, lambda: SearchEnv(self._scenario, rules, mode))
+        self.probability_matrix = CoverageMatrix(self._search)
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -185,20 +160,17 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         Raises:
             ValueError: If an option is not allowed.
         """
-        given = {"drones_positions": (options or {}).get("drones_positions")}
-        start = check_options(given, self._scenario, self._rules)
-        cells = start.get("drones_positions", self._scenario.drones_positions)
-        self.agents_positions = [(int(x), int(y)) for x, y in cells]
+        rules = rules_of(self.reward_scheme)
+        if rules != self._search.rules:
+            self._make(rules)
+        start = {"drones_positions": (options or {}).get("drones_positions")}
+        self._search.reset(options=start)
         self.agents = self.possible_agents.copy()
         self.timestep = 0
-        self.probability_matrix.restart()
-        self.seen_states, self.not_seen_states = set(), set(self._to_visit)
-        self.reward_scheme["done"] = len(self._to_visit) / len(self.agents)
-        self.reward_scheme["reward_poc"] = len(self._to_visit)
-        self.cumm_pos, self.repeated_coverage = 0.0, 0
-        self._tracks = [list(self.agents_positions)]
-        self._show()
-        return self._observe(), self._infos(False)
+        cells = self._cells_to_cover
+        self.reward_scheme["done"] = cells / len(self.agents)
+        self.reward_scheme["reward_poc"] = cells
+        return self._observe(), self._infos()
 
     def step(
         self, actions: Mapping[str, int]
@@ -211,73 +183,72 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         """
         if self.timestep is None:
             raise ValueError("Please reset the env before interacting with it")
-        agents = self.agents
+        agents, world = self.agents, self._search.world
         if not agents:
             return {}, {}, {}, {}, {}
-        numbers = joint_action(actions, agents, len(self._vectors))
+        numbers = joint_action(actions, agents, len(self._search.rules.actions))
+        self._search.advance(np.array(numbers, np.int8))
         self.timestep += 1
-        scheme = self.reward_scheme
-        time_left = 1 - self.timestep / self.timestep_limit
-        out_of_time = self.timestep >= self.timestep_limit
-        if out_of_time:
-            rewards = dict.fromkeys(agents, scheme["exceed_timestep"])
-        else:
-            rewards = {
-                agent: self._visit(i, number, time_left)
-                for i, (agent, number) in enumerate(zip(agents, numbers, strict=True))
-            }
-        completed = not self.not_seen_states
-        if completed:
-            rewards = dict.fromkeys(agents, scheme["done"] + time_left * scheme["done"])
-        self._tracks.append(list(self.agents_positions))
-        self._show()
-        infos, observations = self._infos(completed), self._observe()
-        if completed or out_of_time:
-            self.agents = []
-        terminations = dict.fromkeys(agents, completed)
-        return observations, rewards, terminations, dict.fromkeys(agents, out_of_time), infos
-
-    def _visit(self, drone: int, number: int, time_left: float) -> float:
-        """Move a drone and return its reward; a move that would leave the grid does nothing."""
-        x, y = self.agents_positions[drone]
-        dx, dy = self._vectors[number]
-        cell = (x + dx, y + dy)
-        if not self.is_valid_position(cell):
-            return self.reward_scheme["default"]
-        self.agents_positions[drone] = cell
-        if cell not in self.not_seen_states:
-            self.repeated_coverage += 1
-            return self.reward_scheme["default"]
-        self.not_seen_states.remove(cell)
-        self.seen_states.add(cell)
-        matrix = self.probability_matrix.get_matrix()
-        probability = matrix[cell[1], cell[0]]
-        matrix[cell[1], cell[0]] = 0.0
-        self.cumm_pos += probability * self.drone.pod
-        earned = time_left * probability * self.reward_scheme["reward_poc"]
-        return float(self.reward_scheme["search_cell"] + earned)
+        rewards, terminations, truncations = (
+            dict(zip(agents, of_world[0].tolist(), strict=True))
+            for of_world in (world.rewards, world.terminated, world.truncated)
+        )
+        infos, observations = self._infos(), self._observe()
+        if self.render_mode == "human":
+            self.render()
+        self.agents = self._search.agents.copy()
+        return observations, rewards, terminations, truncations, infos
 
     def _observe(self) -> Observations:
+        self.agents_positions = list(map(tuple, self._search.positions.tolist()))
         probability = self.probability
         return {
             agent: (cell, probability)
             for agent, cell in zip(self.agents, self.agents_positions, strict=True)
         }
 
-    def _infos(self, completed: bool) -> Infos:
-        count = len(self._to_visit)
+    def _infos(self) -> Infos:
+        metrics = {name: of[0].item() for name, of in self._search.world.coverage_metrics().items()}
         info = {
-            "is_completed": completed,
-            "coverage_rate": len(self.seen_states) / count,
-            "repeated_coverage": self.repeated_coverage / count,
-            "accumulated_pos": self.cumm_pos,
+            "is_completed": not self.not_seen_states,
+            "coverage_rate": metrics["coverage_rate"],
+            "repeated_coverage": metrics["repeated_coverage"],
+            "accumulated_pos": metrics["pos"],
         }
         return {agent: info for agent in self.agents}
 
     @property
+    def _cells_to_cover(self) -> int:
+        return int(np.count_nonzero(self.probability_matrix.original_map))
+
+    @property
+    def seen_states(self) -> set[Cell]:
+        """Cells (x, y) that are covered."""
+        return _cells(
+            self.probability_matrix.original_map > self.probability_matrix.probability_map
+        )
+
+    @property
+    def not_seen_states(self) -> set[Cell]:
+        """Cells (x, y) that are to be covered."""
+        return _cells(self.probability_matrix.probability_map > 0)
+
+    @property
+    def repeated_coverage(self) -> int:
+        """Visits of cells that needed none."""
+        coverage = self._search.world.coverage
+        assert coverage is not None
+        return int(coverage.records["repeated"][0])
+
+    @property
+    def cumm_pos(self) -> float:
+        """Probability of the covered cells, times that of detection."""
+        return float(self._search.world.coverage_metrics()["pos"][0])
+
+    @property
     def positions(self) -> NDArray[np.int64]:
         """Cells (N, 2) as (x, y) of all drones."""
-        return np.array(self.agents_positions, np.int64)
+        return self._search.positions
 
     @property
     def probability(self) -> NDArray[np.float64]:
@@ -288,7 +259,7 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
     @property
     def steps_done(self) -> int:
         """Steps of the mission that are done."""
-        return self.timestep or 0
+        return self._search.steps_done
 
     def get_agents(self) -> list[str]:
         """Return the names of all drones."""
@@ -306,35 +277,17 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         """Write the matrix as it was before all visits to a .npy file."""
         self.probability_matrix.save_state(path)
 
-    def view(self) -> rendering.MissionView:
-        """Return what a picture of the mission shows."""
-        return rendering.MissionView(
-            probability=self.probability.astype(np.float32),
-            tracks=np.array(self._tracks or [list(self._scenario.drones_positions)]).swapaxes(0, 1),
-            alive=np.ones(len(self.possible_agents), bool),
-            persons=np.zeros((0, 2), np.int64),
-            found=np.zeros(0, bool),
-            datum=None,
-            step=self.steps_done,
-            timestep_limit=self.timestep_limit,
-            cell_size_m=self.cell_size,
-        )
-
     def render(self) -> str | None:
         """Show the mission in a window in the mode human; return it as text else."""
-        if self.render_mode != "human":
-            return rendering.to_ansi(self.view())
-        if self._viewer is None:
-            self._viewer = rendering.Viewer(math.inf)
-        self._viewer.show(self.view())
-        return None
+        if self.render_mode == "human":
+            self._search.render()
+            return None
+        return rendering.to_ansi(self._search.view())
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        self._search.close()
 
-    def _show(self) -> None:
-        if self.render_mode == "human":
-            self.render()
+
+def _cells(where: NDArray[np.bool_]) -> set[Cell]:
+    return {(x, y) for y, x in np.argwhere(where).tolist()}

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`DroneSwarmSearch` of DSSE 1.1.9 over `SearchEnv` with the profile v2."""
 

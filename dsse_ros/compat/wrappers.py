@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The wrappers of DSSE 1.1.9, which are those of `dsse_ros.search.wrappers` by other names."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Opens the page in a browser, from outside the page's own process, which gives way to others."""
 

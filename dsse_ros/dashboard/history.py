@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """One search, step by step, from what its topics have brought: any step can be looked at again."""
 

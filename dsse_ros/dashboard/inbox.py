@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What goes between the thread of the ROS node and that of the page, as cheaply as can be.
 

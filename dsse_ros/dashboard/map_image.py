@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A map as a PNG of one pixel per cell, whose transparency lets light and dark pages through."""
 

@@ -1,3 +1,4 @@
+// Copyright 2026 dsse_ros maintainers
 // SPDX-License-Identifier: Apache-2.0
 // The map of a mission on a canvas. The server sends steps once, then which of them is shown.
 

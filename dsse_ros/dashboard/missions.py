@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What is known of each mission, by the namespace of its simulation, from the messages so far."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Serves the page in a thread of its own, so that a slow browser holds up no message."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Settings of the page, and the token that a file holds."""
 
@@ -5,8 +6,8 @@ from __future__ import annotations
 
 import ipaddress
 from dataclasses import dataclass
-from pathlib import Path
 
+from dsse_ros.private_files import read_private
 from dsse_ros.search.fields import FieldError, check_all, field
 
 MIN_TOKEN = 16
@@ -31,8 +32,8 @@ class DashboardSettings:
     )
     token_file: str = field(
         "str",
-        f"File whose first line, at least {MIN_TOKEN} characters, browsers have to show; empty for "
-        "nothing.",
+        f"File that its owner alone may use; its first line, at least {MIN_TOKEN} characters, "
+        "browsers have to show. Empty for nothing.",
         "",
     )
     allowed_hosts: tuple[str, ...] = field(
@@ -51,17 +52,18 @@ class DashboardSettings:
         """Return the token in the file, None for no file.
 
         Raises:
-            FieldError: If the file cannot be read, or it has none that is long enough.
+            FieldError: If the file cannot be read, others than its owner may use it, or it has
+                none that is long enough.
         """
         path = self.token_file
         if not path:
             return None
         try:
-            lines = Path(path).read_text(encoding="utf-8").splitlines()
-        except OSError as error:
-            raise FieldError(f"token_file: {path!r}: {error.strerror}") from None
+            lines = read_private(path).decode("utf-8").splitlines()
         except UnicodeDecodeError:
             raise FieldError(f"token_file: {path!r} is not text") from None
+        except ValueError as error:
+            raise FieldError(f"token_file: {error}") from None
         token = lines[0].strip() if lines else ""
         if len(token) < MIN_TOKEN or not (token.isascii() and token.isprintable()):
             raise FieldError(

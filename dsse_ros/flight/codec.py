@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Messages as bytes and back, by pymavlink's generated code; no incoming bytes make it raise.
 

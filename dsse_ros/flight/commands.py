@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Commands to a vehicle, sent again until their effect is seen, and the modes they bring about.
 

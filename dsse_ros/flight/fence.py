@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Where vehicles may be sent: the search area with a margin, in a band of altitudes.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Bytes to and from one vehicle over UDP, TCP or a serial line, without blocking.
 

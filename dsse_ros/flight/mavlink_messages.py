@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """MAVLink's messages from and to a vehicle as plain values, and whether their values are valid.
 

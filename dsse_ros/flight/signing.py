@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The key and the clock of signed messages: https://mavlink.io/en/guide/message_signing.html."""
 
@@ -5,9 +6,10 @@ from __future__ import annotations
 
 import contextlib
 import os
-import stat
 import time
 from pathlib import Path
+
+from dsse_ros.private_files import read_private
 
 KEY_BYTES = 32
 TICKS_PER_S = 100_000
@@ -16,7 +18,6 @@ TICKS_PER_S = 100_000
 _EPOCH_S = 1420070400
 """2015-01-01, where signatures begin to count."""
 _RESERVE_S = 10.0
-_OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
 def read_key(path: str | Path) -> bytes:
@@ -25,13 +26,7 @@ def read_key(path: str | Path) -> bytes:
     Raises:
         ValueError: If there is none in it, or if others than its owner may use it.
     """
-    try:
-        mode = os.stat(path).st_mode
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}") from error
-    if mode & _OTHERS:
-        raise ValueError(f"{path}: mode {mode & 0o777:o} is not allowed; 600 keeps it secret")
+    data = read_private(path)
     text = data.strip()
     if len(text) == 2 * KEY_BYTES:
         with contextlib.suppress(ValueError):

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What every exchange of the mission protocol has in common, without a link and without a clock.
 

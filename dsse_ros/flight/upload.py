@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Missions to a vehicle and back: upload, download, and an upload verified by a download."""
 

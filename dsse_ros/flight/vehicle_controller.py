@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Carries out the orders to one vehicle, without a link and a clock: both are its caller's."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a drone's vehicle is to do next, without ROS, links and clocks.
 

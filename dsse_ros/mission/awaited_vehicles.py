@@ -1,10 +1,11 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Which vehicles a step waits for, without ROS."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,15 @@ class AwaitedVehicles:
 
     Args:
         frame: The grid that they are in.
+        set_battery: Takes the share that is left in the battery of a drone's vehicle.
 
     Attributes:
         lost: Why vehicles have dropped out of the mission, by the numbers of their drones.
     """
 
-    def __init__(self, frame: GridFrame) -> None:
+    def __init__(self, frame: GridFrame, set_battery: Callable[[int, float], None]) -> None:
         self._frame = frame
+        self._set_battery = set_battery
         self._places: dict[int, tuple[float, float]] = {}
         self._progress: dict[int, Progress] = {}
         self._first_ns = self._last_ns = 0
@@ -55,6 +58,8 @@ class AwaitedVehicles:
         """Take how far a vehicle is; returns why it is lost, empty if it is not in this mission."""
         self._progress[drone] = progress
         of_this_mission = self._first_ns <= progress.report_stamp_ns <= self._last_ns
+        if of_this_mission:
+            self._set_battery(drone, progress.battery)
         return progress.lost if of_this_mission else ""
 
     def late(self, drones: Sequence[int], cells: NDArray[np.int64], radius_m: float) -> list[int]:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Which search the vehicles follow, and what is known of it; without ROS and without a clock."""
 

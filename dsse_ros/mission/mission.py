@@ -1,9 +1,11 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission as `sim_node` runs it, without ROS: the world, its commands, time and report."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,8 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.command_buffer import Cell, CommandBuffer
-from dsse_ros.search import HOLD, SearchEnv, Snapshot, SnapshotError
+from dsse_ros.mission.command_buffer import CommandBuffer
+from dsse_ros.mission.mission_snapshots import check_mission
+from dsse_ros.search import HOLD, FieldError, SearchEnv, Snapshot, SnapshotError
+from dsse_ros.search.actions import Cell
+from dsse_ros.search.fault_kernels import LOST
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from msg_adapters.result import Rejected
 
@@ -28,24 +33,28 @@ class StepResult:
         step: Steps done, 0 right after a reset.
         stamp_ns: Mission time in nanoseconds, at least one step's: a stamp of 0 means "no time" in
             ROS. It never runs backwards.
-        cells: (N, 2) int64 (col, row).
-        actions: (N,) int8, `HOLD` for none.
+        cells: (N, 2) int64 (col, row), as the drones observe them.
+        actions: (N,) int8, what the drones did, `HOLD` for nothing.
+        commands: (N,) int8, what they were commanded: without faults the same.
         rewards: (N,) float64.
         terminated, truncated, found, held: (N,) bool.
         probabilities: (N,) float64, what the map before the step gave the cell of each drone that
             searched, 0 for the others.
+        conditions: (N,) of `fault_kernels.CONDITIONS`, None without faults.
     """
 
     step: int
     stamp_ns: int
     cells: NDArray[np.int64]
     actions: NDArray[np.int8]
+    commands: NDArray[np.int8]
     rewards: NDArray[np.float64]
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
     found: NDArray[np.bool_]
     held: NDArray[np.bool_]
     probabilities: NDArray[np.float64]
+    conditions: NDArray[np.void] | None
 
 
 HISTORY_DTYPE = np.dtype(
@@ -54,7 +63,7 @@ HISTORY_DTYPE = np.dtype(
 )  # fmt: skip
 """What is kept of a drone in each step, packed: a mission may have millions of steps."""
 
-_OF_RESULT = ("actions", "held", "probabilities")
+_OF_RESULT = ("actions", "commands", "held", "probabilities")
 _OF_MISSION = ("seed", "number", "aborted", "tracks", "searches", "lost", "_stamp_ns")
 
 
@@ -64,7 +73,8 @@ class Mission:
     Args:
         env: The environment.
         seed: Of the first mission.
-        belief: Whether a belief follows the mission; without one there is no `pos`.
+        belief: Whether a belief follows the mission, if persons are looked for; without one there
+            is no `pos` then.
 
     Attributes:
         env: The environment.
@@ -79,7 +89,7 @@ class Mission:
 
     def __init__(self, env: SearchEnv, seed: int, *, belief: bool = True) -> None:
         self.env = env
-        self._beliefs = WorldBeliefs(env.world) if belief else None
+        self._beliefs = WorldBeliefs(env.world) if belief and not env.rules.covers else None
         # As the last caller of `belief` got it, until it changes.
         self._belief_map: NDArray[np.float32] | None = None
         self.commands = CommandBuffer(
@@ -113,7 +123,8 @@ class Mission:
         self.lost = []
         self._past.clear()
         nobody = np.zeros(count, bool)
-        self.result = self._result(np.full(count, HOLD, np.int8), nobody, np.zeros(count))
+        nothing = np.full(count, HOLD, np.int8)
+        self.result = self._result(nothing, nothing, nobody, np.zeros(count))
         return self.result
 
     def restart_time(self) -> StepResult:
@@ -154,6 +165,8 @@ class Mission:
         if self.aborted:
             return "aborted"
         result, rules, names = self.result, self.env.rules, self.env.possible_agents
+        if rules.covers and self.env.world.worlds["num_missing"][0] == 0:
+            return "all covered"
         all_found = rules.ends_together or self.env.world.persons[0]["found"].all()
         if all_found and result.found.any():
             return f"found by {', '.join(names[i] for i in np.flatnonzero(result.found))}"
@@ -179,9 +192,18 @@ class Mission:
         """Cumulative probability of success of the searches so far, None without a belief.
 
         The probability that searches like these find the person, before it is known how they
-        ended; of several persons the expected share of finds. See `belief.Belief`.
+        ended; of several persons the expected share of finds. See `belief.Belief`. Where the task
+        is coverage, it is that of `coverage.Coverage`.
         """
-        return None if self._beliefs is None else float(self._beliefs.pos[0])
+        if self._beliefs is not None:
+            return float(self._beliefs.pos[0])
+        return self.coverage.get("pos")
+
+    @property
+    def coverage(self) -> dict[str, float]:
+        """The metrics of the coverage task by their names, see `coverage.Coverage`; none else."""
+        metrics = self.env.world.coverage_metrics()
+        return {name: float(values[0]) for name, values in metrics.items()}
 
     def prepare_belief(self) -> None:
         """Have the steps of the first mission cost no more than those of later ones."""
@@ -244,20 +266,39 @@ class Mission:
         self.result = replace(self.result, terminated=self._terminated())
         return True
 
+    def set_battery(self, drone: int, share: float) -> None:
+        """Take what is left in the battery of a drone's vehicle, 1 when full; NaN changes nothing.
+
+        Where batteries run down, the next step starts from there.
+        """
+        faults = self.env.world.faults
+        if faults is not None and math.isfinite(share):
+            faults.set_battery(drone, 100.0 * share)
+
+    @property
+    def fallen(self) -> list[int]:
+        """The drones that a fault of the simulation has lost."""
+        conditions = self.result.conditions
+        if conditions is None:
+            return []
+        fallen: list[int] = np.flatnonzero(conditions["status"] == LOST).tolist()
+        return fallen
+
     def advance(self, missing_action: str) -> StepResult:
         """Do one step with the commands given; drones without one follow `missing_action`."""
         world = self.env.world
         live = world.drones["alive"][0].copy()
         joint = self.commands.take(self.live, self.result.cells, missing_action)
-        searching = live & (joint == self.env.rules.action_set.search)
-        probabilities = np.where(searching, self._probabilities(), 0.0)
+        probabilities, faults = self._probabilities(), world.faults
         if self._beliefs is not None:
             self._beliefs.before_step(joint[None])
         self.env.advance(joint)
         if self._beliefs is not None:
             self._beliefs.after_step()
         self._past += _packed(self.result).tobytes()
-        self.result = self._result(joint, live & (joint == HOLD), probabilities)
+        done = joint if faults is None else faults.applied[0].copy()
+        held, searching = live & (joint == HOLD), live & (done == self.env.rules.action_set.search)
+        self.result = self._result(done, joint, held, np.where(searching, probabilities, 0.0))
         for drone in np.flatnonzero(searching).tolist():
             self.searches[drone][-1] += 1
         return self.result
@@ -283,17 +324,26 @@ class Mission:
         """Go on from a snapshot, bit for bit; commands for its next step are given again.
 
         Raises:
-            SnapshotError: If it is no mission's, or of another scenario or other rules; the
-                mission under way stays as it is.
+            SnapshotError: If it is no mission's, or of another scenario or other rules, or of no
+                mission that can be; the mission under way stays as it is.
         """
         extra, arrays = snapshot.extra, snapshot.arrays
         if not {*_OF_MISSION, "commands"} <= extra.keys() or "history" not in arrays:
             raise SnapshotError("the snapshot is of a world, not of a mission")
-        if self._beliefs is not None:
+        check_mission(snapshot, self)
+        if self._beliefs is None:
+            self.env.restore(snapshot)
+        else:
             self._beliefs.check(snapshot)
-        self.env.restore(snapshot)
-        if self._beliefs is not None:
-            self._beliefs.restore(snapshot)
+            before = replace(self.env.snapshot(), extra={})
+            before.arrays.update(self._beliefs.arrays())
+            self.env.restore(snapshot)
+            try:
+                self._beliefs.restore(snapshot)
+            except (FieldError, SnapshotError) as error:
+                self.env.restore(before)
+                self._beliefs.restore(before)
+                raise SnapshotError(str(error)) from None
         for name in _OF_MISSION:
             setattr(self, name, extra[name])
         self.tracks = [[(col, row) for col, row in track] for track in extra["tracks"]]
@@ -319,6 +369,7 @@ class Mission:
     def _result(
         self,
         actions: NDArray[np.int8],
+        commands: NDArray[np.int8],
         held: NDArray[np.bool_],
         probabilities: NDArray[np.float64],
     ) -> StepResult:
@@ -336,12 +387,14 @@ class Mission:
             stamp_ns=self._stamp_ns,
             cells=cells,
             actions=actions,
+            commands=commands,
             rewards=world.rewards[0].copy(),
             terminated=self._terminated(),
             truncated=truncated,
             found=world.found[0].copy(),
             held=held,
             probabilities=probabilities,
+            conditions=None if world.faults is None else world.faults.conditions[0].copy(),
         )
 
 

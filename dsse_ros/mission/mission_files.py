@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The files that a mission is recorded in and resumed from, without ROS."""
 
@@ -58,7 +59,13 @@ class MissionFiles:
             FieldError: If that is not possible.
         """
         if self._record_file:
-            self._log = MissionLog(self._record_file, frame, resume_at=self._resume_at)
+            self._log = MissionLog(
+                self._record_file,
+                frame,
+                resume_at=self._resume_at,
+                covers=self._mission.env.rules.covers,
+                faults=self._mission.result.conditions is not None,
+            )
 
     def record(self) -> str:
         """Record the last step; returns why the log ends here, empty if it goes on."""

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The record of a mission: one CSV row per step and drone, and per step and person."""
 
@@ -6,7 +7,8 @@ from __future__ import annotations
 import contextlib
 import csv
 import os
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.search import FieldError
+from dsse_ros.search.fault_kernels import STATUSES
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import cell_to_geodetic
 
@@ -24,6 +27,17 @@ COLUMNS = (
 )  # fmt: skip
 """Column names; `probability` is that of the cell searched, `pos` is as `Mission.pos` has it.
 Persons have no action and no reward."""
+OF_COVERAGE = ("coverage_rate", "repeated_coverage")
+"""Further columns of a coverage task, see `dsse_ros.search.coverage`."""
+OF_FAULTS = ("command", "status", "battery", "true_col", "true_row")
+"""Further columns of missions with faults, empty for persons: the action that was commanded, one of
+`fault_kernels.STATUSES`, percent, and the cell, where `col` and `row` are what the drone observes.
+"""
+
+
+def columns_of(*, covers: bool, faults: bool) -> tuple[str, ...]:
+    """Return the columns of a mission's record."""
+    return (*COLUMNS, *(OF_COVERAGE if covers else ()), *(OF_FAULTS if faults else ()))
 
 
 _TAIL_BYTES = 1 << 16
@@ -37,6 +51,8 @@ class MissionLog:
         path: The file; what is in it is written over.
         frame: Where the grid lies.
         resume_at: (mission, step) that is written first: the file keeps what comes before it.
+        covers: Whether the task is coverage.
+        faults: Whether the missions have faults.
 
     Raises:
         FieldError: If the file cannot be written, or is to be kept and no record of a mission.
@@ -48,11 +64,16 @@ class MissionLog:
         frame: GridFrame,
         *,
         resume_at: tuple[int, int] | None = None,
+        covers: bool = False,
+        faults: bool = False,
     ) -> None:
         self._frame = frame
+        self._faults = faults
+        self._of_coverage = OF_COVERAGE if covers else ()
+        columns = columns_of(covers=covers, faults=faults)
         try:
             if resume_at is not None:
-                _cut(path, resume_at)
+                _cut(path, resume_at, columns)
             mode = "w" if resume_at is None else "a"
             self._file = Path(path).open(mode, newline="", encoding="utf-8")  # noqa: SIM115
         except OSError as error:
@@ -62,7 +83,7 @@ class MissionLog:
         self._last = (0, 0)
         self._last_at = 0
         if self._file.tell() == 0:
-            self._writer.writerow(COLUMNS)
+            self._writer.writerow(columns)
 
     def write(self, mission: Mission, result: StepResult) -> None:
         """Append a step, or write it over if it is the last; complete on disk on return."""
@@ -74,6 +95,8 @@ class MissionLog:
         east, north = cell_to_map(self._frame, cells[:, 0], cells[:, 1])
         lat, lon, _ = cell_to_geodetic(self._frame, cells[:, 0], cells[:, 1], 0.0)
         drones, pos = len(result.cells), "" if mission.pos is None else repr(mission.pos)
+        coverage = mission.coverage
+        covered = [repr(coverage[name]) for name in self._of_coverage]
         for i, (col, row) in enumerate(cells.tolist()):
             place = (
                 col, row, f"{east[i]:.3f}", f"{north[i]:.3f}", f"{lat[i]:.9f}", f"{lon[i]:.9f}",
@@ -92,14 +115,32 @@ class MissionLog:
                         *(int(flag[i]) for flag in flags),
                         repr(float(result.probabilities[i])),
                         pos,
+                        *covered,
+                        *self._of_faults(mission, result, i),
                     )  # fmt: skip
                 )
             else:
                 found = int(persons["found"][i - drones])
+                more = ("",) * len(OF_FAULTS) * self._faults
                 self._writer.writerow(
-                    (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "")
+                    (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "", *more)
                 )
         self._file.flush()
+
+    def _of_faults(self, mission: Mission, result: StepResult, drone: int) -> tuple[Any, ...]:
+        """Return the values of `OF_FAULTS`, if they are written."""
+        if not self._faults or result.conditions is None:
+            return ()
+        condition, command = result.conditions[drone], int(result.commands[drone])
+        world = mission.env.world
+        place, has_battery = world.drones[0, drone], world.faults and world.faults.has_battery
+        return (
+            mission.env.rules.actions[command] if command >= 0 else "",
+            STATUSES[condition["status"]],
+            repr(float(condition["battery"])) if has_battery else "",
+            int(place["x"]),
+            int(place["y"]),
+        )
 
     def _seek(self, step: tuple[int, int]) -> None:
         """Go to where the rows of this (mission, step) begin."""
@@ -118,7 +159,7 @@ class MissionLog:
         self._file.close()
 
 
-def _cut(path: str | os.PathLike[str], end: tuple[int, int]) -> None:
+def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[str]) -> None:
     """Cut a record before the first row of this (mission, step) or a later one.
 
     Rows that a crash has left in part are cut too: they stand at the end, after that step.
@@ -131,7 +172,7 @@ def _cut(path: str | os.PathLike[str], end: tuple[int, int]) -> None:
         return
     with Path(path).open("rb+") as file:
         head = file.readline()
-        whole = ",".join(COLUMNS).encode() + b"\n"
+        whole = ",".join(columns).encode() + b"\n"
         if head not in (whole, whole[: len(head)]):
             raise FieldError(f"record_file: {os.fspath(path)!r} is no record of a mission")
         keep = len(head) if head == whole else 0
@@ -156,24 +197,28 @@ class MissionRecord:
         persons: (P, 2) last cells of the persons.
         person_found: (P,) bool.
         actions: (N, K) names of the actions, "" for none.
+        commands: (N, K) names of the actions that were commanded: without faults the same.
         rewards: (N, K) float64.
         alive: (N,) bool after the last step.
         truncated: (N,) bool after the last step.
         found: (N, K) bool.
         times_s: (K,) float64 mission time.
         pos: As `Mission.pos` after the last step.
+        coverage: As `Mission.coverage` after the last step, without `pos`.
     """
 
     tracks: NDArray[np.int64]
     persons: NDArray[np.int64]
     person_found: NDArray[np.bool_]
     actions: NDArray[np.str_]
+    commands: NDArray[np.str_]
     rewards: NDArray[np.float64]
     alive: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
     found: NDArray[np.bool_]
     times_s: NDArray[np.float64]
     pos: float | None
+    coverage: dict[str, float] = field(default_factory=dict)
 
 
 def read_log(path: str | os.PathLike[str]) -> MissionRecord:
@@ -196,15 +241,19 @@ def read_log(path: str | os.PathLike[str]) -> MissionRecord:
     flags = {name: table(name, int).astype(bool) for name in ("terminated", "truncated", "found")}
     return MissionRecord(
         tracks=np.stack([table("col", int), table("row", int)], axis=2),
-        persons=np.array([(int(row["col"]), int(row["row"])) for row in persons]),
-        person_found=np.array([row["found"] == "1" for row in persons]),
+        persons=np.array([(int(row["col"]), int(row["row"])) for row in persons]).reshape(-1, 2),
+        person_found=np.array([row["found"] == "1" for row in persons], bool),
         actions=table("action", str),
+        commands=table("command" if "command" in rows[0] else "action", str),
         rewards=table("reward", float),
         alive=~(flags["terminated"] | flags["truncated"])[:, -1],
         truncated=flags["truncated"][:, -1],
         found=flags["found"],
         times_s=table("time_s", float)[0],
         pos=_pos_of(drones[0][-1]),
+        coverage={
+            name: float(drones[0][-1][name]) for name in OF_COVERAGE if name in drones[0][-1]
+        },
     )
 
 
@@ -217,7 +266,8 @@ def last_pos(path: str | os.PathLike[str]) -> float | None:
             lines = file.read().decode().split("\n")[1:-1]
     except OSError:
         return None
-    rows = [dict(zip(COLUMNS, line.split(","), strict=True)) for line in lines]
+    # Others may follow.
+    rows = [dict(zip(COLUMNS, line.split(","), strict=False)) for line in lines]
     of_drones = [row for row in rows if row["agent"].startswith("drone")]
     return _pos_of(of_drones[-1]) if of_drones else None
 

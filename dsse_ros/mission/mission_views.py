@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A recorded mission flown again, for its pictures."""
 
@@ -21,7 +22,7 @@ def mission_views(
     """Yield what a picture shows of a mission at its start and after each step.
 
     Args:
-        record: Its actions; the same seed and actions give the same mission.
+        record: Its commands; the same seed and commands give the same mission.
         scenario: What was searched.
         rules: The rules of the search.
         seed: Of the mission.
@@ -35,7 +36,7 @@ def mission_views(
     numbers = {name: number for number, name in enumerate(rules.actions)}
     for step, cells in enumerate(record.tracks.swapaxes(0, 1)):
         if step:
-            joint = [numbers.get(name, HOLD) for name in record.actions[:, step].tolist()]
+            joint = [numbers.get(name, HOLD) for name in record.commands[:, step].tolist()]
             env.advance(np.array(joint, np.int8))
         if not np.array_equal(env.positions, cells):
             raise ValueError(f"step {step} is not of the mission that began with seed {seed}")

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The state of a mission and what it waits for, as texts and numbers; without ROS."""
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_scheduler import StepScheduler
+from dsse_ros.search.fault_kernels import HOME, IDENTIFYING, RETURNING, STATUSES, STUCK
 
 _MOST_NAMES = 8
 """Drones that a line of the log names."""
@@ -114,6 +116,7 @@ def health(
     elif scheduler.paused:
         message = "stopped" if stopped else "paused"
     causes = [f"{count} nodes publish {topic}" for topic, count in publishers.items() if count > 1]
+    lost = {*lost, *mission.fallen}
     if lost:
         causes.append(f"{names(mission, sorted(lost))} lost")
     if rejected:
@@ -156,9 +159,11 @@ def values(
         "step_mode": step_mode,
         "drones_in_flight": len(mission.live),
         "missing_drones": names(mission, [] if mission.done else mission.missing),
-        "lost_drones": names(mission, mission.lost),
+        "lost_drones": names(mission, [*mission.lost, *mission.fallen]),
+        **_of_faults(mission),
         "timeouts": timeouts,
         **({} if mission.pos is None else {"pos": f"{mission.pos:.6f}"}),
+        **{name: f"{share:.6f}" for name, share in mission.coverage.items()},
         **{f"publishers.{topic}": count for topic, count in publishers.items()},
         "duplicates": duplicates,
         "rejected": sum(rejected.values()),
@@ -167,6 +172,22 @@ def values(
         found["awaited_vehicles"] = names(mission, late)
     found |= {f"lost.drone{i}": reason for i, reason in sorted(lost.items())}
     return found | {f"rejected.{code}": n for code, n in sorted(rejected.items())}
+
+
+def _of_faults(mission: Mission) -> dict[str, object]:
+    """Return what faults have made of the drones; nothing without faults."""
+    conditions, faults = mission.result.conditions, mission.env.world.faults
+    if conditions is None or faults is None:
+        return {}
+    found: dict[str, object] = {
+        f"{STATUSES[status]}_drones": names(
+            mission, np.flatnonzero(conditions["status"] == status).tolist()
+        )
+        for status in (STUCK, IDENTIFYING, RETURNING, HOME)
+    }
+    if faults.has_battery:
+        found["lowest_battery"] = f"{conditions['battery'].min():.1f}"
+    return found
 
 
 def _some_names(mission: Mission, drones: Sequence[int]) -> str:

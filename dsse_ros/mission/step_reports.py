@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The report of a mission's last step."""
 
@@ -20,7 +21,12 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         frame: Where its grid lies.
         run_id: Identity of the simulation.
     """
-    result = mission.result
+    result, faults = mission.result, mission.env.world.faults
+    of_faults = {}
+    if faults is not None and result.conditions is not None:
+        of_faults["status"] = result.conditions["status"]
+        if faults.has_battery:
+            of_faults["battery"] = result.conditions["battery"]
     return make_step_report(
         frame,
         run_id=run_id,
@@ -35,4 +41,6 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         held=result.held,
         action_mask=mission.env.action_masks(),
         all_found=bool(mission.env.world.worlds["num_missing"][0] == 0),
+        coverage=mission.coverage or None,
+        **of_faults,
     )

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Publishes a bag again, at any rate, with the quality of service that was recorded."""
 

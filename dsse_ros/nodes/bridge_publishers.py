@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What `mavlink_bridge` publishes; each message comes from a function of `msg_adapters`."""
 
@@ -11,11 +12,12 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from sensor_msgs.msg import NavSatFix
+from sensor_msgs.msg import BatteryState, NavSatFix
 
 from dsse_ros.flight.vehicle import Vehicle
 from dsse_ros.flight.vehicle_follower import VehicleFollower
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR, Endpoints
+from msg_adapters.battery import battery_state
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
@@ -39,6 +41,9 @@ class BridgePublishers:
         self._fixes = [publisher(NavSatFix, f"{name}/vehicle_fix", SENSOR) for name in names]
         self._states = [
             publisher(DiagnosticArray, f"{name}/vehicle_state", LATCHED) for name in names
+        ]
+        self._batteries = [
+            publisher(BatteryState, f"{name}/vehicle_battery", LATCHED) for name in names
         ]
         self._diagnostics = publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         # What was published last of each vehicle, and when.
@@ -75,9 +80,10 @@ class BridgePublishers:
         """
         state, outcome = vehicle.state, vehicle.outcome
         leg = follower.leg if follower is not None else None
-        progress = Progress()
+        progress = Progress(battery=state.battery)
         if follower is not None and leg is not None:
-            progress = Progress(leg.stamp_ns, follower.arrived_stamp_ns, follower.lost)
+            arrived_ns = follower.arrived_stamp_ns
+            progress = Progress(leg.stamp_ns, arrived_ns, follower.lost, state.battery)
         refused = trouble or (follower.refused if follower is not None else "")
         blocked = follower.blocked if follower is not None else ""
         news = (
@@ -88,6 +94,11 @@ class BridgePublishers:
         if news == before and now_s - published_s < STATE_S:
             return
         self._last[i] = (news, now_s)
+        # As the autopilot reports it, NaN as long as it does not.
+        percent = 100.0 * state.battery
+        self._batteries[i].publish(
+            battery_state(stamp, self._names[i], percent, flying=state.flying)
+        )
         level, message = _summary(vehicle, progress.lost, refused, blocked)
         values: dict[str, object] = {
             "connected": _text(state.connected),
@@ -95,7 +106,6 @@ class BridgePublishers:
             "armed": _text(state.armed),
             "flying": _text(state.flying),
             "mode": state.mode,
-            "battery": f"{state.battery:.2f}",
             "failsafe": state.failsafe,
             "cell": "" if leg is None else f"{leg.cell[0]} {leg.cell[1]}",
             "arrived": _text(follower is not None and follower.arrived),

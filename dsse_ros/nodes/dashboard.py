@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`ros2 run dsse_ros dashboard`: a page in the browser that shows missions as they run."""
 
@@ -9,12 +10,14 @@ import sys
 import time
 from dataclasses import dataclass, field
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid
 from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64MultiArray, String
@@ -24,6 +27,7 @@ from dsse_ros.dashboard.inbox import Command, Inbox, Received
 from dsse_ros.dashboard.server import PageServer
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.polling import polling_node, spun_by_nobody, take_all
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.search.fields import specs
@@ -34,6 +38,8 @@ _LOOK_S = 0.5
 """Wall time between looks for simulations and vehicles."""
 _COMMANDS_S = 0.05
 """Wall time between looks for commands of the page."""
+_TAKE_S = 0.05
+"""Wall time between looks for messages."""
 _SILENCE_S = 3.0
 """Wall time without a message after which a simulation is taken to be gone: its diagnostics come
 once a second, and one that was killed has publishers for 20 s more."""
@@ -72,13 +78,13 @@ class Simulation:
         node: Full name of its node, "" before it is known.
         publishers: How many publish its reports, as the page knows it.
         heard_s: When the last message of it came, on a steady clock.
-        topics: Those that are subscribed to, relative to its namespace.
+        topics: Subscriptions by topic, relative to its namespace.
     """
 
     node: str = ""
     publishers: int = -1
     heard_s: float = field(default_factory=time.monotonic)
-    topics: set[str] = field(default_factory=set)
+    topics: dict[str, Subscription] = field(default_factory=dict)
 
 
 class DashboardNode(AlarmNode):
@@ -97,12 +103,14 @@ class DashboardNode(AlarmNode):
         Endpoints(self, qos).check_all_used()
         self.inbox = Inbox(_EVERY_MESSAGE)
         self._server: PageServer | None = None
+        self._listener = polling_node(self)
         self._simulations: dict[str, Simulation] = {}
         self._callers: dict[str, Any] = {}
         self._waiting: list[tuple[Command, float]] = []
         self._pending: dict[Future, tuple[Command, float]] = {}
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
         self.alarms.make(self._look).repeat(_LOOK_S)
+        self.alarms.make(self._take).repeat(_TAKE_S)
         self.alarms.make(self._serve_commands).repeat(_COMMANDS_S)
 
     def serve(self) -> None:
@@ -128,7 +136,6 @@ class DashboardNode(AlarmNode):
             if match := _VEHICLES.fullmatch(name):
                 simulation = self._simulations.get(match["namespace"])
                 if simulation is not None and match["topic"] not in simulation.topics:
-                    simulation.topics.add(match["topic"])
                     self._subscribe(match["namespace"], match["topic"], *OF_VEHICLE[match["kind"]])
 
     def _join(self, namespace: str) -> None:
@@ -152,14 +159,23 @@ class DashboardNode(AlarmNode):
             self._put(namespace, "publishers", count)
 
     def _subscribe(self, namespace: str, topic: str, kind: Any, qos: Any) -> None:
-        simulation = self._simulations[namespace]
+        self._simulations[namespace].topics[topic] = self._listener.create_subscription(
+            kind, f"{namespace}/{topic}", spun_by_nobody, qos, raw=True
+        )
 
-        def take(message: bytes) -> None:
-            simulation.heard_s = time.monotonic()
-            read = partial(deserialize_message, message, kind)
-            self.inbox.put(Received(namespace, topic, read))
-
-        self.create_subscription(kind, f"{namespace}/{topic}", take, qos, raw=True)
+    def _take(self) -> None:
+        """Hand on what has come, in the order in which it was received."""
+        came: list[tuple[int, Received]] = []
+        for namespace, simulation in self._simulations.items():
+            before = len(came)
+            for topic, subscription in simulation.topics.items():
+                for one in take_all(subscription):
+                    read = partial(deserialize_message, one.data, subscription.msg_type)
+                    came.append((one.received_ns, Received(namespace, topic, read)))
+            if len(came) > before:
+                simulation.heard_s = time.monotonic()
+        for _, received in sorted(came, key=itemgetter(0)):
+            self.inbox.put(received)
 
     def _put(self, namespace: str, topic: str, value: Any) -> None:
         self.inbox.put(Received(namespace, topic, lambda: value))
@@ -220,6 +236,7 @@ class DashboardNode(AlarmNode):
         """Close the page and the node."""
         if self._server is not None:
             self._server.stop()
+        self._listener.destroy_node()
         super().destroy_node()
 
 

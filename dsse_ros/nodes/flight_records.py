@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What is known of the vehicles of a mission, in a file for a bridge that is started again."""
 

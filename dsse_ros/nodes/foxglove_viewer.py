@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`ros2 run dsse_ros foxglove_viewer`: serves the topics of a mission to Foxglove."""
 

@@ -1,5 +1,6 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""SIGINT and SIGTERM: at once while a program starts, between two callbacks once it runs."""
+"""SIGINT, SIGTERM, SIGHUP: at once while a program starts, between two callbacks once it runs."""
 
 from __future__ import annotations
 
@@ -13,7 +14,9 @@ from types import FrameType
 
 Handler = Callable[[int, FrameType | None], object]
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# A program that `nohup` has started is to outlive its terminal.
+_OF_TERMINAL = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, *_OF_TERMINAL)
 _GRACE_S = 0.2
 """Wall time that the main thread has to run its handler before the watching thread leaves."""
 
@@ -37,13 +40,13 @@ class Stop:
 
 
 def on_signals(handler: Handler | signal.Handlers) -> None:
-    """Have SIGINT and SIGTERM handled by this."""
+    """Have SIGINT, SIGTERM and SIGHUP handled by this."""
     for number in _SIGNALS:
         signal.signal(number, handler)
 
 
 def leave_on_signals(*clean_up: Callable[[], object]) -> None:
-    """Have both end the process at once, with the code a shell has for the signal.
+    """Have them end the process at once, with the code a shell has for the signal.
 
     Python runs a handler when the main thread is back from C, and LLVM may optimise one function
     for seconds: a thread watches too. No exception would do either, as numba loses some.

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The arguments of the launch files, and what the nodes get for them; without launch, without ROS.
 
@@ -136,7 +137,9 @@ _VIEWER = ("foxglove_viewer",)
 
 MISSION: Mapping[str, Argument] = {
     "scenario": Argument("str", "YAML file, or name of a scenario of the package.", "santos", _SIM),
-    "rules": Argument("str", "Profile of the rules.", "paper", _SIM, choices=("paper", "v1", "v2")),
+    "rules": Argument(
+        "str", "Profile of the rules.", "paper", _SIM, choices=("paper", "v1", "v2", "coverage"),
+    ),
     "planner": Argument(
         "str", "Which planner commands the drones, one of this package or of another.", "greedy",
         _PLANNER,
@@ -181,6 +184,10 @@ MISSION: Mapping[str, Argument] = {
     "namespace": Argument("str", "Namespace of all nodes."),
     "log_level": Argument(
         "str", "What the nodes log.", "info", choices=("debug", "info", "warn", "error", "fatal")
+    ),
+    "enclaves": Argument(
+        "str", "Path of the nodes' security enclaves, such as /dsse_ros; by default all have that "
+        "of the root."
     ),
     "record": Argument("bool", "Whether to record the mission to a bag.", "false"),
     "bag": Argument(
@@ -304,12 +311,19 @@ def starts(
     if "use_sim_time" not in given:
         values["use_sim_time"] = in_force("publish_clock", "sim_node")
 
-    def log_level(executable: str) -> list[str]:
-        """Return the arguments for the node's own logger: those of ROS itself say too much."""
-        if "log_level" not in given:
-            return []
-        logger = f"{values['namespace']}/{NODES[executable]}".strip("/").replace("/", ".")
-        return ["--ros-args", "--log-level", f"{logger}:={values['log_level']}"]
+    def ros_arguments(executable: str) -> list[str]:
+        """Return the arguments for the node's own logger and for its enclave."""
+        ros = []
+        if "log_level" in given:
+            # Those of ROS itself say too much.
+            logger = f"{values['namespace']}/{NODES[executable]}".strip("/").replace("/", ".")
+            ros += ["--log-level", f"{logger}:={values['log_level']}"]
+        if values["enclaves"]:
+            accepts = executable == "foxglove_viewer" and in_force("accept_commands", executable)
+            # With these people command drones.
+            enclave = "operator" if accepts or executable == "rviz2" else executable
+            ros += ["--enclave", f"{values['enclaves'].rstrip('/')}/{enclave}"]
+        return ["--ros-args", *ros] if ros else []
 
     fixed_frame = "".join(in_force(name, "sim_node") for name in ("frame_prefix", "map_frame"))
     # The recorder first: what is not latched is lost before it is there.
@@ -335,12 +349,12 @@ def starts(
             waits = in_force("mode", "mavlink_bridge") == "guided"
             # In the other modes the vehicles start when the search is over.
             (before if waits else after)["wait_for_vehicles"] = waits
-        made[executable] = Start(before, files[executable], after, log_level(executable))
+        made[executable] = Start(before, files[executable], after, ros_arguments(executable))
     if values["rviz"]:
         made["rviz2"] = Start(
             {"use_sim_time": values["use_sim_time"]},
             [],
             {},
-            ["-d", f"{share}/rviz/mission.rviz", "-f", fixed_frame, *log_level("rviz2")],
+            ["-d", f"{share}/rviz/mission.rviz", "-f", fixed_frame, *ros_arguments("rviz2")],
         )
     return made

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`ros2 run dsse_ros mavlink_bridge`: vehicles fly what the drones of a search do."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Checked fields as ROS parameters: read what was given, declare what is in force."""
 
@@ -36,6 +37,7 @@ _TYPES = {
     "cells": Parameter.Type.INTEGER_ARRAY,
     "names": Parameter.Type.STRING_ARRAY,
     "area": Parameter.Type.STRING,
+    "matrix": Parameter.Type.STRING,
 }
 
 QOS_PREFIX = "qos_overrides."
@@ -110,6 +112,8 @@ def to_ros(spec: Spec, value: Any) -> Any:
     """Return a field's value as a parameter holds it."""
     if spec.kind == "area":
         return "" if value is None else value.to_geojson()
+    if spec.kind == "matrix":
+        return "" if value is None else value.source
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if spec.kind == "cells":

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`ros2 run dsse_ros planner_node`: commands the drones, knowing nothing but the topics."""
 
@@ -182,7 +183,8 @@ class PlannerNode(AlarmNode):
             ValueError: If it needs to know more than `agents` contains.
         """
         name, seed = self.settings.planner, self.settings.seed
-        if name in PLANNERS:
+        covers = info.definition is not None and info.definition.rules.covers
+        if name in PLANNERS and not covers:
             return make_planner(name, info.actions, seed=seed, area=info.area_mask)
         if info.definition is None:
             raise ValueError("agents.definition: missing; this planner needs it")

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What `sim_node` publishes: each topic's message comes from one function of `msg_adapters`."""
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Image, NavSatFix, PointCloud2
+from sensor_msgs.msg import BatteryState, Image, NavSatFix, PointCloud2
 from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
@@ -24,7 +25,9 @@ from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
 from dsse_ros.search import SearchDefinition, sea_map
+from dsse_ros.search.fault_kernels import HOME, LOST
 from msg_adapters.agents import AgentsInfo, Origin, agents_message, area_rows
+from msg_adapters.battery import battery_state
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
@@ -34,6 +37,7 @@ from msg_adapters.mission_report import make_mission_report, mission_report_mess
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.pos import pos_message
 from msg_adapters.poses import (
+    base_link,
     nav_sat_fix,
     odometry,
     path,
@@ -109,6 +113,9 @@ class MissionPublishers:
         self._odoms = self._per_drone(Odometry, "odom", RELIABLE)
         self._fixes = self._per_drone(NavSatFix, "fix", SENSOR)
         self._paths = self._per_drone(Path, "path", LATCHED)
+        faults, self._batteries = mission.env.world.faults, []
+        if faults is not None and faults.has_battery:
+            self._batteries = self._per_drone(BatteryState, "battery", LATCHED)
         transform = tf_type()
         self._tf = transform and self._publisher(transform, "/tf", RELIABLE)
         # The last messages of the topics that are not latched, for late joiners.
@@ -194,6 +201,7 @@ class MissionPublishers:
             publisher.publish(pose_stamped(frame, cell, stamp, message))
         self._drones.publish(pose_array(frame, result.cells, stamp, self._pose_array))
         self._publish_fixes(result, stamp)
+        self.publish_batteries(result, stamp)
         self._before = self._cells if result.step else result.cells
         self._cells = result.cells
         pos = self._mission.pos
@@ -222,6 +230,18 @@ class MissionPublishers:
                 fix = cell_fix(self._frame, *cell)
                 message = nav_sat_fix(self._frame, *fix, stamp, self._names[i], self._fix_of[i])
                 self._fixes[i].publish(message)
+
+    def publish_batteries(self, result: StepResult, stamp: Time) -> None:
+        """Publish what is left in the batteries, where they run down."""
+        if result.conditions is None:
+            return
+        for name, publisher, condition in zip(
+            self._names, self._batteries, result.conditions, strict=False
+        ):
+            flying = condition["status"] not in (HOME, LOST)
+            frame_id = base_link(name, self._frame.frame_prefix)
+            battery = float(condition["battery"])
+            publisher.publish(battery_state(stamp, frame_id, battery, flying=flying))
 
     def publish_odometry(self, stamp: Time, share: float) -> None:
         """Publish odometry and transforms of drones on the way to the cells of the last step.
@@ -276,7 +296,7 @@ class MissionPublishers:
             names=self._names,
             tracks=self._mission.tracks,
             live=(~(result.terminated | result.truncated)).tolist(),
-            datum=(int(world["datum_x"]), int(world["datum_y"])),
+            datum=None if env.rules.covers else (int(world["datum_x"]), int(world["datum_y"])),
             radius_cells=sea_map.radius(world) if env.rules.circle else None,
             person_cells=(
                 np.stack([persons["x"], persons["y"]], axis=1) if reveal_person else None

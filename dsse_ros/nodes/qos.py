@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Quality of service of the topics, and its overrides by parameters."""
 
@@ -26,10 +27,10 @@ LATCHED = QoSProfile(
 """Late joiners get the last message."""
 
 REPORTS = QoSProfile(
-    depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+    depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-"""Of the step reports' publisher: a listener that must see each step may fall behind or come late
-by that many."""
+"""Of the publishers of step reports and POS: a listener that must see each step may fall behind or
+come late by that many, the whole of most missions."""
 
 COMPLETE = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL

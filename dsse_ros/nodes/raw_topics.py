@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """All topics of a mission as bytes: found as they appear, taken in batches."""
 
@@ -12,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
+from dsse_ros.nodes.polling import polling_node, spun_by_nobody, take_all
 from dsse_ros.recording.offered_qos import common
 from dsse_ros.recording.schemas import definition, message_class
 from dsse_ros.search import FieldError
@@ -44,9 +46,6 @@ class RawMessage(NamedTuple):
 class RawTopics:
     """The topics of a namespace, and those that all missions share, all subscribed or some of them.
 
-    The subscriptions are in a node of their own that no executor spins: messages wait until they
-    are taken. To wake up for each of them would cost several times as much.
-
     Args:
         node: Whose namespace it is, and who logs; in the root namespace all topics count.
         warn: Logs a line of a kind.
@@ -59,15 +58,7 @@ class RawTopics:
     def __init__(
         self, node: Node, warn: Callable[[str, str], None], exclude: Sequence[str] = ()
     ) -> None:
-        self._node = Node(
-            f"_{node.get_name()}_topics",
-            namespace=node.get_namespace(),
-            context=node.context,
-            # Neither arguments of the command line nor parameters: they are the other's.
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
+        self._node = polling_node(node)
         self._prefix = node.get_namespace().rstrip("/") + "/"
         self._warn = warn
         self._exclude = exclude
@@ -103,7 +94,7 @@ class RawTopics:
             return False
         kind = message_class(self.types[topic])
         self._subscriptions[topic] = self._node.create_subscription(
-            kind, topic, _spun_by_nobody, common(profiles, _DEPTH), raw=True
+            kind, topic, spun_by_nobody, common(profiles, _DEPTH), raw=True
         )
         return True
 
@@ -181,20 +172,4 @@ class RawTopics:
         return offered or [one.qos_profile for one in listeners if one.node_name != own]
 
     def _take_from(self, topic: str, subscription: Subscription) -> None:
-        handle, kind = subscription.handle, subscription.msg_type
-        with handle:
-            while (taken := handle.take_message(kind, True)) is not None:
-                data, info = taken
-                self._waiting.append(
-                    RawMessage(
-                        topic,
-                        data,
-                        info["received_timestamp"] or time.time_ns(),
-                        info["source_timestamp"],
-                        info["publication_sequence_number"] or 0,
-                    )
-                )
-
-
-def _spun_by_nobody(message: bytes) -> None:
-    raise AssertionError("a subscription whose messages are taken")
+        self._waiting += [RawMessage(topic, *taken) for taken in take_all(subscription)]

@@ -1,12 +1,15 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """From the command line to a spinning node and back, with one clear line where it fails."""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 import time
+import warnings
 import weakref
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -22,8 +25,9 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
+from rclpy.utilities import get_rmw_implementation_identifier, remove_ros_args
 
+from dsse_ros.nodes import security
 from dsse_ros.nodes.alarms import Alarms
 from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.nodes.interrupts import Stop, leave_on_signals, on_signals
@@ -171,7 +175,8 @@ def _init(arguments: list[str]) -> None:
     """Start rclpy without its signal handlers, which end the context in the midst of a callback.
 
     Raises:
-        FieldError: If an argument is none of ROS's, or there is no such domain.
+        FieldError: If an argument is none of ROS's, there is no such domain, or security is asked
+            for in a way that would start the program unprotected.
     """
     with _silent_rcl():
         rest = remove_ros_args(arguments)[1:]
@@ -180,6 +185,10 @@ def _init(arguments: list[str]) -> None:
                 f"{rest[0]!r} is no argument; parameters are given as --ros-args -p name:=value"
             )
         _ros_arguments[:] = split_ros_arguments(arguments)[1]
+        if security.enforce(os.environ):
+            # Of a node that is refused; what is wrong is raised.
+            warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
+        security.check_middleware(os.environ, get_rmw_implementation_identifier())
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     domain = rclpy.get_default_context().get_domain_id()
     if domain > MAX_DOMAIN:
@@ -208,7 +217,8 @@ def _as_field_error() -> Iterator[None]:
             case "UnknownROSArgsError":
                 raise FieldError(f"unknown ROS arguments: {error}") from None
             case "RCLError" | "RCLInvalidROSArgsError":
-                raise FieldError(str(error)) from None
+                middleware = get_rmw_implementation_identifier()
+                raise FieldError(security.explained(str(error), middleware)) from None
         raise
 
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the nodes beyond the scenario and the rules, as checked fields."""
 
@@ -14,6 +15,8 @@ from msg_adapters.agents import MAX_ID
 
 LARGEST_AUTO_GRID = 50
 """Cells a side of the largest grid whose missions have a belief without being asked for one."""
+LARGEST_GRID_CELLS = 4_000_000
+"""Cells of the largest grid that is searched without being asked for one as large."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +31,13 @@ class SimSettings(FlightSettings):
         "str", "YAML file, or name of a scenario of the package; empty for the defaults.", ""
     )
     rules: str = field("str", "Profile of the rules.", "paper", choices=tuple(PROFILES))
+    max_cells: int = field(
+        "int",
+        "Cells of the largest grid; one that has more is refused before it takes any memory.",
+        LARGEST_GRID_CELLS,
+        low=1,
+        high=10**8,
+    )
     step_mode: str = field(
         "str",
         "Step when all drones have commanded, by time, or by the service ~/step.",

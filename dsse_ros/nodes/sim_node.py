@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`ros2 run dsse_ros sim_node`: runs the search and obeys commands over topics."""
 
@@ -97,7 +98,7 @@ class SimNode(AlarmNode):
             timing(settings, env.scenario.step_duration_s), time.monotonic()
         )
         self._commands = CommandIntake(self.mission, self.frame, self.warn, self.debug)
-        self._vehicles = AwaitedVehicles(self.frame)
+        self._vehicles = AwaitedVehicles(self.frame, self.mission.set_battery)
         self._publisher_counts = PublisherCounts(self, consequences(settings))
         self._report_stamp = Time()
         self._subscribe(endpoints)

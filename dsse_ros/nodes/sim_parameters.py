@@ -1,9 +1,11 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of `sim_node`: its settings, and the fields of the scenario and of the rules."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import secrets
 from typing import Any
 
@@ -11,8 +13,9 @@ import numpy as np
 
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
-from dsse_ros.nodes.parameters import declare, from_ros, take_overrides
+from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import Endpoints
+from dsse_ros.nodes.ros_arguments import from_ros
 from dsse_ros.nodes.runtime import AlarmNode
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
 from dsse_ros.search import FieldError, Scenario, SearchEnv, profile
@@ -51,13 +54,32 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
 
     settings = SimSettings(**of(SETTINGS_SPECS))
     rules = profile(settings.rules, **of(RULES_SPECS))
+    if rules.covers and settings.publish_belief:
+        raise FieldError(
+            f"publish_belief: true is not allowed with rules {rules.profile}, which have no persons"
+        )
     path = find_scenario(settings.scenario) if settings.scenario else None
     scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
+    _check_size(settings, scenario, rules)
     env = prepared_env(scenario, rules, node.get_logger().info, has_belief=settings.has_belief)
     declare(node, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
     declare(node, SCENARIO_SPECS, _in_force(env.scenario))
     declare(node, RULES_SPECS, vars(rules))
     return settings, env, Endpoints(node, qos)
+
+
+def _check_size(settings: SimSettings, scenario: Scenario, rules: Rules) -> None:
+    """Raise for a grid of more than `max_cells`, before there is any memory for it.
+
+    Raises:
+        FieldError: If it is one, or there is no such grid.
+    """
+    side, _ = scenario.grid_of(rules)
+    if side * side > settings.max_cells:
+        raise FieldError(
+            f"grid_size: {side} is not allowed; at most {math.isqrt(settings.max_cells)}, for "
+            f"max_cells {settings.max_cells}"
+        )
 
 
 def grid_frame(scenario: ResolvedScenario, settings: SimSettings) -> GridFrame:

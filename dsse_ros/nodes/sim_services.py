@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The services of `sim_node`; those of simulation_interfaces are in the module of that name."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The services of simulation_interfaces 1.0 and later, where that package is installed.
 

@@ -1,11 +1,14 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Planners: policies from observations to actions, the same for ROS and the PettingZoo env."""
 
 from dsse_ros.planners.planner import Observation, Planner, PlannerFactory, Search
 from dsse_ros.planners.registry import (
     BELIEF_PLANNERS,
+    COVERAGE_PLANNERS,
     PLANNER_NAMES,
     PLANNERS,
+    check_task,
     load_planner,
     make_planner,
     planner_for,
@@ -13,12 +16,14 @@ from dsse_ros.planners.registry import (
 
 __all__ = [
     "BELIEF_PLANNERS",
+    "COVERAGE_PLANNERS",
     "PLANNERS",
     "PLANNER_NAMES",
     "Observation",
     "Planner",
     "PlannerFactory",
     "Search",
+    "check_task",
     "load_planner",
     "make_planner",
     "planner_for",

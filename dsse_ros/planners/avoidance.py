@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Collision avoidance: next cells for all drones at once, never two drones in one.
 

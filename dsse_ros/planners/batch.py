@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Thousands of missions with any planner.
 
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.belief import BeliefPlanner, Forecasts
 from dsse_ros.planners.planner import Planner, PlannerFactory
-from dsse_ros.planners.registry import load_planner
+from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.search.definition import SearchDefinition
 from dsse_ros.search.observation import Observation
 from dsse_ros.search.rules import Rules
@@ -69,6 +70,7 @@ class _Group:
         world: World,
         names: Sequence[str],
         masks: Sequence[Sequence[NDArray[np.int8]]],
+        fault_masks: NDArray[np.int8] | None,
         probability: NDArray[np.float32],
         step: int,
     ) -> None:
@@ -83,6 +85,12 @@ class _Group:
                 infos[names[n]]["action"] = self.actions[n]
             if world.persons.shape[1] > 1:
                 infos[names[n]]["found_person"] = bool(drones["found"][n])
+        if world.faults is not None and fault_masks is not None:
+            first = int(self.members[0])
+            for n, of_faults in zip(live, world.faults.infos(first, live), strict=True):
+                infos[names[n]] |= {"action_mask": fault_masks[first, n], **of_faults}
+            seen = world.faults.positions()[first]
+            cells = {n: (int(seen[n, 0]), int(seen[n, 1])) for n in live}
         observations = {names[n]: Observation(np.array(cells[n]), probability) for n in live}
         chosen = self.planner(observations, infos)
         self.actions = {n: chosen[names[n]] for n in live}
@@ -94,7 +102,12 @@ class _Group:
             return []
         drones = world.drones[members]
         gone = drones["terminated"] | drones["truncated"]
-        seen = np.stack([gone, drones["x"], drones["y"], drones["found"]], axis=-1)
+        parts = [gone, drones["x"], drones["y"], drones["found"]]
+        if world.faults is not None:
+            conditions = world.faults.conditions[members]
+            names = ("seen_x", "seen_y", "status", "applied", "battery")
+            parts += [conditions[name] for name in names]
+        seen = np.stack(parts, axis=-1)
         views, of_view = np.unique(seen.reshape(len(members), -1), axis=0, return_inverse=True)
         return [
             _Group(
@@ -174,6 +187,8 @@ def play_missions(
     """
     make = load_planner(planner) if isinstance(planner, str) else planner
     chosen, chosen_rules = scenario_and_rules(scenario, rules, **fields)
+    if isinstance(planner, str):
+        check_task(planner, chosen_rules)
     search = SearchDefinition(chosen_rules, assumed or chosen)
     world = World(chosen, chosen_rules, count, write_maps=False, threads=threads)
     world.seed(seed)
@@ -188,6 +203,13 @@ def play_missions(
         if isinstance(made, BeliefPlanner):
             made.forecasts = forecasts.setdefault(thread, made.forecasts)
         groups.append(_Group(np.arange(k, count, len(planner_seeds)), made, thread))
+    actions = len(chosen_rules.actions)
+    fault_masks = None
+    if world.faults is not None:
+        fault_masks = np.empty((*world.drones.shape, actions), np.int8)
+        table = np.array(masks)
+        # Drones may observe different positions from the start.
+        groups = [part for group in groups for part in group.split(world)]
     limit = world.scenario.timestep_limit
     steps = np.full(count, limit)
     going = np.ones(count, bool)
@@ -196,11 +218,19 @@ def play_missions(
     path_length, collisions = np.zeros(count), np.zeros(count, np.int64)
     with ThreadPoolExecutor(threads) as pool:
         for step in range(limit):
-            # It knows no person, and is the same in all of them.
+            # It knows no person, and is the same in all of them unless cells are covered.
             probability = world.map_of(int(groups[0].members[0]))
 
+            if world.faults is not None and fault_masks is not None:
+                x, y = world.drones["x"], world.drones["y"]
+                fault_masks[:] = table[y, x]
+                world.faults.restrict(world, fault_masks)
+
             def decide(group: _Group) -> None:
-                group.decide(world, names, masks, probability, step)  # noqa: B023
+                seen = probability  # noqa: B023
+                if world.coverage is not None:
+                    seen = world.map_of(int(group.members[0]))
+                group.decide(world, names, masks, fault_masks, seen, step)  # noqa: B023
 
             _each(pool, decide, groups)
             joint = np.full(world.drones.shape, HOLD, np.int8)
@@ -213,7 +243,7 @@ def play_missions(
             legs = np.hypot(world.drones["x"] - x, world.drones["y"] - y) * here
             for drone in range(world.num_drones):
                 path_length += legs[:, drone]
-            collisions += _meetings(world.drones, here)
+            collisions += _meetings(world.drones, here & ~world.drones["aloft"])
             # A world that goes on after its end does not count any more.
             now_found = going & world.worlds["done"] & (world.worlds["num_missing"] == 0)
             found |= now_found

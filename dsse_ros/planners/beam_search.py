@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Beam search on a belief: where drones should go to find the persons soon.
 
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners import beam
+from dsse_ros.planners.reach import Reach
 from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.belief_kernels import MARGIN, ROW
@@ -120,6 +122,7 @@ class BeamSearch:
         self._density = np.empty((0, 0))
         self._scratch = np.empty(side**2 + ROW)
         self._plans: dict[Hashable, _Plan] = {}
+        self._reach: Reach | None = None
 
     def copy(self) -> BeamSearch:
         """Return one that goes on by itself from here."""
@@ -135,6 +138,7 @@ class BeamSearch:
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
+        batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; its own one means that it searches it.
 
@@ -143,6 +147,8 @@ class BeamSearch:
             agents: The live drones; their last plans are known by them.
             present: Their cells.
             deadline_s: When no more plans are searched, as after `BeamOptions.budget_ms`.
+            batteries: What is in the batteries of the drones, percent: plans leave enough to come
+                home. Empty where they do not run down.
         """
         if self._density.shape != belief.density.shape:
             self._density = np.empty_like(belief.density)
@@ -161,12 +167,15 @@ class BeamSearch:
         for n, plan in enumerate(plans):
             if warm and plan.length:
                 beam.credit_plan(plan.path, plan.length, options.gamma, starts, members, credits[n])
+        beyond = self._beyond(agents, batteries, horizon)
         planned: set[int] = set()
         for n in self._order(belief, present) * options.passes:
             if planned and time.monotonic() > deadline_s:
                 break
             paths = np.full((self._finalists, horizon + 1), self._forecast.column(present[n]))
             blocked = self._blocked(n, plans, planned, horizon)
+            if beyond:
+                blocked |= beyond[n]
             found, length = beam.plan_drone(
                 self._moves, options.width, options.cap, options.gamma, options.kappa,
                 self._nearness, starts, members, cells[-1], credits, n, blocked, horizon, paths,
@@ -279,6 +288,22 @@ class BeamSearch:
                 else:
                     blocked[0, plan.path[0]] = True
         return blocked
+
+    def _beyond(
+        self, agents: Sequence[Hashable], batteries: Sequence[float], horizon: int
+    ) -> list[NDArray[np.bool_]]:
+        """Return the cells (H, S S) that are out of each drone's reach; empty without batteries."""
+        if not batteries:
+            return []
+        if self._reach is None:
+            self._reach = Reach(self._forecast.scenario, self._forecast.rules)
+        around = ((0, 0), (MARGIN, MARGIN), (MARGIN, MARGIN))
+        return [
+            np.pad(
+                self._reach.beyond(int(str(agent).removeprefix("drone")), battery, horizon), around
+            ).reshape(horizon, -1)
+            for agent, battery in zip(agents, batteries, strict=True)
+        ]
 
     def _first_cells(
         self, plans: list[_Plan], planned: set[int], present: Sequence[Cell]

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Planners that remember where was searched: they decide on a belief, not on the map.
 
@@ -19,9 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
+from dsse_ros.planners.heeding import heed_masks, is_aloft
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
 from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.drift import FIRST_OBSERVED, DriftEstimate
+from dsse_ros.search.drift_estimate import FIRST_OBSERVED, DriftEstimate
+from dsse_ros.search.fault_fields import may_be_held_up
 from dsse_ros.search.observation import most_probable
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
@@ -36,6 +39,7 @@ class Tactic(Protocol):
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
+        batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; its own one means that it searches it.
 
@@ -44,6 +48,8 @@ class Tactic(Protocol):
             agents: The live drones.
             present: Their cells.
             deadline_s: When to answer with the best so far, on the clock of `time.monotonic`.
+            batteries: What is in the batteries of the drones, percent; empty where they do not run
+                down.
         """
         ...
 
@@ -102,6 +108,7 @@ class GreedyOnBelief:
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
+        batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         taken = set(present)
@@ -198,6 +205,7 @@ class BeliefPlanner:
         self._seed = seed
         self.forecasts = Forecasts(search.rules, tactic)
         self._actions = search.rules.action_set.with_moves()
+        self._may_be_held_up = may_be_held_up(search.scenario)
         self._learn_drift = learn_drift and search.observed == "map"
         self._drift: DriftEstimate | None = None
         self._searches: list[list[tuple[Cell, bool]]] = []
@@ -229,11 +237,21 @@ class BeliefPlanner:
         self._observe_map(probability_of(observations))
         assert self._tactic is not None
         limit_s = infos[agents[0]].get("decision_time_s", math.inf)
-        ends = self._tactic(self.belief, agents, present, began_s + limit_s)
-        self._commanded = dict(zip(agents, zip(present, ends, strict=True), strict=True))
-        return {
-            agent: self._actions.action(cell, end) for agent, (cell, end) in self._commanded.items()
-        }
+        cells = dict(zip(agents, present, strict=True))
+        ends = dict(cells)
+        if steered := [agent for agent in agents if not is_aloft(infos[agent])]:
+            batteries = [infos[a]["battery"] for a in steered if "battery" in infos[a]]
+            chosen = self._tactic(
+                self.belief, steered, [cells[a] for a in steered], began_s + limit_s, batteries
+            )
+            ends |= zip(steered, chosen, strict=True)
+            if self._may_be_held_up:
+                # What a drone is about to leave may not get free.
+                occupied = {cells[agent] for agent in steered}
+                ends |= {agent: cells[agent] for agent in steered if ends[agent] in occupied}
+        self._commanded = {agent: (cell, ends[agent]) for agent, cell in cells.items()}
+        actions = {agent: self._actions.action(cell, ends[agent]) for agent, cell in cells.items()}
+        return heed_masks(actions, cells, infos, self._actions)
 
     def copy(self) -> BeliefPlanner:
         """Return one that goes on by itself from here; the forecasts are shared."""

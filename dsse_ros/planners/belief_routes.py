@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Routes that are planned on the belief, flown for a while, and planned again."""
 
@@ -52,6 +53,7 @@ class RoutesOnBelief:
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
+        batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         due = belief.step >= self._planned_at + self._period or list(agents) != self._agents

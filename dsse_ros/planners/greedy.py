@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The greedy policy that the authors of DSSE published in 2024, made deterministic.
 
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.search.actions import ActionSet
 from dsse_ros.search.observation import most_probable
@@ -56,7 +58,9 @@ class Greedy:
                 end = cell
             taken.add(end)
             actions[agent] = self._actions.action(cell, end)
-        return actions
+        return heed_masks(
+            actions, dict(zip(observations, present, strict=True)), infos, self._actions
+        )
 
     def _goals(self, present: Sequence[Cell], probability: NDArray[np.float32]) -> list[Cell]:
         """Return the goal of each drone, of the cells that it can get to."""

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Policies trained elsewhere: neural networks in ONNX files, run by onnxruntime (extra `onnx`).
 
@@ -179,6 +180,7 @@ class OnnxOnBelief:
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
+        batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         masks = np.stack([self._masks[row][col] for col, row in present])

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a planner is: a policy from the drones' observations to their actions."""
 
@@ -9,8 +10,9 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.actions import Cell
-from dsse_ros.search.observation import AgentObservation, Observation
+from dsse_ros.search.actions import Cell as Cell
+from dsse_ros.search.observation import AgentObservation as AgentObservation
+from dsse_ros.search.observation import Observation as Observation
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 
@@ -31,7 +33,8 @@ class Planner(Protocol):
                 area that is searched. Where there are several persons, `found_person`, whether the
                 drone has found one in the last step. Over ROS also `step`, the steps done,
                 `action`, what the drone has done last, and where the step does not wait for ever,
-                `decision_time_s`, the wall time that there is for the answer.
+                `decision_time_s`, the wall time that there is for the answer. With faults
+                `status`, `action` and, where it runs down, `battery`: see `faults.Faults.infos`.
         """
         ...
 

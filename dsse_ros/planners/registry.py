@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Planners by name: those of this package, and those that other packages register.
 
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.planners.astar import make_astar
 from dsse_ros.planners.belief import make_belief, make_belief_greedy
 from dsse_ros.planners.expanding_square import square_routes
 from dsse_ros.planners.greedy import Greedy
@@ -29,6 +31,7 @@ from dsse_ros.planners.sector import sector_routes
 from dsse_ros.planners.spiral import spiral_routes
 from dsse_ros.planners.sweep import sweep_routes
 from dsse_ros.search.fields import FieldError
+from dsse_ros.search.rules import Rules
 
 GROUP = "dsse_ros.planners"
 """Of the entry points."""
@@ -54,16 +57,22 @@ BELIEF_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType(
 )
 """The planners that know the rules and the scenario too, as they keep a belief."""
 
+COVERAGE_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType({"astar": make_astar})
+"""The planners for a coverage task only."""
+
 
 def _from_actions(make: Callable[..., Planner], search: Search, **options: Any) -> Planner:
-    area = search.scenario.resolve(search.rules).area_mask
-    return make(search.rules.actions, area=area, **options)
+    rules = search.rules
+    if rules.covers and isinstance(make, partial):
+        options["covers"] = True
+    return make(rules.actions, area=search.scenario.resolve(rules).area_mask, **options)
 
 
 _FACTORIES: Mapping[str, PlannerFactory] = MappingProxyType(
     {
         **{name: partial(_from_actions, make) for name, make in PLANNERS.items()},
         **BELIEF_PLANNERS,
+        **COVERAGE_PLANNERS,
     }
 )
 """The planners of this package that need no extra."""
@@ -123,10 +132,28 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
         options: Of the planner, such as the fields of `BeamOptions` for `belief`.
 
     Raises:
-        ValueError: If the name is unknown, the planner's package is defective, or an action that
-            the planner needs is missing.
+        ValueError: If the name is unknown, the planner's package is defective, an action that the
+            planner needs is missing, or its task is another one.
     """
-    return load_planner(name)(search, seed=seed, **options)
+    factory = load_planner(name)
+    check_task(name, search.rules)
+    return factory(search, seed=seed, **options)
+
+
+def check_task(name: str, rules: Rules) -> None:
+    """Raise if a planner of this package is for another task than that of the rules.
+
+    Raises:
+        FieldError: If it is.
+    """
+    for_persons, for_cells = {*BELIEF_PLANNERS, "route"}, {*COVERAGE_PLANNERS}
+    if name in (for_persons if rules.covers else for_cells):
+        ours = {*PLANNERS, *(for_cells if rules.covers else for_persons)}
+        task = "covers cells and has no persons" if rules.covers else "looks for persons"
+        raise FieldError(
+            f"planner: {name!r} is not allowed with rules {rules.profile}, whose task {task}; "
+            f"one of {', '.join(sorted(ours))}"
+        )
 
 
 def make_planner(

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Routes by a solver of vehicle routing problems, OR-Tools, which the extra `routes` installs.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Planner that flies every drone along a route of its own and searches each cell on it."""
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
+from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.search.actions import ActionSet
 
@@ -40,6 +42,11 @@ class Track:
         """The next cell to search."""
         return self.route[self.index]
 
+    def skip_covered(self, left: NDArray[np.float32]) -> None:
+        """Go on to the next cell of the route where probability is left, or to its end."""
+        while not self.finished and left[self.goal[1], self.goal[0]] <= 0:
+            self.advance()
+
     def advance(self) -> None:
         """Note that the goal was searched; the end of the route is where it turns back."""
         self.index += self.stride
@@ -59,11 +66,15 @@ class RouteFollower:
     No two drones ever go to one cell: a drone whose way is blocked searches where it is, and
     steps aside after `MAX_WAIT` turns. An agent that was not there before makes it plan afresh.
 
+    Where a drone covers a cell by being in it, it flies over the cells of its route that are left
+    to cover, without a search in each.
+
     Args:
         plan: Makes the routes.
         actions: Names of the actions by number.
         seed: For the choice of the cell to step aside to.
         area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
+        covers: Whether the task is to cover cells.
 
     Raises:
         ValueError: If search or a straight move is missing.
@@ -76,8 +87,10 @@ class RouteFollower:
         *,
         seed: int = 0,
         area: NDArray[np.bool_] | None = None,
+        covers: bool = False,
     ) -> None:
         self._plan = plan
+        self._covers = covers
         self._actions = ActionSet(actions, area).with_moves()
         self._rng = np.random.default_rng(seed)
         self._tracks: dict[str, Track] = {}
@@ -96,6 +109,10 @@ class RouteFollower:
         if not observations.keys() <= self._tracks.keys():
             self._start(list(observations), present, probability_of(observations))
         tracks = [self._tracks[agent] for agent in observations]
+        if self._covers:
+            left = probability_of(observations)
+            for track in tracks:
+                track.skip_covered(left)
         self._swept = self._swept or all(track.finished for track in tracks)
 
         requested: list[Cell | None] = []
@@ -117,10 +134,12 @@ class RouteFollower:
         for track, request, end in zip(tracks, requested, granted, strict=True):
             blocked = request is not None and request != end
             track.waited = track.waited + 1 if blocked else 0
-        return {
+        actions = {
             agent: self._actions.action(cell, end)
             for agent, cell, end in zip(observations, present, granted, strict=True)
         }
+        cells = dict(zip(observations, present, strict=True))
+        return heed_masks(actions, cells, infos, self._actions)
 
     def _start(
         self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]

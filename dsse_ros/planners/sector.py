@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Sector search (VS) of the IAMSAR manual, vol. II and III, for one or more drones.
 

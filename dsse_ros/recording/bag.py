@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Bags: MCAP files with the profile `ros2`, as rosbag2 writes and reads them."""
 
@@ -166,7 +167,12 @@ def read_bag(path: str | os.PathLike[str]) -> Iterator[Recorded]:
                     channels[record.id] = record
                     of_mission |= record.topic.rpartition("/")[2] in _OF_A_MISSION
                 case Message():
-                    channel = channels[record.channel_id]
+                    channel = channels.get(record.channel_id)
+                    if channel is None:
+                        raise FieldError(
+                            f"bag: {os.fspath(path)!r} is damaged: a message stands before its "
+                            f"channel, {record.channel_id}"
+                        )
                     yield Recorded(
                         channel.topic,
                         schemas[channel.schema_id].name if channel.schema_id in schemas else "",
@@ -215,8 +221,8 @@ def _records(path: Path) -> Iterator[McapRecord]:
                     raise FieldError(f"bag: {str(path)!r} is no MCAP file") from None
                 except Exception as error:
                     # Of struct, of the decompressors, of mcap: a record that is not whole. In a
-                    # file that is cut off it is the last one, and would end behind the file's end.
-                    last = file.tell() == size or isinstance(error, RecordLengthLimitExceeded)
+                    # file that is cut off, or still written, it is the last one and not all there.
+                    last = file.tell() >= size or isinstance(error, RecordLengthLimitExceeded)
                     if last and not ended:
                         return
                     at = file.tell()

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The quality of service that the publishers of a topic offer, as rosbag2 keeps it in bags."""
 

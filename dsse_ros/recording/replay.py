@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Flies the missions of a bag again: its commands go through a fresh world, without a node.
 
@@ -192,7 +193,8 @@ def _collect(messages: Iterable[Recorded]) -> tuple[dict[str, _Recording], list[
     for one in messages:
         time_ns = one.publish_time_ns or one.log_time_ns
         if one.topic == _DIAGNOSTICS:
-            statuses += _statuses(time_ns, one.message)
+            if one.type_name == "diagnostic_msgs/msg/DiagnosticArray":
+                statuses += _statuses(time_ns, one.message)
             continue
         match = _TOPIC.fullmatch(one.topic)
         if match is None:
@@ -224,13 +226,13 @@ def _collect(messages: Iterable[Recorded]) -> tuple[dict[str, _Recording], list[
 def _statuses(time_ns: int, message: Any) -> Iterator[_Status]:
     for status in message.status:
         values = {pair.key: pair.value for pair in status.values}
-        if values.get("run_id", "").isdigit() and "step_mode" in values:
+        if values.get("run_id", "").isdecimal() and "step_mode" in values:
             rejected = {
-                key.removeprefix("rejected."): int(value)
+                key.removeprefix("rejected."): int(value[:18])
                 for key, value in values.items()
-                if key.startswith("rejected.") and value.isdigit()
+                if key.startswith("rejected.") and value.isdecimal()
             }
-            yield _Status(time_ns, int(values["run_id"]), values["step_mode"], rejected)
+            yield _Status(time_ns, int(values["run_id"][:18]), values["step_mode"], rejected)
 
 
 class _Run:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Recorded missions in a bag: what was published of them."""
 
@@ -28,6 +29,14 @@ _READ: dict[str, Callable[[Any], Any]] = {
     "mission_report": mission_report_from_message,
 }
 """Topics, and what reads their messages."""
+_TYPES = {
+    "agents": "std_msgs/msg/String",
+    "step_report": "sensor_msgs/msg/PointCloud2",
+    "mission_report": "sensor_msgs/msg/PointCloud2",
+    BELIEF: "sensor_msgs/msg/Image",
+    PROBABILITY: "sensor_msgs/msg/Image",
+}
+"""Their types, and those of the maps; a topic of that name and another type is somebody else's."""
 
 Key = tuple[int, int]
 """Run and mission."""
@@ -87,7 +96,7 @@ class MissionBag:
         """Yield namespace, name and message of topics."""
         for one in read_bag(self._path):
             place, _, name = one.topic.rpartition("/")
-            if name in names:
+            if name in names and one.type_name == _TYPES[name]:
                 yield place, name, one
 
     def _content(self, one: Recorded, read: Callable[[Any], Any]) -> Any:

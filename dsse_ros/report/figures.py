@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The figures of a report, for light and dark pages, as bytes that are the same for the same input.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The metrics of the search literature, computed from a recorded mission."""
 
@@ -49,10 +50,11 @@ def path_lengths(record: RecordedMission) -> Floats:
     return far
 
 
-def effort(record: RecordedMission) -> Ints:
-    """Return how often each cell was searched, (G, G) [row, col]."""
+def effort(record: RecordedMission, num_steps: int | None = None) -> Ints:
+    """Return how often each cell was searched in the first recorded steps, (G, G) [row, col]."""
     count = np.zeros((record.grid_size, record.grid_size), np.int64)
-    col, row = record.cells[record.searched].T
+    searched = record.searched[:num_steps]
+    col, row = record.cells[:num_steps][searched].T
     np.add.at(count, (row, col), 1)
     return count
 
@@ -124,7 +126,13 @@ def _first_detection(record: RecordedMission, of: Curves) -> float | None:
     return float(of.times_s[finds[0]]) if len(finds) else None
 
 
+def _last(values: Floats | None) -> float | None:
+    return None if values is None else float(values[-1])
+
+
 def _share_found(record: RecordedMission, of: Curves) -> float | None:
+    if record.covers:
+        return None
     if record.person_found is not None and record.person_found.shape[1]:
         return float(record.person_found.any(axis=0).mean())
     # One person is found, or not.
@@ -197,6 +205,19 @@ METRICS = (
         "Cells searched at least once, of those of the search area.",
         "Galceran and Carreras 2013",
         lambda record, of: float(of.cells_searched[-1]) / num_cells(record),
+    ),
+    Metric(
+        "coverage_rate", "Coverage rate", "share",
+        "Of a coverage task: cells covered, of those to cover.",
+        "the [rules](rules.md) of the search",
+        lambda record, of: _last(record.coverage_rate),
+    ),
+    Metric(
+        "repeated_coverage", "Repeated coverage", "share",
+        "Of a coverage task: visits of cells that were covered before or had no probability, over "
+        "the number of cells to cover.",
+        "the [rules](rules.md) of the search",
+        lambda record, of: _last(record.repeated_coverage),
     ),
     Metric(
         "coverage_factor", "Coverage factor C", "",

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission as it was recorded, as arrays; read from the CSV of `record_file`."""
 
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.mission_log import COLUMNS
+from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE, columns_of
 from dsse_ros.search import FieldError, Rules
 from dsse_ros.search.scenario import ResolvedScenario
 
@@ -48,6 +49,9 @@ class RecordedMission:
         cell_size_m: Side of a cell.
         probabilities: (K, N) float64, what the map gave the cells searched; None if not recorded.
         pos: (K,) float64 cumulative probability of success after each step; None if not recorded.
+        coverage_rate: (K,) float64 share of the cells to cover that are covered after each step;
+            None if not recorded, or for another task.
+        repeated_coverage: (K,) float64 visits of other cells, over the number of cells to cover.
         persons: (K, P, 2) int64; None if not recorded.
         person_found: (K, P) bool; None if not recorded.
         rules: The rules of the search; None if not known.
@@ -71,6 +75,8 @@ class RecordedMission:
     cell_size_m: float
     probabilities: NDArray[np.float64] | None = None
     pos: NDArray[np.float64] | None = None
+    coverage_rate: NDArray[np.float64] | None = None
+    repeated_coverage: NDArray[np.float64] | None = None
     persons: NDArray[np.int64] | None = None
     person_found: NDArray[np.bool_] | None = None
     rules: Rules | None = None
@@ -121,10 +127,18 @@ class RecordedMission:
     def _off_grid(self) -> NDArray[np.bool_]:
         return np.asarray(((self.cells < 0) | (self.cells >= self.grid_size)).any(axis=2))
 
+    @property
+    def covers(self) -> bool:
+        """Whether the task is coverage."""
+        return self.coverage_rate is not None or (self.rules is not None and self.rules.covers)
+
     @cached_property
     def searched(self) -> NDArray[np.bool_]:
-        """Who searched a cell of the grid in each step, (K, N)."""
-        return np.asarray(self.acted & (self.actions == SEARCH) & ~self._off_grid)
+        """Who searched a cell of the grid in each step, (K, N); one that is covered is searched."""
+        looked = self.actions == SEARCH
+        if self.covers:
+            looked |= np.diff(self.cells, axis=0, prepend=self.cells[:1]).any(axis=2)
+        return np.asarray(self.acted & looked & ~self._off_grid)
 
     @cached_property
     def lost(self) -> NDArray[np.bool_]:
@@ -133,7 +147,10 @@ class RecordedMission:
         What ends a mission flags every drone that is left. A find or the time does not lose them.
         """
         lost = self.terminated | self.truncated
-        ended = self.in_flight[-1] & (self.truncated[-1] | self.found[-1].any())
+        done = self.found[-1].any()
+        if self.coverage_rate is not None:
+            done |= self.coverage_rate[-1] == 1.0
+        ended = self.in_flight[-1] & (self.truncated[-1] | done)
         lost[-1] &= ~ended | self._off_grid[-1]
         return lost
 
@@ -181,14 +198,26 @@ def read_csv(path: str | os.PathLike[str]) -> list[RecordedMission]:
     return read
 
 
+_BY_NUMBER = {
+    len(columns): columns
+    for columns in (
+        columns_of(covers=covers, faults=faults)
+        for covers in (False, True)
+        for faults in (False, True)
+    )
+}
+"""Columns of a record by how many they are."""
+
+
 def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[list[str]]]]:
     """Yield the rows of each step with the number of its mission, whole rows only."""
-    if tuple(next(reader, ())) != COLUMNS:
+    columns = tuple(next(reader, ()))
+    if columns != _BY_NUMBER.get(len(columns)):
         raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)")
     key: tuple[str, str] | None = None
     rows: list[list[str]] = []
     for row in reader:
-        if len(row) != len(COLUMNS):
+        if len(row) != len(columns):
             # Cut off while it was written; in the middle the step's other rows show it.
             continue
         if key is not None and (row[0], row[1]) != key:
@@ -214,9 +243,10 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     if not count:
         raise ValueError("no drone")
     table = np.array(steps)
+    columns = _BY_NUMBER[table.shape[2]]
 
     def column(name: str, kind: Any, agents: slice) -> NDArray[Any]:
-        values: NDArray[Any] = table[:, agents, COLUMNS.index(name)].astype(kind)
+        values: NDArray[Any] = table[:, agents, columns.index(name)].astype(kind)
         return values
 
     drones, persons, everybody = slice(0, count), slice(count, None), slice(None)
@@ -231,6 +261,9 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     def flag(name: str, agents: slice = drones) -> NDArray[np.bool_]:
         return column(name, np.int64, agents).astype(bool)
 
+    rate, repeated = (
+        column(name, np.float64, drones)[:, 0] if name in columns else None for name in OF_COVERAGE
+    )
     return RecordedMission(
         number=int(table[0, 0, 0]),
         steps=numbers,
@@ -246,6 +279,8 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
         cell_size_m=cell_m,
         probabilities=column("probability", np.float64, drones),
         pos=pos.astype(np.float64) if (pos != "").all() else None,
+        coverage_rate=rate,
+        repeated_coverage=repeated,
         persons=cells[:, persons],
         person_found=flag("found", persons),
     )

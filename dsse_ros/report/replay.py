@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The maps and the belief of a recorded mission, computed again from its scenario."""
 
@@ -9,9 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.report.record import RecordedMission
+from dsse_ros.report.metrics import effort
+from dsse_ros.report.record import SEARCH, RecordedMission
 from dsse_ros.search import HOLD, FieldError, Rules, SearchEnv
 from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.search.coverage import poc_of
 from dsse_ros.search.rendering import MissionView
 from dsse_ros.search.scenario import ResolvedScenario
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
@@ -56,6 +59,8 @@ def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, Mission
             another scenario, or of other rules.
     """
     assert record.rules is not None and record.scenario is not None
+    if record.rules.covers:
+        return _views_of_coverage(record, wanted)
     env = SearchEnv(record.scenario, record.rules)
     # The map knows neither drones nor persons: any seed and any actions give the same.
     env.reset(seed=0)
@@ -71,6 +76,43 @@ def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, Mission
         step = recorded
         if k in wanted:
             shown[k] = _view(record, k, env.view())
+    return shown
+
+
+def with_coverage(record: RecordedMission) -> RecordedMission:
+    """Return the record of a coverage task with its metrics, as far as they can be known."""
+    if record.coverage_rate is not None or record.missing_steps:
+        return record
+    if record.scenario is None or record.rules is None or not record.rules.covers:
+        return record
+    poc = poc_of(record.scenario, record.rules)
+    left, total = poc.copy(), np.count_nonzero(poc)
+    rate, repeated, pos = np.zeros((3, len(record.steps)))
+    visits, found = 0, 0.0
+    for k in range(len(record.steps)):
+        for col, row in record.cells[k, record.searched[k]].tolist():
+            visits += 1
+            found += left[row, col] * record.scenario.probability_of_detection
+            left[row, col] = 0.0
+        covered = total - np.count_nonzero(left)
+        rate[k], repeated[k], pos[k] = covered / total, (visits - covered) / total, found
+    return replace(record, coverage_rate=rate, repeated_coverage=repeated, pos=pos)
+
+
+def _views_of_coverage(record: RecordedMission, wanted: Collection[int]) -> dict[int, MissionView]:
+    """Return the views of a coverage task, whose map the drones change."""
+    assert record.rules is not None and record.scenario is not None
+    env = SearchEnv(record.scenario, record.rules)
+    env.reset(seed=0)
+    view, left = env.view(), env.probability.copy()
+    shown: dict[int, MissionView] = {}
+    for k in range(len(record.steps)):
+        _check(record, k, left)
+        col, row = record.cells[k, record.searched[k]].T
+        left[row, col] = 0.0
+        if k in wanted:
+            rate = None if record.coverage_rate is None else float(record.coverage_rate[k])
+            shown[k] = _view(record, k, replace(view, probability=left.copy(), coverage_rate=rate))
     return shown
 
 
@@ -93,7 +135,7 @@ def views_of(record: RecordedMission, maps: Maps) -> dict[int, MissionView]:
 def _check(record: RecordedMission, k: int, probability: NDArray[np.float32]) -> None:
     if record.probabilities is None:
         return
-    for drone in np.flatnonzero(record.searched[k]).tolist():
+    for drone in np.flatnonzero(record.searched[k] & (record.actions[k] == SEARCH)).tolist():
         col, row = record.cells[k, drone].tolist()
         recorded, computed = float(record.probabilities[k, drone]), float(probability[row, col])
         if abs(recorded - computed) > _TOLERANCE:
@@ -114,6 +156,7 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
         found=nothing if record.person_found is None else record.person_found[k],
         step=int(record.steps[k]),
         pos=None if record.pos is None else float(record.pos[k]),
+        searches=effort(record, k + 1),
     )
 
 
@@ -125,6 +168,8 @@ def forecast_for(record: RecordedMission, made: Forecast | None) -> Forecast | N
         made: One that was made before; it is returned if it is for this search.
     """
     if record.rules is None or record.scenario is None or record.missing_steps:
+        return None
+    if record.rules.covers:
         return None
     if record.grid_size > LARGEST_BELIEF_GRID:
         return None

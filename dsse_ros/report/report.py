@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A report: what is recorded of a mission, as a page, figures and tables."""
 
@@ -154,7 +155,9 @@ class Report:
         if rules is not None and scenario is not None:
             search += [
                 f"profile {rules.profile}",
-                f"{scenario.person_amount} person{'s' if scenario.person_amount > 1 else ''}",
+                "coverage"
+                if rules.covers
+                else f"{scenario.person_amount} person{'s' if scenario.person_amount > 1 else ''}",
                 f"limit of {scenario.timestep_limit} steps",
             ]
         if record.seed is not None:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The numbers of a report as people read them."""
 
@@ -49,6 +50,11 @@ def outcome(record: RecordedMission) -> str:
         people = record.person_found
         if people is not None and people.shape[1] > 1:
             found += f" ({int(people.any(axis=0).sum())} of {people.shape[1]} persons)"
+    if record.coverage_rate is not None:
+        rate = float(record.coverage_rate[-1])
+        if rate == 1.0:
+            return f"all covered after {duration(float(record.times_s[-1]))}"
+        found = f"{rate:.1%} covered"
     if not record.complete:
         return ", ".join(filter(None, [found, "cut off"]))
     if record.found[-1].any():

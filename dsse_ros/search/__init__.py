@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The search as arrays: rules, scenario, world, and its PettingZoo environments."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The actions of a search by number: their names, moves and masks."""
 
@@ -120,6 +121,18 @@ class ActionSet:
             return int(self._paths.distances(end)[start[1], start[0]])
         d_col, d_row = abs(start[0] - end[0]), abs(start[1] - end[1])
         return max(d_col, d_row) if self.diagonal else d_col + d_row
+
+    def distances(self, cell: Cell, size: int) -> NDArray[np.int32]:
+        """Return the number of moves between a cell and each of a size x size grid, as `distance`.
+
+        Returns:
+            (G, G) [row, col].
+        """
+        if self._paths is not None:
+            return self._paths.distances(cell)
+        line = np.arange(size, dtype=np.int32)
+        across, down = abs(line - cell[0])[np.newaxis], abs(line - cell[1])[:, np.newaxis]
+        return np.maximum(across, down) if self.diagonal else across + down
 
     def neighbours(self, cell: Cell, size: int) -> list[Cell]:
         """Return the cells of a size x size grid, and of the area, that are one move away."""

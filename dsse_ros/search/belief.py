@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What can be known of where the persons are: the exact filter of the search.
 
@@ -21,11 +22,11 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import belief_kernels, kernels
 from dsse_ros.search.actions import Cell
+from dsse_ros.search.constants import area_of, constants_of
 from dsse_ros.search.observation import most_probable
 from dsse_ros.search.person_motion import CHANCES, MOTIONS, PERSONS
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
-from dsse_ros.search.world import area_of, constants_of
 
 KEPT_BYTES = 1 << 28
 """Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
@@ -87,7 +88,7 @@ class Forecast:
         self._ready = 0
         belief_kernels.start_sea(self.constants, self._world, self._drifts)
         kernels.refresh_worlds(
-            self.constants, self._world, self._gauss, self._tails, self.area, self._circle,
+            self.constants, self._world, self._gauss, self._tails, self.area, None, self._circle,
             np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32),
         )  # fmt: skip
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a nautical chart has around its map: degrees and minutes along the edges, scale, north."""
 

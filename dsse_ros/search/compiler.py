@@ -1,16 +1,22 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """When the search is compiled: at its first use after an installation, unless it is prepared."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from types import CodeType
 from typing import Any
 
 import numpy as np
 from numba.core import event
+from numba.core.dispatcher import Dispatcher
 
+from dsse_ros.search import belief_kernels, kernels
 from dsse_ros.search.parallel_env import SearchEnv
+from dsse_ros.search.progress import progress_to
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import HOLD
@@ -20,29 +26,112 @@ COMPILING = "compiling the search, once after an installation; it takes 10 s, or
 """Logged before the compiler starts; not logged where its cache has all that is needed."""
 
 
-class _FirstCompilation(event.Listener):
-    def __init__(self, announce: Callable[[str], object]) -> None:
-        self._announce: Callable[[str], object] | None = announce
+_OF_WORLDS = (kernels.reset_worlds, kernels.refresh_worlds, kernels.step_worlds)
+_OF_BELIEFS = (
+    belief_kernels.start_sea, belief_kernels.forecast_step, belief_kernels.follow_worlds,
+    belief_kernels.write_beliefs,
+)  # fmt: skip
+
+
+class Compilation:
+    """How far the compiler is since now, in any process, by what it leaves in its cache.
+
+    Args:
+        belief: Whether a belief is compiled too.
+
+    Attributes:
+        total: How many functions there are.
+    """
+
+    def __init__(self, *, belief: bool) -> None:
+        functions = _with_callees(_OF_WORLDS + (_OF_BELIEFS if belief else ()))
+        # Numba has no public way to ask; where there is no cache, there is nothing to see.
+        caches: list[Any] = [
+            getattr(getattr(function, "_cache", None), "_cache_file", None)
+            for function in functions
+        ]
+        self._files = [file for file in caches if hasattr(file, "_load_index")]
+        self.total = len(self._files)
+        self._before = self._entries()
+
+    def done(self) -> int:
+        """Return how many functions were compiled since."""
+        return min(self._entries() - self._before, self.total)
+
+    def _entries(self) -> int:
+        return sum(len(file._load_index()) for file in self._files)
+
+
+@contextmanager
+def compilation_bar(*, belief: bool) -> Iterator[Callable[[], None]]:
+    """Show a bar on a terminal while the block lasts; yields what brings it up to date.
+
+    Args:
+        belief: Whether a belief is compiled too.
+    """
+    if not sys.stderr.isatty():
+        yield lambda: None
+        return
+    compilation = Compilation(belief=belief)
+    with progress_to(compilation.total, "compiling") as move_to:
+        yield lambda: move_to(compilation.done())
+
+
+class _Announcer(event.Listener):
+    def __init__(self, announce: Callable[[str], object], belief: bool | None) -> None:
+        self._announce = announce
+        self._belief = belief
+        self._update: Callable[[], None] | None = None
+        self.bar = ExitStack()
 
     def on_start(self, event: Any) -> None:
-        announce, self._announce = self._announce, None
-        if announce is not None:
-            announce(COMPILING)
+        if self._update is None:
+            self._announce(COMPILING)
+            self._update = lambda: None
+            if self._belief is not None:
+                self._update = self.bar.enter_context(compilation_bar(belief=self._belief))
 
     def on_end(self, event: Any) -> None:
-        pass
+        assert self._update is not None
+        self._update()
 
 
-def announced(announce: Callable[[str], object]) -> AbstractContextManager[Any]:
-    """Return a context in which the compiler is announced when it first has work to do.
+@contextmanager
+def announced(announce: Callable[[str], object], *, belief: bool | None = None) -> Iterator[None]:
+    """Announce the compiler when it first has work to do while the block lasts.
 
     Args:
         announce: Called with `COMPILING` then.
+        belief: Of an environment, whether a belief is compiled too: shows how far the compiler is,
+            on a terminal. None where something else is compiled.
     """
-    context: AbstractContextManager[Any] = event.install_listener(
-        "numba:compile", _FirstCompilation(announce)
-    )
-    return context
+    announcer = _Announcer(announce, belief)
+    with announcer.bar, event.install_listener("numba:compile", announcer):
+        yield
+
+
+def _with_callees(functions: Iterable[Dispatcher]) -> set[Dispatcher]:
+    """Return compiled functions and those that they call."""
+    found: set[Dispatcher] = set()
+    left = list(functions)
+    while left:
+        if (function := left.pop()) not in found:
+            found.add(function)
+            left += _callees(function)
+    return found
+
+
+def _callees(function: Dispatcher) -> list[Dispatcher]:
+    python = function.py_func
+    names: set[str] = set()
+    codes = [python.__code__]
+    while codes:
+        code = codes.pop()
+        names.update(code.co_names)
+        codes += [part for part in code.co_consts if isinstance(part, CodeType)]
+    values = [python.__globals__.get(name) for name in names]
+    values += [cell.cell_contents for cell in python.__closure__ or ()]
+    return [value for value in values if isinstance(value, Dispatcher)]
 
 
 def prepared_env(
@@ -65,11 +154,12 @@ def prepared_env(
     """
     # Bad input is refused before the compiler takes its time.
     grid_size = scenario.resolve(rules).grid_size
-    with announced(announce):
+    with_belief = not rules.covers and has_belief(grid_size)
+    with announced(announce, belief=with_belief):
         env = SearchEnv(scenario, rules)
         env.reset(seed=0)
         hold = np.full(env.world.num_drones, HOLD, np.int8)
-        beliefs = WorldBeliefs(env.world) if has_belief(grid_size) else None
+        beliefs = WorldBeliefs(env.world) if with_belief else None
         if beliefs is not None:
             beliefs.before_step(hold[None])
         env.advance(hold)

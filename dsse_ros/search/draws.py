@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
 """Random draws of a world, from the generator of its own: SplitMix64 (Steele et al. 2014)."""

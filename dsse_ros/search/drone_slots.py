@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Each drone of each world as a slot of its own: what learning libraries train one policy on."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Checked fields: what a value of a scenario or of the rules may be, stated once as data.
 
@@ -17,7 +18,18 @@ from typing import Any, Literal
 import numpy as np
 
 Kind = Literal[
-    "bool", "int", "float", "str", "vector", "cell", "cells", "floats", "ints", "names", "area"
+    "bool",
+    "int",
+    "float",
+    "str",
+    "vector",
+    "cell",
+    "cells",
+    "floats",
+    "ints",
+    "names",
+    "area",
+    "matrix",
 ]
 
 
@@ -32,7 +44,8 @@ class Spec:
     Attributes:
         kind: bool, int, float, str; `vector` is a pair of floats, `cell` a pair of integers
             (col, row), `cells` a list of those, `floats`, `ints` and
-            `names` are lists, `area` is what `area.Area` reads.
+            `names` are lists, `area` is what `area.Area` reads, `matrix` is what
+            `probability_matrix.ProbabilityMatrix` does.
         doc: One sentence for people, without the unit.
         unit: Unit of the value or of each element, "" if it has none.
         low: Smallest allowed value, inclusive.
@@ -64,6 +77,7 @@ class Spec:
             "floats": "a list of finite numbers",
             "ints": "a list of integers",
             "names": "a list of names",
+            "matrix": "a square matrix of numbers >= 0, or a .npy, CSV or GeoTIFF file of one",
             "area": "a GeoJSON file of a Polygon or MultiPolygon, or a list of [lat, lon]",
         }[self.kind]
         if self.choices:
@@ -123,7 +137,7 @@ class Spec:
                 if not all(isinstance(item, str) for item in items):
                     raise TypeError
                 return items
-            case "area":
+            case "area" | "matrix":
                 return value
 
     def _cell(self, value: Any) -> tuple[int, int]:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Metres on the grid to WGS84: ENU at the grid's south-west corner through ECEF, by pymap3d.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """How the search is compiled: the options of Numba, and what its cache depends on.
 
@@ -16,7 +17,8 @@ from typing import Any
 from numba import njit
 
 MODULES = (
-    "belief_kernels", "draws", "drift", "jit", "kernels", "person_motion", "sea_map", "streaming",
+    "belief_kernels", "collisions", "coverage_kernels", "draws", "drift_estimate", "fault_kernels",
+    "jit", "kernels", "person_motion", "sea_map", "streaming",
 )  # fmt: skip
 """The modules of this package that have compiled functions, or what those depend on."""
 

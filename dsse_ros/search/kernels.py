@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
 """The compiled step of B worlds at once: drones, map, persons and rewards.
@@ -8,13 +9,15 @@ the row and grows to the south.
 
 Where only a part of the grid is searched, `area` (G, G) bool is true in its cells, and `runs`
 (R, 3) int64 has them as (row, first column, last column). Both are None where all of it is: then
-what they would cost is compiled away.
+what they would cost is compiled away. So it is where `coverage`, see `coverage_kernels`, is None.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from dsse_ros.search.collisions import collide, next_stamp, occupy
+from dsse_ros.search.coverage_kernels import put_back, reward_if_all_covered, visit, write_left
 from dsse_ros.search.draws import draw_unit
 from dsse_ros.search.jit import inlined, kernel, part
 from dsse_ros.search.person_motion import draw_own_drift, persons_step, scatter_persons
@@ -56,6 +59,10 @@ CONSTANTS = np.dtype(
         ("search_scale", "f8"),
         ("find", "f8"),
         ("find_bonus", "f8"),
+        ("cover", "f8"),
+        ("cover_scale", "f8"),
+        ("cover_all", "f8"),
+        ("cover_all_bonus", "f8"),
         ("one_find_per_search", "?"),
         ("found_persons_stay", "?"),
         ("time_out", "f8"),
@@ -103,8 +110,8 @@ WORLDS = np.dtype(
         ("start_x", "i8"),  # cell of the person at reset
         ("start_y", "i8"),
         ("num_active", "i8"),  # drones still in the search
-        ("num_missing", "i8"),  # persons not found
-        ("done", "?"),  # the search has ended: all found, time out, or no drone left
+        ("num_missing", "i8"),  # persons not found, or cells not covered
+        ("done", "?"),  # the search has ended: none missing, time out, or no drone left
     ],
     align=True,
 )
@@ -119,6 +126,7 @@ DRONES = np.dtype(
         ("terminated", "?"),  # since the last reset
         ("truncated", "?"),
         ("found", "?"),  # found a person in the last step
+        ("aloft", "?"),  # above the others, or on the ground: it does not collide
     ],
     align=True,
 )
@@ -135,7 +143,9 @@ def sea_step(c, w, persons, gauss, tails, area, runs, circle):
 
 
 @part
-def reset_world(c, w, starts, drones, persons, gauss, tails, area, runs, circle, cells):
+def reset_world(
+    c, w, starts, drones, persons, gauss, tails, area, runs, coverage, b, circle, cells
+):
     """Set a world to its start: persons at the start cell, which has all the probability."""
     w.t = w.map_steps = 0
     w.datum_x = w.circle_x = w.start_x
@@ -152,6 +162,9 @@ def reset_world(c, w, starts, drones, persons, gauss, tails, area, runs, circle,
         d.episode_return = d.reward = 0.0
         d.alive = True
         d.terminated = d.truncated = d.found = False
+    if coverage is not None:
+        put_back(w, coverage, b)
+        return
     for p in range(len(persons)):
         person = persons[p]
         person.x, person.y = w.start_x, w.start_y
@@ -194,63 +207,7 @@ def search_cell(c, w, gauss, area, d, persons):
 
 
 @part
-def collide(c, drones, occupied):
-    """Reward and terminate the active drones that share a cell, as `occupy` noted them."""
-    for n in range(len(drones)):
-        d = drones[n]
-        if can_collide(c, d) and has_collided(c.grid_size, drones, n, occupied):
-            d.reward = c.collision
-            d.terminated = True
-
-
-@part
-def next_stamp(occupied):
-    """Return a number that no cell is marked with; see `occupy`."""
-    last = len(occupied) - 1
-    if occupied[last] > 65532:
-        for cell in range(last + 1):
-            occupied[cell] = 0
-    occupied[last] += 2
-    return occupied[last]
-
-
-@part
-def occupy(g, d, occupied, stamp):
-    """Mark the cell of a drone; returns whether it may share it.
-
-    Of `occupied` (G * G + 1,) uint16, the last element is the stamp of this world's step, an even
-    number. A cell with a drone is marked with it, one with more drones with the next number, and
-    what is less is of a step before.
-    """
-    if not is_inside(g, d.x, d.y):
-        return True
-    # An unsigned index is not checked for being below 0.
-    cell = np.uint64(d.y * g + d.x)
-    shared = occupied[cell] >= stamp
-    occupied[cell] = stamp + shared
-    return shared
-
-
-@part
-def has_collided(g, drones, n, occupied):
-    """Return whether drone n shares its cell; only those on the grid are in `occupied`."""
-    d = drones[n]
-    if is_inside(g, d.x, d.y):
-        return occupied[d.y * g + d.x] > occupied[g * g]
-    crashed = False
-    for m in range(len(drones)):
-        crashed = crashed or (m != n and drones[m].x == d.x and drones[m].y == d.y)
-    return crashed
-
-
-@part
-def can_collide(c, d):
-    """Return whether a drone can collide; where drones end together, flags do not matter."""
-    return d.alive and (c.ends_together or not d.terminated)
-
-
-@part
-def step_drones(c, w, drones, persons, gauss, area, occupied, actions):
+def step_drones(c, w, drones, persons, gauss, area, coverage, b, occupied, actions):
     """Do the actions in index order against the map of the last observation.
 
     Returns:
@@ -278,7 +235,7 @@ def step_drones(c, w, drones, persons, gauss, area, occupied, actions):
         reward, found, terminated = move_reward, False, d.terminated
         if idle:
             pass
-        elif action == search_action:
+        elif coverage is None and action == search_action:
             reward, found = search_cell(c, w, gauss, area, d, persons)
             if found and ends_together:
                 for m in range(len(drones)):
@@ -292,6 +249,8 @@ def step_drones(c, w, drones, persons, gauss, area, occupied, actions):
                 d.x, d.y = x, y
             if not inside:
                 reward = leave_reward
+            elif coverage is not None:
+                reward = visit(c, w, coverage, b, x, y)
             terminated = leave_flags and not inside
         if out_of_time:
             reward = c.time_out - (d.episode_return if c.time_out_total else 0.0)
@@ -301,17 +260,18 @@ def step_drones(c, w, drones, persons, gauss, area, occupied, actions):
         d.found = found
         d.terminated = terminated
         eventful |= found or terminated or d.truncated
-        if collisions and (ends_together or not terminated):
+        if collisions and not d.aloft and (ends_together or not terminated):
             shared |= occupy(grid_size, d, occupied, stamp)
     return shared, eventful
 
 
 @part
-def update_flags(c, w, drones, persons):
+def update_flags(c, w, drones, persons, coverage):
     """Flag the drones whose search has ended, and the world when all have."""
-    w.num_missing = 0
-    for p in range(len(persons)):
-        w.num_missing += not persons[p].found
+    if coverage is None:
+        w.num_missing = 0
+        for p in range(len(persons)):
+            w.num_missing += not persons[p].found
     all_found = w.num_missing == 0 and not c.ends_together
     any_flag = False
     num_active = 0
@@ -337,7 +297,9 @@ def update_flags(c, w, drones, persons):
 
 
 @part
-def step_world(c, w, drones, persons, gauss, tails, area, runs, occupied, circle, actions):
+def step_world(
+    c, w, drones, persons, gauss, tails, area, runs, coverage, b, occupied, circle, actions
+):
     """Advance one world: drones in index order, then the sea, then collisions."""
     if c.ends_together:
         for n in range(len(drones)):
@@ -347,13 +309,18 @@ def step_world(c, w, drones, persons, gauss, tails, area, runs, occupied, circle
         for p in range(len(persons)):
             persons[p].found = False
     unchanged = not w.done and w.num_missing == len(persons)
-    shared, eventful = step_drones(c, w, drones, persons, gauss, area, occupied, actions)
+    shared, eventful = step_drones(
+        c, w, drones, persons, gauss, area, coverage, b, occupied, actions
+    )
     w.t += 1
-    sea_step(c, w, persons, gauss, tails, area, runs, circle)
+    if coverage is None:
+        sea_step(c, w, persons, gauss, tails, area, runs, circle)
+    else:
+        reward_if_all_covered(c, w, coverage, b, drones)
     if shared:
         collide(c, drones, occupied)
     if shared or eventful or not unchanged:
-        update_flags(c, w, drones, persons)
+        update_flags(c, w, drones, persons, coverage)
 
 
 STREAMED_BYTES = 1 << 25
@@ -367,9 +334,18 @@ def is_streamed(maps):
     return large and maps.shape[1] % LANES == 0 and maps.ctypes.data % ALIGNMENT == 0
 
 
+@inlined
+def write_observed(c, w, gauss, area, coverage, b, circle, span, stream, out):
+    """Write what drones observe of a world: the map, or the probability that is left to cover."""
+    if coverage is None:
+        write_map(c, w, gauss, area, circle, span, stream, out)
+    else:
+        write_left(coverage, b, out)
+
+
 @kernel
 def step_worlds(
-    constants, worlds, starts, drones, persons, gauss, tails, area, runs,
+    constants, worlds, starts, drones, persons, gauss, tails, area, runs, coverage,
     occupied, circle, cells, span, actions, maps, first, last,
 ):  # fmt: skip
     """Advance the worlds first..last - 1 by one step and write their maps.
@@ -384,6 +360,7 @@ def step_worlds(
         tails: (1 or B, 2, G + 2) float64, their tail sums.
         area: (G, G) bool, the cells that are searched; None for all.
         runs: (R, 3) int64, the same by row, first and last column; None for all.
+        coverage: See `coverage_kernels`; None where the task is to find persons.
         occupied: (G * G + 1,) uint16 scratch, see `occupy`.
         circle: (G + 1,) int64 scratch, see `update_circle`.
         cells: (K,) int64 scratch, the cells that persons are scattered over.
@@ -401,21 +378,21 @@ def step_worlds(
         if c.auto_reset and w.done:
             reset_world(
                 c, w, starts[b], drones[b], persons[b], gauss[table], tails[table], area, runs,
-                circle, cells,
+                coverage, b, circle, cells,
             )  # fmt: skip
         else:
             step_world(
                 c, w, drones[b], persons[b], gauss[table], tails[table], area, runs,
-                occupied, circle, actions[b],
+                coverage, b, occupied, circle, actions[b],
             )  # fmt: skip
         if maps.shape[1] > 0:
-            write_map(c, w, gauss[table], area, circle, span, stream, maps[b])
+            write_observed(c, w, gauss[table], area, coverage, b, circle, span, stream, maps[b])
 
 
 @kernel
 def reset_worlds(
-    constants, worlds, starts, drones, persons, gauss, tails, area, runs, circle, cells, span, maps,
-    which,
+    constants, worlds, starts, drones, persons, gauss, tails, area, runs, coverage,
+    circle, cells, span, maps, which,
 ):  # fmt: skip
     """Reset the worlds with which[b] and write their maps; arguments as in `step_worlds`."""
     c = constants[0]
@@ -425,14 +402,16 @@ def reset_worlds(
             table = min(b, len(gauss) - 1)
             reset_world(
                 c, worlds[b], starts[b], drones[b], persons[b], gauss[table], tails[table], area,
-                runs, circle, cells,
+                runs, coverage, b, circle, cells,
             )  # fmt: skip
             if maps.shape[1] > 0:
-                write_map(c, worlds[b], gauss[table], area, circle, span, stream, maps[b])
+                write_observed(
+                    c, worlds[b], gauss[table], area, coverage, b, circle, span, stream, maps[b]
+                )
 
 
 @kernel
-def refresh_worlds(constants, worlds, gauss, tails, area, circle, span, maps):
+def refresh_worlds(constants, worlds, gauss, tails, area, coverage, circle, span, maps):
     """Write the tables and the maps that the state asks for; arguments as in `step_worlds`."""
     c = constants[0]
     stream = is_streamed(maps)
@@ -441,7 +420,7 @@ def refresh_worlds(constants, worlds, gauss, tails, area, circle, span, maps):
     if maps.shape[1] > 0:
         for b in range(len(worlds)):
             table = gauss[min(b, len(gauss) - 1)]
-            write_map(c, worlds[b], table, area, circle, span, stream, maps[b])
+            write_observed(c, worlds[b], table, area, coverage, b, circle, span, stream, maps[b])
 
 
 @kernel

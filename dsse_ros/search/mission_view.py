@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a picture of a mission shows, and the mission as text."""
 
@@ -31,6 +32,7 @@ class MissionView:
         cell_size_m: Side of a cell in metres.
         title: Name of the place.
         pos: Cumulative probability of success of the searches, None where it is not known.
+        coverage_rate: Share of the cells to cover that are covered; None for another task.
         belief: Whether the probability is a belief, which has learned from the searches.
         area: (G, G) bool [row, col], the cells that are searched; None for all.
         searches: (G, G) int [row, col], how often each cell was searched; None where not known.
@@ -53,6 +55,7 @@ class MissionView:
     cell_size_m: float
     title: str = ""
     pos: float | None = None
+    coverage_rate: float | None = None
     belief: bool = False
     area: NDArray[np.bool_] | None = None
     searches: NDArray[np.integer[Any]] | None = None
@@ -63,11 +66,13 @@ class MissionView:
 
     @property
     def status(self) -> str:
-        """One line: step, persons found, drones in flight, POS."""
+        """One line: step, persons found or cells covered, drones in flight, POS."""
         time = "" if self.step_s is None else f" ({self.step * self.step_s / 60:.0f} min)"
         parts = [f"step {self.step} of {self.timestep_limit}{time}"]
         if len(self.persons):
             parts.append(f"{int(self.found.sum())} of {len(self.persons)} found")
+        if self.coverage_rate is not None:
+            parts.append(f"{self.coverage_rate:.1%} covered")
         parts.append(f"{int(self.alive.sum())} of {len(self.alive)} drones in flight")
         if self.pos is not None:
             parts.append(f"POS {self.pos:.1%}")
@@ -82,7 +87,8 @@ class MissionView:
 class Past:
     """The tracks and searches of a world, a batch of one, from now on.
 
-    Each step of the world stands between `before_step` and `after_step`.
+    Where the task is coverage, a visit is a search. Each step of the world stands between
+    `before_step` and `after_step`.
 
     Args:
         world: What is followed.
@@ -111,7 +117,12 @@ class Past:
 
     def after_step(self) -> None:
         """Add the step."""
+        if self._world.faults is not None:
+            search = self._world.rules.action_set.search
+            self._searching &= self._world.faults.applied[0] == search
         self._cells.append(self._now())
+        if self._world.coverage is not None:
+            self._searching |= (self._cells[-1] != self._cells[-2]).any(axis=1)
         col, row = self._cells[-1][self._searching].T
         np.add.at(self.searches, (row, col), 1)
 
@@ -136,9 +147,10 @@ def view_of(
         past: Its past.
         pos: Cumulative probability of success, None if the probability is no belief.
     """
+    covered = {name: float(of[0]) for name, of in world.coverage_metrics().items()}
     s, now, persons = world.scenario, world.worlds[0], world.persons[0]
     circle = None
-    if world.rules.circle:
+    if world.rules.circle and not covered:
         circle = (float(now["circle_x"]), float(now["circle_y"]), float(sea_map.radius(now)))
     return MissionView(
         probability=probability,
@@ -147,12 +159,13 @@ def view_of(
         alive=world.drones["alive"][0] | world.truncated[0] | (now["num_missing"] == 0),
         persons=np.stack([persons["x"], persons["y"]], axis=1),
         found=persons["found"].copy(),
-        datum=(int(now["datum_x"]), int(now["datum_y"])),
+        datum=None if covered else (int(now["datum_x"]), int(now["datum_y"])),
         step=int(now["t"]),
         timestep_limit=s.timestep_limit,
         cell_size_m=s.cell_size,
         title=s.name,
-        pos=pos,
+        pos=covered.get("pos", pos),
+        coverage_rate=covered.get("coverage_rate"),
         belief=pos is not None,
         area=s.area_mask,
         searches=past.searches.copy(),

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission as a movie: GIF, or MP4 by the ffmpeg of imageio-ffmpeg."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a drone observes, and where the map is most probable."""
 
@@ -29,7 +30,7 @@ AgentObservation = tuple[NDArray[np.integer[Any]], NDArray[np.float32]]
 """What an environment hands out for each agent: `Observation(*it)` has names."""
 
 
-def observation_space(grid_size: int, rules: Rules) -> spaces.Tuple:
+def observation_space(grid_size: int, rules: Rules) -> spaces.Tuple:  # type: ignore[type-arg]
     """Return the space of a drone's observations, for grid_size cells along a side."""
     # A drone that flies on outside is one cell off the grid when its search ends.
     margin = int(rules.leave_policy == "fly_on")

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The options of an environment and of a reset, for the single environment and the batch alike."""
 
@@ -44,6 +45,12 @@ def check_options(
     if not isinstance(options, Mapping):
         raise FieldError(f"options: {shown(options)} is not allowed; a mapping")
     check_known("the reset options", options, (*RESET_OPTIONS, IGNORED_OPTION))
+    for name in RESET_OPTIONS[1:] if rules.covers else ():
+        if options.get(name) is not None:
+            raise FieldError(
+                f"{name}: {shown(options[name])} is not allowed as an option of a reset with rules "
+                f"{rules.profile}: the map stands still; drones_positions"
+            )
     mask = scenario.area_mask
     start = {
         name: SPECS[name].check(name, options[name])

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The search as a PettingZoo parallel environment: a shell over the arrays of one `World`."""
 
@@ -37,7 +38,11 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
 
     Observed is the map that the rules draw, which no search changes, or with `observe="belief"`
     what can be known from the searches so far (`belief.Belief`); `infos[agent]` then has `pos`, the
-    cumulative probability of success of the searches of the mission.
+    cumulative probability of success of the searches of the mission. What infos have with faults
+    says `Faults.infos`.
+
+    Where the task is coverage, observed is the probability that is left; `Found` is whether all is
+    covered, and `infos[agent]` has the metrics of `coverage.Coverage`.
 
     Attributes:
         world: The arrays behind this environment, a batch of one.
@@ -102,6 +107,9 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         self._action_bytes = self._actions[0].data.cast("B")
         # Views on the world's arrays; x and y open each drone's record.
         self._xy = world.drones[0].view(np.int64).reshape(world.num_drones, -1)[:, :2]
+        # As the drones observe it.
+        noisy = world.faults if world.faults and world.faults.is_noisy else None
+        self._seen = self._xy if noisy is None else noisy.positions()[0]
         self._alive, self._rewards = world.drones["alive"][0], world.rewards[0]
         self._terminated, self._truncated = world.terminated[0], world.truncated[0]
         # Memory views give plain numbers, in a third of an array's time.
@@ -114,7 +122,8 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     def __getstate__(self) -> dict[str, Any]:
         # A window stays with the environment that opened it.
         bound = {"_masks", "_actions", "_action_bytes", "_xy", "_alive", "_rewards", "_terminated"}
-        bound |= {"_truncated", "_num_active", "_num_missing", "_done", "_viewer", "_camera"}
+        bound |= {"_seen", "_truncated", "_num_active", "_num_missing", "_done", "_viewer"}
+        bound |= {"_camera"}
         return {name: value for name, value in vars(self).items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -267,8 +276,8 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
 
     @property
     def positions(self) -> NDArray[np.int64]:
-        """Cells (N, 2) as (x, y) of all drones."""
-        return self._xy.copy()
+        """Cells (N, 2) as (x, y) of all drones, as they observe them."""
+        return self._seen.copy()
 
     @property
     def probability(self) -> NDArray[np.float32]:
@@ -279,7 +288,10 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
 
     def action_masks(self) -> NDArray[np.int8]:
         """Return the action masks (N, A) of all drones."""
-        return np.array([self._masks[y][x] for x, y in self._xy.tolist()])
+        masks = np.array([self._masks[y][x] for x, y in self._xy.tolist()])
+        if self.world.faults is not None:
+            self.world.faults.restrict(self.world, masks[None])
+        return masks
 
     def state(self) -> NDArray[np.float32]:
         """Return the global state (4, G, G) float32, hidden parts included.
@@ -366,7 +378,7 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
         self, agents: list[str], live: list[int]
     ) -> tuple[dict[str, AgentObservation], dict[str, dict[str, Any]]]:
         """Return observations and infos of these agents."""
-        cells = self._xy.copy() if len(agents) == len(self._xy) else self._xy[live]
+        cells = self._seen.copy() if len(agents) == len(self._seen) else self._seen[live]
         # Plain tuples: with names they would take a sixth of a step with 50 drones.
         observations = dict(zip(agents, zip(cells, repeat(self.probability))))
         masks, found = self._masks, self._num_missing[0] == 0
@@ -374,12 +386,20 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
             agent: {"Found": found, "action_mask": masks[y][x]}
             for agent, (x, y) in zip(agents, cells.tolist())
         }
-        if self.scenario.person_amount > 1:
+        if self.world.persons.shape[1] > 1:
             for info, found_person in zip(infos.values(), self.world.found[0, live].tolist()):
                 info["found_person"] = found_person
+        if (faults := self.world.faults) is not None:
+            of_drones = zip(infos.values(), self.action_masks()[live], faults.infos(0, live))
+            for info, mask, of_faults in of_drones:
+                info |= {"action_mask": mask, **of_faults}
         if self._beliefs is not None:
             for info in infos.values():
                 info["pos"] = float(self._beliefs.pos[0])
+        if self.world.coverage is not None:
+            metrics = self.world.coverage_metrics()
+            for info in infos.values():
+                info |= {name: float(values[0]) for name, values in metrics.items()}
         return observations, infos
 
     def _take(self, actions: Mapping[str, int]) -> None:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The one drawing of a mission, on a matplotlib figure.
 
@@ -206,7 +207,11 @@ class Picture:
             for x in (0.0, 0.46, 0.92)
         ]
         learned = (
-            "after the searches so far" if view.belief else "by drift alone, before any search"
+            "left to cover"
+            if view.coverage_rate is not None
+            else "after the searches so far"
+            if view.belief
+            else "by drift alone, before any search"
         )
         self._panel.text(
             0.0, 0.93, f"probability per cell (%),\n{learned}", fontsize=9, va="bottom"
@@ -240,7 +245,8 @@ class Picture:
         self._sea.set_data(100.0 * view.probability)
         self._sea.set_clim(0, top or 1.0)
         for text, share in zip(self._percents, (0, 0.25, 1), strict=True):
-            text.set_text(f"{share * top:.2g}")
+            percent = share * top
+            text.set_text(f"{percent:.0f}" if percent >= 99.5 else f"{percent:.2g}")
         self._draw_searches(view)
         self._draw_tracks(view)
         place = self._place

@@ -1,9 +1,11 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Bars of long jobs, on a terminal only: elsewhere, and without tqdm, they say nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -26,6 +28,26 @@ def progress(items: Iterable[T], label: str, *, total: int | None = None) -> Ite
         items, desc=label, total=total, disable=None, leave=False, dynamic_ncols=True
     )
     return bar
+
+
+@contextlib.contextmanager
+def progress_to(total: int, label: str) -> Iterator[Callable[[int], None]]:
+    """Show a bar and the time left on standard error while the block lasts.
+
+    Args:
+        total: Where it ends.
+        label: What the job is.
+
+    Yields:
+        What moves the bar to a number.
+    """
+    try:
+        from tqdm import tqdm
+    except ModuleNotFoundError:
+        yield lambda done: None
+        return
+    with tqdm(desc=label, total=total, disable=None, leave=False, dynamic_ncols=True) as bar:
+        yield lambda done: bar.update(done - bar.n) and None
 
 
 def say(line: str) -> None:

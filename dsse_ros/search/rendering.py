@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Where a mission is drawn: image, file and window, all by one `Picture` of its view."""
 

@@ -1,9 +1,10 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The rules of the search as data: one frozen value per profile, read by one compiled step.
 
 Sources: the DSSE paper (arXiv 2307.06240), its table of rewards and its sections on the
 probability matrix and the person's movement, and the behaviour of the packages DSSE 0.1.13
-(profile v1) and DSSE 1.1.9 (profile v2).
+(profile v1) and DSSE 1.1.9 (profile v2, and coverage for its CoverageDroneSwarmSearch).
 """
 
 from __future__ import annotations
@@ -70,11 +71,40 @@ class RewardRules:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CoverageRules:
+    """Whether the task is coverage, and what drones earn for it then."""
+
+    task: str = field(
+        "str",
+        "Drones look for persons (find), or visit each cell of a map that stands still where "
+        "probability is, once (cover).",
+        "find",
+        choices=("find", "cover"),
+    )
+    cover_min_probability: float = field(
+        "float", "Cells below this probability need not be covered.", 1e-10, above=0, high=1
+    )
+    cover: float = field("float", "Reward of covering a cell.", 0.0)
+    cover_scale: float = field(
+        "float",
+        "Added to `cover`, times the cell's probability, the number of cells to cover and "
+        "(1 - (t + 1) / L).",
+        0.0,
+    )
+    cover_all: float = field(
+        "float",
+        "Reward of each drone once all is covered: this times the number of cells per drone.",
+        0.0,
+    )
+    cover_all_bonus: float = field("float", "Added to `cover_all`, times (1 - (t + 1) / L).", 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class TerminationRules:
     """When a search ends, and for whom."""
 
     time_out_grace: int = field(
-        "int", "Out of time is t >= L + this many steps.", 0, low=0, high=1000, unit="steps"
+        "int", "Out of time is t >= L + this many steps.", 0, low=-1, high=1000, unit="steps"
     )
     time_out_acts: bool = field(
         "bool", "Whether an action after the time limit is still done.", False
@@ -147,7 +177,7 @@ class PersonRules:
 
 # A dataclass has the fields of its last base first.
 @dataclass(frozen=True, kw_only=True)
-class Rules(PersonRules, SeaRules, TerminationRules, RewardRules, ActionRules):
+class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules, ActionRules):
     """One set of rules; t is the number of steps done before the present one, L the limit.
 
     Any field can be overridden by name: `profile("paper", collision=-2000)`.
@@ -177,6 +207,11 @@ class Rules(PersonRules, SeaRules, TerminationRules, RewardRules, ActionRules):
             raise FieldError(
                 f"actions: {list(self.actions)!r} is not allowed; different names, search included"
             )
+
+    @property
+    def covers(self) -> bool:
+        """Whether the task is to cover cells."""
+        return self.task == "cover"
 
     @cached_property
     def action_set(self) -> ActionSet:
@@ -265,16 +300,41 @@ _V2 = Rules(
     person_initial_position=(0, 0),
 )
 
+_COVERAGE = _V2.override(
+    profile="coverage",
+    task="cover",
+    move=-0.2,
+    leave_grid=-0.2,
+    cover=1,
+    cover_scale=1,
+    cover_all=1,
+    cover_all_bonus=1,
+    time_out_grace=-1,
+    both_flags=False,
+    # Ten minutes of steps of 13 s, after which the package has the drones come.
+    reset_sea_steps=46,
+    # Where there is no matrix, persons drift as the paper has it, with a spread that grows.
+    drift_remainder="kept",
+    drift_axes_independent=True,
+    drift_by_speed=False,
+    person_motion="window",
+    person_first=False,
+    person_scatter=0,
+    vector=(0.05, 0.05),
+    person_initial_position=None,
+)
+
 GROUPS: dict[str, type] = {
     "Actions": ActionRules,
     "Rewards": RewardRules,
+    "Coverage": CoverageRules,
     "Termination": TerminationRules,
     "Sea": SeaRules,
     "Persons": PersonRules,
 }
 """The fields of the rules by what they are about, without the defaults of the scenario."""
 
-PROFILES: dict[str, Rules] = {rules.profile: rules for rules in (_PAPER, _V1, _V2)}
+PROFILES: dict[str, Rules] = {rules.profile: rules for rules in (_PAPER, _V1, _V2, _COVERAGE)}
 """The profiles by name."""
 
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The scenario of a search: area, camera, sea, persons, drones and limits, checked and frozen."""
 
@@ -14,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search.area import Area, area_mask
+from dsse_ros.search.fault_fields import FaultFields
 from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
+from dsse_ros.search.probability_matrix import ProbabilityMatrix
 from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.yaml_file import read_yaml
 
@@ -29,7 +32,7 @@ SYNONYMS = {"dispersion_start": "sigma"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario:
+class Scenario(FaultFields):
     """What is searched, by whom, for how long; None means "derive it" or "the profile's default".
 
     `resolve` gives the scenario with every such field filled in.
@@ -60,6 +63,12 @@ class Scenario:
         "bool",
         "Whether cells on land, in a land mask of 1 km, are left out; it takes 6 s and 1 GB.",
         False,
+    )
+    probability_matrix: ProbabilityMatrix | None = field(
+        "matrix",
+        "Coverage: what is to be covered, a .npy, CSV or GeoTIFF file or, in Python, an array; "
+        "empty for where the persons are after pre_search_minutes.",
+        None,
     )
     grid_size: int | None = field(
         "int", "Cells along a side of the square grid.", None, low=1, high=10000, unit="cells"
@@ -132,9 +141,10 @@ class Scenario:
 
     def __post_init__(self) -> None:
         check_all(self, Scenario)
-        if self.area is not None:
-            whole_grid = isinstance(self.area, str) and not self.area
-            object.__setattr__(self, "area", None if whole_grid else Area.of(self.area))
+        for name, make in (("area", Area.of), ("probability_matrix", ProbabilityMatrix.of)):
+            if (value := getattr(self, name)) is not None:
+                empty = isinstance(value, str) and not value
+                object.__setattr__(self, name, None if empty else make(value))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Scenario:
@@ -162,8 +172,9 @@ class Scenario:
         """
         try:
             values = read_yaml(path)
-            if isinstance(values, dict) and values.get("area") and isinstance(values["area"], str):
-                values["area"] = os.path.join(os.path.dirname(path), values["area"])
+            for name in FILES if isinstance(values, dict) else ():
+                if values.get(name) and isinstance(values[name], str):
+                    values[name] = os.path.join(os.path.dirname(path), values[name])
             return cls.from_dict({} if values is None else values)
         except FieldError as error:
             raise FieldError(f"scenario {os.fspath(path)!r}: {error}") from None
@@ -211,17 +222,14 @@ class Scenario:
         Raises:
             FieldError: If fields contradict each other or do not fit the grid.
         """
-        cell = self.cell_size
-        if cell is None:
-            cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
-            cell = SPECS["cell_size"].check(
-                "cell_size (of altitude and field_of_view)", round(cell, 3)
-            )
-        grid = self._resolve_grid(rules, cell)
+        grid, cell = self.grid_of(rules)
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
+        if self.probability_matrix is not None:
+            self.probability_matrix.check_place(grid, cell, origin)
         mask = area_mask(self.area, self.land, grid, cell, origin)
         positions = self._resolve_positions(grid, mask)
         sigma = self.sigma if self.sigma is not None else rules.sigma
+        growth = rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
         person = self.person_initial_position or rules.person_initial_position
         person = person or (grid // 2, grid // 2)
         check_cell("person_initial_position", person, grid, mask)
@@ -243,10 +251,9 @@ class Scenario:
             "sigma": sigma,
             "sigma_x": self.sigma_x or sigma,
             "sigma_y": self.sigma_y or sigma,
-            "dispersion_inc": (
-                rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
-            ),
+            "dispersion_inc": growth,
             "timestep_limit": self.timestep_limit or rules.timestep_limit,
+            **self.resolved_faults(len(positions), self.drone_speed),
         }
         given = {name: getattr(self, name) for name in SPECS}
         resolved = ResolvedScenario(**{**given, **derived, "stated": self})
@@ -257,9 +264,29 @@ class Scenario:
             )
         return resolved
 
+    def grid_of(self, rules: Rules) -> tuple[int, float]:
+        """Return the cells along a side of the grid, and the side of a cell in metres.
+
+        Raises:
+            FieldError: If fields contradict each other, or there is no such grid.
+        """
+        cell = self.cell_size
+        if cell is None:
+            cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
+            derived_from = "cell_size (of altitude and field_of_view)"
+            cell = SPECS["cell_size"].check(derived_from, round(cell, 3))
+        return self._resolve_grid(rules, cell), cell
+
     def _resolve_grid(self, rules: Rules, cell: float) -> int:
+        matrix = self.probability_matrix
+        if matrix is not None and not rules.covers:
+            raise FieldError(
+                f"probability_matrix: it is not allowed with rules {rules.profile}; those of a "
+                "coverage task"
+            )
         if self.zone_size is None:
-            return self.grid_size or rules.grid_size
+            side = rules.grid_size if matrix is None else len(matrix.values)
+            return SPECS["grid_size"].check("grid_size", self.grid_size or side)
         # The tolerance keeps a zone of exactly n cells at n.
         grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
         if self.grid_size not in (None, grid):
@@ -319,6 +346,9 @@ class ResolvedScenario(Scenario):
     dispersion_inc: float
     person_pod_multipliers: tuple[float, ...]
     timestep_limit: int
+    battery_search: float
+    battery_hover: float
+    battery_return: float
     stated: Scenario = dataclasses.field(repr=False, compare=False)
 
     def override(self, **values: Any) -> Scenario:
@@ -359,6 +389,9 @@ class ResolvedScenario(Scenario):
         """Steps of drift before the drones arrive."""
         return round(self.pre_search_minutes * 60 / self.step_duration_s)
 
+
+FILES = ("area", "probability_matrix")
+"""Fields whose texts are paths."""
 
 _ALTERNATIVES = (
     (("grid_size",), ("zone_size",)),

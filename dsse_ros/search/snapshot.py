@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A whole state as a file: versioned, with a checksum, written atomically."""
 
@@ -9,7 +10,6 @@ import io
 import json
 import os
 import tempfile
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -66,11 +66,15 @@ class Snapshot:
             raise SnapshotError("the snapshot is damaged: its checksum does not match")
         try:
             with np.load(io.BytesIO(body), allow_pickle=False) as stored:
-                arrays = {name: stored[name] for name in stored.files}
+                # NumPy hands out a part that is no array as bytes.
+                arrays = {name: np.asarray(stored[name]) for name in stored.files}
             meta = json.loads(str(arrays.pop("meta")))
-            return cls(dict(meta["identity"]), arrays, dict(meta["extra"]))
-        except (ValueError, KeyError, TypeError, OSError, zipfile.BadZipFile) as error:
-            raise SnapshotError(f"the snapshot cannot be read: {error}") from None
+            identity = {part: dict(values) for part, values in meta["identity"].items()}
+            return cls(identity, arrays, dict(meta["extra"]))
+        except Exception as error:
+            # Of a file that was made on purpose NumPy and zipfile raise errors of many types.
+            reason = " ".join(str(error).split())[:200]
+            raise SnapshotError(f"the snapshot cannot be read: {reason}") from None
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the file so that a crash leaves the old one or the new one, never a part.

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Many searches at once as arrays, for training: the same worlds and the same compiled step."""
 
@@ -93,10 +94,17 @@ class VectorEnv:
     mask of the worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has
     it: all of them.
 
+    With faults infos have also `status` (B, N) int8, a number in `fault_kernels.STATUSES`, `action`
+    (B, N) int8, what the drone did, -1 for nothing, and where batteries run down `battery` (B, N)
+    float64, in percent.
+
     With `observe="belief"` `probability` is what can be known in each world from the searches there
     (`belief.Belief`), and infos have `pos` (B,) float64, the cumulative probability of success of
     the searches of the mission. Beliefs take 8 B C K (G + 4)^2 bytes, with C different
     `person_pod_multipliers` and K = 1, or 64 where persons have a drift of their own (`v2`).
+
+    Where the task is coverage, `probability` is what is left to cover, `Found` whether all is
+    covered, and infos have the metrics of `coverage.Coverage`, (B,) float64 each.
 
     The arrays belong to the caller, who may keep and change them. The memory of those that nothing
     refers to any more is used again: a loop that holds the last observation or two makes no new
@@ -260,6 +268,10 @@ class VectorEnv:
         """Write the report of some worlds, see `kernels.report_worlds`."""
         world = self.world
         kernels.report_worlds(world.constants, world.area, world.drones, *outputs, first, last)
+        if world.faults is not None:
+            positions, *_, masks = outputs
+            world.faults.restrict(world, masks, first, last)
+            positions[first:last] = world.faults.positions()[first:last]
 
     def _write_with_beliefs(
         self,
@@ -289,6 +301,9 @@ class VectorEnv:
         }
         if self._beliefs is not None:
             infos["pos"] = self._beliefs.pos.copy()
+        infos |= self.world.coverage_metrics()
+        if self.world.faults is not None:
+            infos |= self.world.faults.batch_infos()
         return infos | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in infos}
 
 

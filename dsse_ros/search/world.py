@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The arrays of B worlds that share one scenario and one set of rules: reset and step."""
 
@@ -17,11 +18,12 @@ from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from dsse_ros.search import kernels, sea_map
-from dsse_ros.search.area import runs_of
-from dsse_ros.search.fields import specs
-from dsse_ros.search.person_motion import MOTIONS, PERSONS
+from dsse_ros.search.constants import area_of, constants_of
+from dsse_ros.search.coverage import Coverage
+from dsse_ros.search.faults import Faults
+from dsse_ros.search.person_motion import PERSONS
 from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import SPECS, ResolvedScenario, Scenario
+from dsse_ros.search.scenario import SPECS, Scenario
 from dsse_ros.search.seeds import words_of_seeds
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 
@@ -34,59 +36,9 @@ SHARE_BYTES = 1 << 18
 """Drones of a share that is reported: what a core's own cache holds until then."""
 
 
-_OF_SCENARIO = (
-    "grid_size", "timestep_limit", "pre_search_steps", "probability_of_detection", "sigma_x",
-    "sigma_y", "dispersion_inc", "cell_size", "step_duration_s",
-)  # fmt: skip
-_OF_RULES = tuple(
-    name
-    for name in kernels.CONSTANTS.names or ()
-    if name in specs(Rules) and name not in _OF_SCENARIO
-)
-"""Fields of the rules that the kernels read as they are, by the same name."""
-
-
-def constants_of(
-    scenario: ResolvedScenario, rules: Rules, *, auto_reset: bool = False
-) -> NDArray[np.void]:
-    """Return scenario and rules as the kernels read them, (1,) of `kernels.CONSTANTS`.
-
-    Raises:
-        TypeError: If the kernels read other names than are set here.
-    """
-    actions = rules.action_set
-    unused = [(0, 0)] * (kernels.MAX_ACTIONS - len(actions))
-    dx, dy = zip(*actions.moves, *unused, strict=True)
-    values: dict[str, Any] = {
-        **{name: getattr(scenario, name) for name in _OF_SCENARIO},
-        **{name: getattr(rules, name) for name in _OF_RULES},
-        "num_actions": len(actions),
-        "search_action": actions.search,
-        "dx": dx,
-        "dy": dy,
-        "leave_terminates": rules.leave_policy == "terminate",
-        "leave_flies_on": rules.leave_policy == "fly_on",
-        "drift_remainder_dropped": rules.drift_remainder == "dropped",
-        "drift_remainder_less_one": rules.drift_remainder == "less_one",
-        "motion": list(MOTIONS).index(rules.person_motion),
-        "own_drift": MOTIONS[rules.person_motion].own_drift,
-        "auto_reset": auto_reset,
-    }
-    if differing := values.keys() ^ set(kernels.CONSTANTS.names or ()):
-        raise TypeError(f"kernels.CONSTANTS: not on both sides: {', '.join(sorted(differing))}")
-    constants = np.zeros(1, kernels.CONSTANTS)
-    for name, value in values.items():
-        constants[name] = value
-    return constants
-
-
-def area_of(
-    scenario: ResolvedScenario,
-) -> tuple[NDArray[np.bool_] | None, NDArray[np.int64] | None]:
-    """Return `area` and `runs` as the kernels read them, None where the whole grid is searched."""
-    mask = scenario.area_mask
-    # A read-only array would have them compiled anew.
-    return (None, None) if mask is None else (mask.copy(), runs_of(mask))
+def _plain(value: Any) -> dict[str, Any]:
+    """Return a value of a scenario as JSON has it; from which file it came does not matter."""
+    return {name: part for name, part in dataclasses.asdict(value).items() if name != "source"}
 
 
 class World:
@@ -105,7 +57,9 @@ class World:
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
             `kernels.WORLDS`, `kernels.DRONES` and `person_motion.PERSONS`.
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
+        faults: Their faults, None for none.
         area, runs: Which cells are searched, see `kernels`.
+        coverage: Of the coverage task, which has no persons; None where these are looked for.
         maps: (B, G, G) float32, the probability of cell [row, col].
         rewards: (B, N) float64 of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool since the last reset, views on `drones`; when drones
@@ -135,7 +89,9 @@ class World:
         self.constants = constants_of(resolved, rules, auto_reset=auto_reset)
         self.worlds = np.zeros(num_worlds, kernels.WORLDS)
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
-        self.persons = np.zeros((num_worlds, resolved.person_amount), PERSONS)
+        self.coverage = Coverage(resolved, rules, num_worlds) if rules.covers else None
+        persons = 0 if rules.covers else resolved.person_amount
+        self.persons = np.zeros((num_worlds, persons), PERSONS)
         self.starts = np.zeros((num_worlds, self.num_drones, 2), np.int64)
         side = self.grid_size if write_maps else 0
         self._map_shape = (num_worlds, side, side)
@@ -145,6 +101,7 @@ class World:
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         self.area, self.runs = area_of(resolved)
+        self.faults = Faults.of(resolved, rules, num_worlds)
         self._reuse_maps = reuse_maps
         self._threads = threads
         self._bind()
@@ -161,15 +118,19 @@ class World:
         self.terminated = self.drones["terminated"]
         self.truncated = self.drones["truncated"]
         self.found = self.drones["found"]
+        self._coverage = None if self.coverage is None else self.coverage.arrays
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
         # One for each thread, with scratch memory of its own.
-        self._kernels = [
+        self._kernels: list[Callable[..., None]] = [
             partial(
                 kernels.step_worlds, self.constants, self.worlds, self.starts, self.drones,
-                self.persons, self.gauss, self.tails, self.area, self.runs, *scratch,
+                self.persons, self.gauss, self.tails, self.area, self.runs, self._coverage,
+                *scratch,
             )
             for scratch in self._scratch
         ]  # fmt: skip
+        if self.faults is not None:
+            self._kernels = [self.faults.around(self, step) for step in self._kernels]
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._process = os.getpid()
 
@@ -180,6 +141,7 @@ class World:
             "terminated",
             "truncated",
             "found",
+            "_coverage",
             "_scratch",
             "_kernels",
             "_pool",
@@ -225,19 +187,24 @@ class World:
         self.worlds["vector_x"], self.worlds["vector_y"] = s.vector if vector is None else vector
         person = person_initial_position or s.person_initial_position
         self.worlds["start_x"], self.worlds["start_y"] = person
-        self.persons["pod_multiplier"] = (
-            s.person_pod_multipliers if person_pod_multipliers is None else person_pod_multipliers
-        )
+        if self.coverage is None:
+            given = person_pod_multipliers
+            self.persons["pod_multiplier"] = s.person_pod_multipliers if given is None else given
 
     def placed(self) -> dict[str, Any]:
         """Return the fields of the scenario in whose place `place` has put others, with those."""
         world, scenario = self.worlds[0], self.scenario
-        values: dict[str, Any] = {
-            "drones_positions": tuple((x, y) for x, y in self.starts[0].tolist()),
-            "vector": (float(world["vector_x"]), float(world["vector_y"])),
-            "person_initial_position": (int(world["start_x"]), int(world["start_y"])),
-            "person_pod_multipliers": tuple(self.persons["pod_multiplier"][0].tolist()),
-        }
+        starts = {"drones_positions": tuple((x, y) for x, y in self.starts[0].tolist())}
+        values: dict[str, Any] = (
+            starts
+            if self.coverage is not None
+            else {
+                **starts,
+                "vector": (float(world["vector_x"]), float(world["vector_y"])),
+                "person_initial_position": (int(world["start_x"]), int(world["start_y"])),
+                "person_pod_multipliers": tuple(self.persons["pod_multiplier"][0].tolist()),
+            }
+        )
         return {name: value for name, value in values.items() if value != getattr(scenario, name)}
 
     def reset(
@@ -261,8 +228,10 @@ class World:
         _, *scratch = self._scratch[0]
         kernels.reset_worlds(
             self.constants, self.worlds, self.starts, self.drones, self.persons, self.gauss,
-            self.tails, self.area, self.runs, *scratch, self.maps, which,
+            self.tails, self.area, self.runs, self._coverage, *scratch, self.maps, which,
         )  # fmt: skip
+        if self.faults is not None:
+            self.faults.reset(self, which)
 
     def step(
         self,
@@ -274,7 +243,8 @@ class World:
 
         Args:
             actions: (B, N) int8, action numbers of the rules or `HOLD`; what stands for a drone
-                that is terminated or truncated does not count.
+                that is terminated or truncated does not count. With faults drones may do
+                something else, see `Faults.applied`.
             maps: Memory for `maps`, by default new memory unless `reuse_maps`.
             report: Called with the numbers (first, last) of worlds first..last - 1 when they have
                 done their step, by the thread that they did it in.
@@ -337,8 +307,9 @@ class World:
         """Write the tables that the state asks for, and these maps."""
         _, circle, _, span = self._scratch[0]
         kernels.refresh_worlds(
-            self.constants, self.worlds, self.gauss, self.tails, self.area, circle, span, maps
-        )
+            self.constants, self.worlds, self.gauss, self.tails, self.area, self._coverage, circle,
+            span, maps,
+        )  # fmt: skip
 
     def close(self) -> None:
         """End the threads; a later step starts them again."""
@@ -355,17 +326,21 @@ class World:
         """
         # One kind of array, or the function would be compiled for each.
         x, y = (np.require(array, np.int64, ["C", "W"]) for array in (x, y))
+        if self.coverage is not None:
+            return self.coverage.cells(x, y)
         out = np.empty(x.shape, np.float32)
         sea_map.read_cells(self.constants, self.worlds, self.gauss, self.area, x, y, out)
         return out
 
     def map_of(self, world: int) -> NDArray[np.float32]:
         """Return the map (G, G) of one world, whether `maps` is written or not."""
+        if self.coverage is not None:
+            return self.coverage.left[world].astype(np.float32)
         gauss, tails = np.empty((1, *self.gauss.shape[1:])), np.empty((1, *self.tails.shape[1:]))
         _, circle, _, span = self._make_scratch()
         maps = np.empty((1, self.grid_size, self.grid_size), np.float32)
         kernels.refresh_worlds(
-            self.constants, self.worlds[[world]], gauss, tails, self.area, circle, span, maps
+            self.constants, self.worlds[[world]], gauss, tails, self.area, None, circle, span, maps
         )
         return maps[0]
 
@@ -384,8 +359,12 @@ class World:
         state = self._state()
         snapshot.check(self._identity, state)
         self._check_possible(snapshot.arrays["worlds"])
+        if self.faults is not None:
+            self.faults.check(snapshot, self.grid_size)
         for name, array in state.items():
             array[...] = snapshot.arrays[name]
+        if self.faults is not None:
+            self.faults.restore(self)
         self.maps = np.empty(self._map_shape, np.float32)
         self._refresh(self.maps)
 
@@ -395,12 +374,13 @@ class World:
         Raises:
             SnapshotError: If they would not.
         """
-        edge, persons = self.grid_size - 1, self.persons.shape[1]
+        edge = self.grid_size - 1
+        things = self.grid_size**2 if self.coverage is not None else self.persons.shape[1]
         cells = ("datum_x", "datum_y", "circle_x", "circle_y", "start_x", "start_y")
         highest = dict.fromkeys(cells, edge)
         highest |= {
             "num_active": self.num_drones,
-            "num_missing": persons,
+            "num_missing": things,
             "t": 2**40,
             "map_steps": 2**30,
         }
@@ -413,12 +393,21 @@ class World:
         # Between the fields there may be anything.
         return b"".join(repack_fields(array).tobytes() for array in self._state().values())
 
+    def coverage_metrics(self) -> dict[str, NDArray[np.float64]]:
+        """Return `Coverage.metrics`, nothing where the task is to find persons."""
+        if self.coverage is None:
+            return {}
+        return self.coverage.metrics(self.worlds["num_missing"])
+
     def _state(self) -> dict[str, NDArray[Any]]:
+        covered = self.coverage
         return {
             "worlds": self.worlds,
             "starts": self.starts,
             "drones": self.drones,
             "persons": self.persons,
+            **({} if covered is None else {"left": covered.left, "coverage": covered.records}),
+            **({} if self.faults is None else {"conditions": self.faults.conditions}),
         }
 
     @cached_property
@@ -428,5 +417,5 @@ class World:
             "rules": dataclasses.asdict(self.rules),
         }
         # As a file has it: through JSON a tuple becomes a list.
-        identity: dict[str, Any] = json.loads(json.dumps(parts, default=dataclasses.asdict))
+        identity: dict[str, Any] = json.loads(json.dumps(parts, default=_plain))
         return identity

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The beliefs of B worlds: each follows the steps of its world and learns from its searches."""
 
@@ -33,10 +34,16 @@ class WorldBeliefs:
         density: (B, C K, S S) float64, see `belief_kernels`.
 
     Raises:
-        FieldError: If the worlds of a batch cannot share a forecast, as it would be too large.
+        FieldError: If the task is coverage, or if the worlds of a batch cannot share a forecast, as
+            it would be too large.
     """
 
     def __init__(self, world: World) -> None:
+        if world.coverage is not None:
+            raise FieldError(
+                f"observe: 'belief' is not allowed with rules {world.rules.profile}, which have no "
+                "persons; map"
+            )
         self._world = world
         # One for each thread that asks: while one reads its tables another would write them.
         self._forecasts: deque[Forecast] = deque()
@@ -125,11 +132,13 @@ class WorldBeliefs:
         except IndexError:
             assert self._scenario is not None
             forecast = self._new_forecast(self._scenario)
+        # What counts is what drones did, whatever they were commanded.
+        actions = self._actions if world.faults is None else world.faults.applied
         # A world that was just reset is at step 0.
         steps = max(int(world.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
         belief_kernels.follow_worlds(
-            world.constants, world.area, world.worlds, world.drones, self._actions, self._live,
+            world.constants, world.area, world.worlds, world.drones, actions, self._live,
             self._done, self._start, self._pods, forecast.chances, forecast.tables,
             forecast.directions, forecast.first_step, self.density, self.pos, self._scratch(),
             first, last,

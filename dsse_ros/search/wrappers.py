@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Other forms of an observation, with their spaces, on PettingZoo's and the batch interface.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """YAML files of fields and values: small, plain, and read as YAML 1.2 reads them."""
 

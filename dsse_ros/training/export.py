@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A trained policy as the ONNX file that the planner `onnx` flies."""
 

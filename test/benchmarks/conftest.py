@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Puts the benchmarks where these tests can import them, after whatever is installed."""
 

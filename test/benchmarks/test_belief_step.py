@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The belief's step in plain NumPy, which the compiled one is measured beside."""
 

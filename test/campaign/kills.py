@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Kill a campaign at random moments, workers and the campaign itself, and look at what is left.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A campaign has each mission once, whatever plays it and however often it is killed."""
 
@@ -5,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -28,6 +30,15 @@ from dsse_ros.planners import planner_for
 from dsse_ros.search import FieldError, parallel_env
 
 WAIT_S = 180.0
+
+
+class Deadly(dict[str, Any]):
+    """Ends the process that it is sent to."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os._exit, (9,)
+
+
 SMALL: dict[str, Any] = {
     "planners": ["greedy", {"planner": "random", "planner_seeds": 5}],
     "scenarios": [
@@ -173,6 +184,31 @@ def test_a_planner_that_fails_is_named_with_the_seeds_of_its_missions() -> None:
     broken = (chunk, replace(entry, options={"nonsense": 3}), case, seed)
     with pytest.raises(WorkerError, match="'greedy' has failed in 'a', .* 47 to 53: .*nonsense"):
         list(local([broken], campaign.settings))
+
+
+def test_workers_that_are_killed_at_work_and_idle_cost_no_chunk() -> None:
+    campaign = Campaign.from_dict({**SMALL, "workers": 2})
+    jobs = [job(campaign, chunk) for chunk in campaign.chunks()]
+    played = {}
+    for number, ((chunk, *_), columns) in enumerate(local(jobs, campaign.settings)):
+        played[chunk.number] = columns
+        if number in (1, 4):
+            for worker in multiprocessing.active_children():
+                worker.kill()
+    assert not multiprocessing.active_children()
+    assert sorted(played) == list(range(len(jobs)))
+    for of in jobs:
+        expected = play(of)
+        for name, values in played[of[0].number].items():
+            np.testing.assert_array_equal(values, expected[name])
+
+
+def test_a_chunk_that_kills_its_workers_is_named() -> None:
+    campaign = Campaign.from_dict(SMALL)
+    chunk, entry, case, seed = job(campaign, campaign.chunks()[0])
+    deadly = (chunk, replace(entry, options=Deadly()), case, seed)
+    with pytest.raises(WorkerError, match="'greedy' .* 40 to 46: 5 workers have died"):
+        list(local([deadly], campaign.settings))
 
 
 def test_a_cluster_that_is_not_there_gets_one_clear_line() -> None:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What the wrappers of DSSE 1.1.9 were seen to hand out (test/oracles)."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The coverage task does what DSSE 1.1.9's does (test/oracles)."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`python -m dsse_ros.compat` runs a script as if the package were installed."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Scripts for DSSE 1.1.9 find what they know: names, episodes, errors."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The wrappers hand out what those of DSSE 1.1.9 do, over 20 scripted episodes each."""
 

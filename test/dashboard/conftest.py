@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A domain, a dashboard in it, and a browser where there is one."""
 
@@ -15,19 +16,9 @@ import pytest
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).resolve().parents[1] / "nodes")]
 
-from rig import ENVIRONMENT, Rig  # noqa: E402
+from rig import ENVIRONMENT, Rig, rig_of_module  # noqa: E402, F401
 
 os.environ.update(ENVIRONMENT)
-
-
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    """A domain of its own, in which nodes can be started; they are stopped at the end."""
-    made = Rig(tmp_path_factory.mktemp("rig"))
-    try:
-        yield made
-    finally:
-        made.close()
 
 
 @pytest.fixture(scope="module")

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission that was really played, as the messages that `sim_node` would publish of it."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Who may see the page, and who may not."""
 
@@ -122,17 +123,29 @@ def test_a_page_for_others_takes_a_token(host: str) -> None:
         DashboardSettings(host=host)
 
 
+def token_file(folder: Path, content: str, mode: int = 0o600) -> Path:
+    file = folder / "token"
+    file.write_text(content, encoding="utf-8")
+    file.chmod(mode)
+    return file
+
+
 @pytest.mark.parametrize("content", ["", "short", "é" * MIN_TOKEN, "\n" + "x" * MIN_TOKEN])
 def test_a_token_that_is_none_gets_one_clear_line(content: str, tmp_path: Path) -> None:
-    file = tmp_path / "token"
-    file.write_text(content, encoding="utf-8")
+    file = token_file(tmp_path, content)
     with pytest.raises(FieldError, match="token_file: the first line of .* is not allowed"):
         DashboardSettings(token_file=str(file)).read_token()
 
 
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o644])
+def test_a_token_that_others_can_read_is_refused(mode: int, tmp_path: Path) -> None:
+    file = token_file(tmp_path, TOKEN, mode)
+    with pytest.raises(FieldError, match="token_file: .* 600 keeps it secret"):
+        DashboardSettings(token_file=str(file)).read_token()
+
+
 def test_a_token_is_the_first_line_of_its_file(tmp_path: Path) -> None:
-    file = tmp_path / "token"
-    file.write_text(f"{TOKEN}\nmore\n", encoding="utf-8")
+    file = token_file(tmp_path, f"{TOKEN}\nmore\n")
     assert DashboardSettings(host="0.0.0.0", token_file=str(file)).read_token() == TOKEN
     for path in (tmp_path / "nowhere", tmp_path):
         with pytest.raises(FieldError, match="token_file: "):

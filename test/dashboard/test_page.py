@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The page in a real browser, beside a real simulation."""
 
@@ -127,7 +128,8 @@ def test_the_map_changes_as_steps_run(sim: Sim, shown: Open) -> None:
     shown.until(f"{CANVAS}.dataset.step >= 2")
     before, image = shown.step, shown.page.evaluate(f"{CANVAS}.toDataURL()")
     shown.until(f"{CANVAS}.dataset.step > {before}")
-    assert shown.page.evaluate(f"{CANVAS}.toDataURL()") != image
+    # The number is there before the image is decoded.
+    shown.until(f"{CANVAS}.toDataURL() != '{image}'")
     assert re.search(r"step \d+ of 100000, .*3 of 3 drones in flight, POS \d", shown.headline())
 
 
@@ -166,7 +168,7 @@ def test_the_time_line_shows_an_earlier_step_while_the_mission_goes_on(
     slider.press("Home")
     shown.until(f"{CANVAS}.dataset.step == 0")
     assert "step 0 of" in shown.headline()
-    assert shown.page.evaluate(f"{CANVAS}.toDataURL()") != live
+    shown.until(f"{CANVAS}.toDataURL() != '{live}'")
     seen = len(sim.reports)
     sim.rig.until(lambda: len(sim.reports) > seen + 3)
     assert shown.step == 0

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Any message of ArduPilot's message set with any fields, through codec and vehicle controller.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle, a bad link to it and a clock that jumps from event to event."""
 

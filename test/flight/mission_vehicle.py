@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The vehicle's side of the mission protocol, as ArduPilot and PX4 implement it.
 

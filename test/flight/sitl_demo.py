@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`make sitl-demo`: a search flown by simulated autopilots, each program a process of its own.
 
@@ -138,7 +139,7 @@ def save_flight(
 ) -> None:
     """Draw the places of the vehicles over the mission of their drones."""
     record = read_log(arguments.out / "mission.csv")
-    belief = SimSettings().has_belief(scenario.grid_size)
+    belief = SimSettings().has_belief(scenario.grid_size) and not rules.covers
     *_, view = mission_views(record, scenario, rules, seed=arguments.seed, belief=belief)
     flown = tuple(np.array(flight.places)[:, :2] for flight in witness.flights)
     save_picture(replace(view, flown=flown), path)

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Ground stations that were written elsewhere accept the autopilot as a real one."""
 

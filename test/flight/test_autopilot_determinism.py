@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The same input at the same vehicle time gives the same bytes, and no input makes it fail."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """ArduCopter's side of the mission protocol, and how it flies a mission, in vehicle time."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """With a key, only messages signed with it are accepted, and no forgery has effects."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Any bytes are decoded without an error, and only the vehicle's messages are accepted."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Nothing is sent to a place where a vehicle may not be."""
 
@@ -179,7 +180,7 @@ def test_a_mission_is_refused_by_its_first_bad_item():
 
 def test_home_is_checked_where_ardupilot_has_it_and_nowhere_else():
     items = track_mission(FRAME, [(0, 0)]).numbered("ardupilot")
-    assert isinstance(check_mission(items, FENCE, "ardupilot"), Accepted)
+    assert check_mission(items, FENCE, "ardupilot") == Accepted(tuple(items))
     as_px4 = check_mission(items, FENCE, "px4")
     assert isinstance(as_px4, Rejected) and as_px4.reason.startswith("item 0: frame: 0")
     far = Mission(Home(0.0, 0.0, 0.0), tuple(items[1:])).numbered("ardupilot")
@@ -191,6 +192,7 @@ def test_home_is_checked_where_ardupilot_has_it_and_nowhere_else():
     ):
         checked = check_mission(spoilt, FENCE, "ardupilot")
         assert isinstance(checked, Rejected) and checked.code == wanted
+        assert checked.reason.startswith("item 0: ") and "None" not in checked.reason
 
 
 @pytest.mark.parametrize(

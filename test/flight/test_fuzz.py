@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """No message of the MAVLink dialect, with any fields, makes the program fail."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """On an orderly exit a vehicle that we lead holds by itself, and any other is left alone."""
 

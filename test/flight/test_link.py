@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Links over real sockets and a real pseudo-terminal never block, and raise when they are down."""
 

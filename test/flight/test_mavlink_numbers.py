@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """MAVLink's numbers come from pymavlink, which has them from MAVLink's own definitions."""
 

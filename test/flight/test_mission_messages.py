@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Messages survive pymavlink and the wire, items fit their fields, anything else is rejected."""
 

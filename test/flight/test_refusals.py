@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What a vehicle refuses is asked for as often as that may help, and the reason names its words."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """On a signed link only messages signed with the key are accepted, and no forgery has effects."""
 

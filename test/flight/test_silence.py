@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle that falls silent gets nothing but heartbeats, and goes on when they come again."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Other threads read a vehicle while its own thread goes on, and never see half of a change."""
 

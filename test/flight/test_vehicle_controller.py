@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Orders are carried out, and done only when the vehicle has done what they ask for."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Uploads over links that lose, double and delay: complete or failed, and never a mixture.
 

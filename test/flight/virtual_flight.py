@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A controller and a simulated vehicle on a bad link, without sockets, in a time of their own."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The barrier without ROS: a buffer of commands against a plain account of what it promises."""
 

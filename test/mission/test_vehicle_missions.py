@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Vehicles fly in layers, none of which is below or above what is allowed."""
 

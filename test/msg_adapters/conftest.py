@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Grids for the properties of this folder: `st.from_type(GridFrame)`; helpers can be imported."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What planners receive about the search."""
 
@@ -99,13 +100,29 @@ def test_an_area_comes_back_as_its_mask_and_as_its_polygons():
     assert INFO.area_mask is None and area_rows(None) is None
 
 
+def test_what_is_to_be_covered_comes_back_without_the_file_that_it_was_in(tmp_path):
+    matrix = np.arange(64.0).reshape(8, 8)
+    np.save(tmp_path / "matrix.npy", matrix)
+    rules = profile("coverage")
+    scenario = Scenario(probability_matrix=tmp_path / "matrix.npy").resolve(rules)
+    message = agents_message(
+        dataclasses.replace(INFO, definition=SearchDefinition(rules, scenario))
+    )
+    assert str(tmp_path) not in message.data
+    heard = agents_from_message(message).definition.scenario
+    assert heard == scenario
+    np.testing.assert_array_equal(heard.probability_matrix.values, matrix)
+
+
 def test_a_message_names_no_file_to_be_read(tmp_path):
     rules = profile("paper")
     definition = SearchDefinition(rules, Scenario().resolve(rules))
     document = json.loads(agents_message(dataclasses.replace(INFO, definition=definition)).data)
-    document["definition"]["scenario"]["area"] = str(tmp_path / "area.geojson")
-    with pytest.raises(ValueError, match=r"^agents.definition.scenario.area: .* GeoJSON object"):
-        agents_from_message(String(data=json.dumps(document)))
+    for name, wanted in (("area", "a GeoJSON object"), ("probability_matrix", "an object")):
+        message = json.loads(json.dumps(document))
+        message["definition"]["scenario"][name] = str(tmp_path / "file")
+        with pytest.raises(ValueError, match=rf"^agents.definition.scenario.{name}: .* {wanted}"):
+            agents_from_message(String(data=json.dumps(message)))
 
 
 def test_the_grid_of_the_information_is_the_simulators():

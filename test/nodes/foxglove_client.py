@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A client of the WebSocket protocol of Foxglove (github.com/foxglove/ws-protocol)."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Nodes as processes of their own, and the topics and services of a mission as a peer sees them."""
 
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from domains import free_domain
@@ -477,6 +479,16 @@ class Sim:
     def health(self) -> dict[str, Any]:
         """Return the next diagnostics."""
         return self.health_when(lambda _: True)
+
+
+@pytest.fixture(scope="module", name="rig")
+def rig_of_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """A domain of its own, in which nodes can be started; they are stopped at the end."""
+    made = Rig(tmp_path_factory.mktemp("rig"))
+    try:
+        yield made
+    finally:
+        made.close()
 
 
 def cells(report: NDArray[Any]) -> list[tuple[int, int]]:

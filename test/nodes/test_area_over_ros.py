@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A search of a part of the grid over ROS: the bay off Santos, with its shore."""
 

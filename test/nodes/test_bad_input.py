@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What must not be is refused at the start, on one line."""
 
@@ -52,6 +53,12 @@ CASES = {
     ),
     "0 drones": Case("-p num_drones:=0", "num_drones: 0 is not allowed"),
     "more drones than cells": Case("-p grid_size:=3 -p num_drones:=10", "at most 9"),
+    "more cells than there may be": Case(
+        "-p grid_size:=101 -p max_cells:=10000", "grid_size: 101 is not allowed; at most 100, for"
+    ),
+    "zone of more cells than there may be": Case(
+        "-p zone_size:=1300000.0 -p cell_size:=130.0", "grid_size: 10000 is not allowed; at most"
+    ),
     "person outside": Case(
         "-p grid_size:=4 -p person_initial_position:=[-1,0]", "person_initial_position"
     ),
@@ -177,7 +184,7 @@ def check(case: Case, code: int, output: str, errors: str) -> None:
 @pytest.fixture
 def signal_handlers() -> Iterator[None]:
     """Give back the handlers that a node takes for good."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     handlers = [signal.getsignal(number) for number in numbers]
     yield
     for number, handler in zip(numbers, handlers, strict=True):

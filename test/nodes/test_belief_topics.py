@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Belief and POS of a mission: topics, diagnostics, record and environment agree."""
 

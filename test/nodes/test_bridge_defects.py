@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A defect in what one vehicle is led by takes its drone out, and the others are flown on."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """After a restart of the bridge or of the simulation no vehicle takes off that must not."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Signals end a program that starts at once, wherever its main thread is."""
 
@@ -43,8 +44,12 @@ print("noted" if stop.wanted else "missed")
 """
 
 
+# Where nohup has started the tests, it has the programs that they start ignore it too.
+OF_TERMINAL = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]
+
+
 @pytest.mark.parametrize("code", [IN_C, IN_PYTHON], ids=["in C", "in Python"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, *OF_TERMINAL])
 @pytest.mark.parametrize("times", [1, 3])
 def test_a_signal_ends_a_program_wherever_it_is(
     code: str, number: signal.Signals, times: int
@@ -59,6 +64,15 @@ def test_a_signal_ends_a_program_wherever_it_is(
         child.kill()
     assert child.returncode == 128 + number
     assert output == "cleaned up\n"
+
+
+def test_a_program_that_nohup_has_started_outlives_its_terminal() -> None:
+    ignored = "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
+    hung_up = HANDED_OVER.replace("SIGINT", "SIGHUP")
+    done = subprocess.run(
+        [sys.executable, "-c", ignored + hung_up], capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "missed\n", "")
 
 
 def test_another_handler_can_take_the_signals_over() -> None:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The tables of launch arguments: what the nodes know, and what the nodes get."""
 
@@ -259,6 +260,18 @@ def test_the_frames_of_rviz_and_the_logs_have_the_names_of_the_mission() -> None
     assert rviz[rviz.index("-f") + 1] == "one/sea"
     assert "a.b.dsse_sim:=debug" in start["sim_node"].arguments
     assert "a.b.dsse_planner:=debug" in start["planner_node"].arguments
+
+
+@pytest.mark.parametrize("accepts", ["true", "false"])
+def test_each_node_gets_an_enclave_of_its_own_and_people_that_of_people(accepts: str) -> None:
+    start = made(FLIGHT, **EVERYTHING, enclaves="/dsse_ros", accept_commands=accepts)
+    enclaves = {}
+    for name, one in start.items():
+        arguments = list(one.arguments)
+        enclaves[name] = arguments[arguments.index("--enclave") + 1].removeprefix("/dsse_ros/")
+    people = {"rviz2": "operator"} | ({"foxglove_viewer": "operator"} if accepts == "true" else {})
+    assert enclaves == {name: name for name in start} | people
+    assert not any("--enclave" in one.arguments for one in made(FLIGHT, **EVERYTHING).values())
 
 
 @pytest.mark.parametrize("arguments", FILES.values(), ids=FILES)

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A lockstep mission between processes: the barrier, its commands and what a late joiner gets."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """mavlink_bridge between sim_node and simulated autopilots, each a process of its own."""
 
@@ -26,7 +27,7 @@ from bridge_rig import (
 )
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rig import BEST_EFFORT, LATCHED, Rig, stamp_ns
-from sensor_msgs.msg import NavSatFix, PointCloud2
+from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
@@ -48,6 +49,7 @@ def test_vehicles_fly_the_cells_of_their_drones_and_the_search_waits_for_them(ri
         sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
         bridge = Bridge(rig, vehicles, search_hold=20.0)
         fixes = rig.listen(NavSatFix, "drone1/vehicle_fix", BEST_EFFORT)
+        batteries = rig.listen(BatteryState, "drone1/vehicle_battery", LATCHED)
         visits, first = [], 0
         for actions in ((UP, RIGHT), (SEARCH, RIGHT), (RIGHT, UP)):
             cells, begun = list(sim.cells), [len(poses) for poses in bridge.poses]
@@ -56,6 +58,7 @@ def test_vehicles_fly_the_cells_of_their_drones_and_the_search_waits_for_them(ri
             first = first or len(bridge.poses[0])
         down = len(bridge.poses[0])
         assert fixes and abs(fixes.last.latitude + 24.04) < 0.01
+        rig.until(lambda: batteries and 0.5 < batteries.last.percentage <= 1.0, "its battery")
         fly(sim, SEARCH, SEARCH)
         assert not sim.flying
         for i in range(2):

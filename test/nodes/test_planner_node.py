@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The planner as a process: what it answers to the topics, lost messages and restarts."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Settings of the bridge that depend on whose autopilots the vehicles have."""
 

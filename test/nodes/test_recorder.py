@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission of real nodes in a bag: recorded whole, read by others, replayed, published again."""
 
@@ -27,7 +28,7 @@ DRONES, STEPS = 20, 300
 MISSION = {
     "num_drones": DRONES, "grid_size": 20, "timestep_limit": STEPS, "seed": 6, "rules": "v2",
     "probability_of_detection": 0.0, "person_pod_multipliers": [0.0], "exit_at_end": True,
-    # On a busy machine a recorder must not fall behind by the hundred reports that are kept.
+    # On a busy machine a recorder falls behind what is kept of topics other than the reports.
     "step_rate": 60.0,
 }  # fmt: skip
 # A file that may have that many bytes stands for a disk that is full.

@@ -1,9 +1,10 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """How nodes end: at once, in peace and with code 0, whatever they are doing."""
 
 from __future__ import annotations
 
-from signal import SIGINT, SIGTERM
+from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, getsignal
 
 import pytest
 from rig import Process, Rig, Sim
@@ -13,6 +14,8 @@ Flight = tuple[Sim, Process]
 SIGNALS = {
     "int": [SIGINT],
     "term": [SIGTERM],
+    # Where nohup has started the tests, it has the nodes ignore it too.
+    **({} if getsignal(SIGHUP) is SIG_IGN else {"hup": [SIGHUP]}),
     "int_int": [SIGINT, SIGINT],
     "term_int_term": [SIGTERM, SIGINT, SIGTERM],
 }

@@ -1,9 +1,13 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission goes on from its snapshot as if nothing had happened."""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +73,52 @@ def test_the_snapshot_of_a_world_alone_is_refused() -> None:
     with pytest.raises(SnapshotError, match="not of a mission"):
         mission.restore(mission.env.snapshot())
     assert mission.snapshot().to_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("part", "value"),
+    [
+        ("seed", "x"), ("number", 0), ("aborted", 1), ("_stamp_ns", 1e18), ("lost", [2]),
+        ("tracks", [[[1, 1]]]), ("tracks", [[], []]), ("tracks", [[[1]], [[1, 2]]]),
+        ("searches", [[0, 0], [0]]), ("commands", []),
+        ("commands", {"goals": [], "last": [[0, 9]]}),
+        ("commands", {"goals": [[0, [[12, 0]]]], "last": []}), ("history", np.zeros((1, 2))),
+        ("result_actions", np.array([0, 99], np.int8)), ("result_held", np.zeros(3, bool)),
+        ("belief_density", np.zeros(3)),
+    ],
+)  # fmt: skip
+def test_a_snapshot_of_no_mission_that_can_be_is_refused_and_nothing_changes(
+    part: str, value: Any
+) -> None:
+    mission = Mission(parallel_env(**FIELDS), seed=3)
+    mission.advance("search")
+    snapshot = mission.snapshot()
+    (snapshot.extra if part in snapshot.extra else snapshot.arrays)[part] = value
+    twin = Mission(parallel_env(**FIELDS), seed=9)
+    before, other = twin.advance("search"), Mission(parallel_env(**FIELDS), seed=9)
+    with pytest.raises(SnapshotError, match="" if part == "belief_density" else part):
+        twin.restore(snapshot)
+    assert results_equal(twin.result, before)
+    other.advance("search")
+    for _ in range(5):
+        assert results_equal(twin.advance("search"), other.advance("search"))
+        assert twin.pos == other.pos and np.array_equal(twin.belief(), other.belief())
+
+
+def test_parts_that_are_no_arrays_are_refused_on_one_line() -> None:
+    whole = Mission(parallel_env(**FIELDS), seed=3).snapshot()
+    body = whole.to_bytes().partition(b"\n")[2]
+    for content in (b"", b"\n\n", b"\x93NUMPY\x01\x00v\x00{'descr': (\n", b"no array"):
+        stored = io.BytesIO()
+        with zipfile.ZipFile(io.BytesIO(body)) as old, zipfile.ZipFile(stored, "w") as new:
+            for name in old.namelist():
+                new.writestr(name, content if name == "history.npy" else old.read(name))
+        data = stored.getvalue()
+        head = whole.to_bytes().split(b" ", 3)[:3]
+        line = b" ".join([*head, hashlib.sha256(data).hexdigest().encode()]) + b"\n"
+        with pytest.raises(SnapshotError) as error:
+            Mission(parallel_env(**FIELDS), seed=3).restore(Snapshot.from_bytes(line + data))
+        assert "\n" not in str(error.value)
 
 
 def fly_to_the_end(sim: Sim) -> None:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission in real time and one that steps by hand, and the way from one to the other."""
 

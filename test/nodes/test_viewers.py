@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What Foxglove and RViz get of a mission, and what they can do to it."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What the two recorders share: checksums of a map, provenance, files that diff well."""
 

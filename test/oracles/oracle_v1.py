@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Golden traces of DSSE 0.1.13, the oracle of the profile `v1`."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Golden traces of DSSE 1.1.9, the oracle of the profile `v2`."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Record golden traces of DSSE 0.1.13 or 1.1.9, in an environment where that package is installed.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Prints the interface of the nodes as JSON, with names and words as the pages have them."""
 
@@ -77,7 +78,14 @@ def started(make_node: Callable[[], Node], *arguments: str) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    options = ("-p", "num_drones:=1", "-p", "wait_for_vehicles:=true", "-p", "publish_belief:=true")
+    options = [
+        part
+        for text in (
+            "num_drones:=1", "wait_for_vehicles:=true", "publish_belief:=true",
+            "battery_move:=1.0", "loss_steps:=[1000]",
+        )
+        for part in ("-p", text)
+    ]  # fmt: skip
     # In this mode it listens to no vehicle. What has no value has no type.
     of_bridge = [
         part

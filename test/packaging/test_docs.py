@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """README, docs and examples say what the running code does."""
 
@@ -23,6 +24,14 @@ import numpy as np
 import pytest
 from domains import free_domain
 from PIL import Image
+from sros2_policy import (
+    EVERYTHING,
+    WITH_SIM_TIME,
+    WITH_SIMULATION_INTERFACES,
+    WITH_TF2_MSGS,
+    as_expressions,
+    policy,
+)
 
 from dsse_ros.cli.run_mission import parse, summary
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
@@ -48,7 +57,8 @@ DASHBOARD, FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS, VIEWERS = (
         "viewers",
     )
 )
-PAGES = [README, CONTRIBUTING, *sorted(DOCS.rglob("*.md"))]
+DECLARATIONS = [ROOT / "SECURITY.md", ROOT / "QUALITY_DECLARATION.md"]
+PAGES = [README, CONTRIBUTING, *DECLARATIONS, *sorted(DOCS.rglob("*.md"))]
 README_LINES = 200
 """At most; a table is in docs."""
 SCENARIO = ROOT / "config" / "paper_zone.yaml"
@@ -56,7 +66,7 @@ SCRIPTS = {path.name for path in (ROOT / "scripts").iterdir()}
 # Of every ROS 2 node.
 COMMON_TOPICS = {"/parameter_events", "/rosout"}
 COMMON_PARAMETERS = {"use_sim_time", "start_type_description_service"}
-PATIENCE_S = 180.0
+PATIENCE_S = 600.0
 """A first run compiles, and the machine may be busy."""
 
 Row = dict[str, str]
@@ -252,6 +262,25 @@ def test_the_services_are_those_of_the_table(interface: dict[str, Any]) -> None:
         assert not interface[node]["services"].items() - of_all
 
 
+@pytest.mark.slow
+def test_the_policy_for_sros2_allows_what_the_nodes_do_and_nothing_else(
+    interface: dict[str, Any],
+) -> None:
+    # rcl publishes /rosout by itself.
+    optional = {"/rosout"} | WITH_TF2_MSGS | WITH_SIMULATION_INTERFACES | WITH_SIM_TIME
+    for name, node in interface.items():
+        rights = policy()[name]
+        for right, kind in (
+            ("publish", "published"),
+            ("subscribe", "subscribed"),
+            ("reply", "services"),
+        ):
+            does = as_expressions(set(node[kind]))
+            if rights[right] != EVERYTHING:
+                assert does <= rights[right], f"{name}, {right}: add them to the policy"
+                assert rights[right] - does <= optional, f"{name}, {right}: more than it does"
+
+
 def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
     module = ast.parse((ROOT / "dsse_ros/nodes/simulation_interfaces.py").read_text())
     imported = {
@@ -276,7 +305,10 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
     [
         (
             "sim_node",
-            [(PARAMETERS, heading) for heading in ("Of the simulation", "Scenario", "Rules")],
+            [
+                *((PARAMETERS, heading) for heading in ("Of the simulation", "Scenario", "Rules")),
+                (DOCS / "faults.md", "Kinds of faults"),
+            ],
         ),
         ("planner_node", [(PARAMETERS, "Of the planner")]),
         ("mavlink_bridge", [(FLIGHT, "Parameters")]),
@@ -473,6 +505,7 @@ def test_every_dependency_is_explained() -> None:
                 "area",
                 "campaign",
                 "dashboard",
+                "geotiff",
                 "land",
                 "movie",
                 "onnx",

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What `pip install .` and `colcon build`, plain and with symbolic links, leave behind."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Dependencies point one way: what lies below knows nothing of what lies above it."""
 
@@ -16,6 +17,7 @@ OURS = ("dsse_ros", "msg_adapters")
 LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.extras": (set(), {"ros", "messages", "mavlink"}),
+    "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.search": ({"dsse_ros.search", "dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.planners": (
         {"dsse_ros.planners", "dsse_ros.search", "dsse_ros.extras"},
@@ -60,11 +62,11 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.flight": (
-        {"dsse_ros.flight", "msg_adapters"},
+        {"dsse_ros.flight", "dsse_ros.private_files", "msg_adapters"},
         {"ros", "messages"},
     ),
     "dsse_ros.dashboard": (
-        {"dsse_ros.dashboard", "msg_adapters", "dsse_ros.search"},
+        {"dsse_ros.dashboard", "dsse_ros.private_files", "msg_adapters", "dsse_ros.search"},
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.nodes": (

@@ -1,9 +1,12 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What `make` says before it has set anything up."""
 
 from __future__ import annotations
 
+import ast
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -11,6 +14,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -21,7 +26,8 @@ def folder(tmp_path: Path) -> Path:
         "dsse_ros", "msg_adapters", "config", "launch", "resource", "rviz", "scripts", "viewers",
     ):  # fmt: skip
         (tmp_path / name).mkdir()
-    for name in ("Makefile", "package.xml", "pyproject.toml", "setup.py"):
+    locks = ("requirements.lock", "requirements-jazzy.lock", "requirements-kilted.lock")
+    for name in ("Makefile", "package.xml", "pyproject.toml", "setup.py", *locks):
         shutil.copy(ROOT / name, tmp_path)
     return tmp_path
 
@@ -68,7 +74,76 @@ def test_the_mission_gets_the_options_that_are_given_and_no_other(folder: Path) 
 @pytest.mark.parametrize(("distro", "version"), [("jazzy", "7.1.6"), ("kilted", "9.1.2")])
 def test_a_distribution_comes_with_its_own_wheels(folder: Path, distro: str, version: str) -> None:
     planned = make(folder, "--dry-run", "test", f"DISTRO={distro}").stdout
-    assert f"ros-rclpy[fastrtps]=={version}" in planned
+    assert f"--require-hashes --requirement requirements-{distro}.lock" in planned
+    assert f"ros-rclpy=={version}" in pinned(f"requirements-{distro}.lock")
+    asked = re.findall(r"'ros-[^']+'", (ROOT / "Makefile").read_text())
+    assert sum(f"=={version}'" in one for one in asked) == 1
+
+
+def pinned(name: str) -> list[str]:
+    """Packages of a lock, each with its version; every one has hashes."""
+    lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
+    starts = [i for i, line in enumerate(lines) if line and not line.startswith((" ", "#"))]
+    assert all(lines[i + 1].lstrip().startswith("--hash=sha256:") for i in starts)
+    return [re.sub(r"\[.*?\]", "", lines[i]).split()[0] for i in starts]
+
+
+def test_what_the_tests_need_is_pinned_as_setup_py_admits_it(folder: Path) -> None:
+    planned = make(folder, "--dry-run", "test").stdout
+    (extras,) = re.findall(r"^OF_TESTS := (.+)$", (folder / "Makefile").read_text(), re.MULTILINE)
+    assert "--require-hashes --requirement requirements.lock" in planned
+    given = {
+        keyword.arg: keyword.value
+        for node in ast.walk(ast.parse((ROOT / "setup.py").read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        for keyword in node.keywords
+    }
+    of_extras = ast.literal_eval(given["extras_require"])
+    needed = [
+        *ast.literal_eval(given["install_requires"]),
+        *(one for extra in extras.split(",") for one in of_extras[extra]),
+    ]
+    versions: dict[str, set[str]] = {}
+    for one in pinned("requirements.lock"):
+        name, _, version = one.partition("==")
+        versions.setdefault(name, set()).add(version)
+    for one in map(Requirement, needed):
+        found = versions.get(canonicalize_name(one.name), set())
+        assert found and all(one.specifier.contains(version) for version in found), one
+
+
+def test_both_distributions_are_tested_with_the_same_libraries() -> None:
+    of_tests = {one.partition("==")[0] for one in pinned("requirements.lock")}
+    for distro in ("jazzy", "kilted"):
+        common = {
+            one for one in pinned(f"requirements-{distro}.lock")
+            if one.partition("==")[0] in of_tests
+        }  # fmt: skip
+        assert common <= set(pinned("requirements.lock"))
+
+
+def test_no_lock_names_a_place_to_download_from() -> None:
+    for name in ROOT.glob("requirements*.lock"):
+        assert "//" not in name.read_text(encoding="utf-8")
+
+
+def test_a_sourced_ros_2_keeps_its_own_packages(folder: Path) -> None:
+    sourced = ("--dry-run", "test", "SOURCED=jazzy")
+    planned = make(folder, *sourced).stdout
+    assert "--system-site-packages" in planned and ".lock" not in planned
+
+
+def test_the_workflow_runs_what_ci_runs_for_each_distribution_and_for_a_sourced_one() -> None:
+    text = (ROOT / ".github/workflows/test.yaml").read_text(encoding="utf-8")
+    jobs = yaml.safe_load(text)["jobs"]
+    run = {name: [step.get("run", "") for step in job["steps"]] for name, job in jobs.items()}
+    assert jobs["wheels"]["strategy"]["matrix"]["distro"] == ["jazzy", "kilted"]
+    assert run["wheels"][-1] == "make test" and run["oldest"][-1] == "make test-oldest"
+    assert jobs["sourced"]["container"] == "ros:jazzy"
+    assert run["sourced"][-1].endswith("setup.bash && make test")
+    # A tag can be moved, a commit cannot.
+    uses = re.findall(r"uses: \S+@(\S+)", text)
+    assert uses and all(re.fullmatch("[0-9a-f]{40}", one) for one in uses)
 
 
 def test_the_oldest_versions_have_an_environment_of_their_own(folder: Path) -> None:
@@ -84,8 +159,8 @@ def test_a_check_lints_and_runs_folders_of_tests_without_what_is_slow(folder: Pa
     command = shlex.split(planned[-1])
     assert command[command.index("-m") + 1] == "not slow"
     folders = {ROOT / part for part in command if part.startswith("test/")}
-    # The others start nodes, or are of the benchmarks.
-    others = ("benchmarks", "cli", "nodes", "oracles", "ros_env")
+    # The others start nodes, or are of the benchmarks or the soak.
+    others = ("benchmarks", "cli", "nodes", "oracles", "ros_env", "soak")
     assert {ROOT / "test" / name for name in others} == {
         path for path in (ROOT / "test").iterdir() if path.is_dir() and path.name != "__pycache__"
     } - folders

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The documentation site, the runner of the commands on its pages, and the examples they show."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What holds for every file of the repository."""
 
@@ -8,11 +9,12 @@ from pathlib import Path
 
 from tree import ROOT, by_name, files, text
 
+COPYRIGHT = "Copyright 2026 dsse_ros maintainers"
 LICENCE = "SPDX-License-Identifier: Apache-2.0"
 # A path of somebody's machine; a web address or a longer word before it is none.
 MACHINE_PATH = re.compile(r"(?<![\w./~-])/(?:home|root|Users|work)/")
 UPWARD_PATH = re.compile(r"(?<![\w./])(?:\.\./)+[\w.-]+")
-PACKAGES = ("benchmarks", "dsse_ros", "msg_adapters")
+PACKAGES = ("benchmarks", "dsse_ros", "msg_adapters", "soak")
 MAX_LINES = 500
 MAX_FLIGHT_MODULES = 15
 MAX_OWN_LINES = {"dsse_ros/nodes/sim_node.py": 450}
@@ -29,10 +31,11 @@ def is_source(path: Path) -> bool:
     )
 
 
-def test_every_source_file_names_its_licence() -> None:
+def test_every_source_file_names_its_copyright_and_its_licence() -> None:
     sources = [path for path in files() if is_source(path)]
     assert ROOT / "setup.py" in sources
-    assert [path for path in sources if LICENCE not in "".join(text(path).splitlines()[:3])] == []
+    for line in (COPYRIGHT, LICENCE):
+        assert [one for one in sources if line not in "".join(text(one).splitlines()[:3])] == []
 
 
 def test_no_file_points_out_of_the_repository() -> None:
@@ -54,7 +57,8 @@ def test_scripts_may_be_executed_and_nothing_else_pretends_to() -> None:
 
 
 def lines(path: Path) -> int:
-    return len(path.read_text(encoding="utf-8").splitlines())
+    """Lines of a file but for that of its copyright."""
+    return len(path.read_text(encoding="utf-8").splitlines()) - 1
 
 
 def test_a_module_is_short_enough_to_be_read_at_once() -> None:

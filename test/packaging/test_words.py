@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Names and prose use the terms of ROS, MAVLink, PettingZoo and search theory, no private words.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The movement rules alone: drones on a grid that move at once and must not meet."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The planners on a belief: what they may know, what they find, and that they keep the rules."""
 
@@ -12,7 +13,7 @@ from dsse_ros.planners import BELIEF_PLANNERS, PLANNER_NAMES, make_planner, plan
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
 
-NAMES = [name for name in PLANNER_NAMES if name != "onnx"]
+NAMES = [name for name in PLANNER_NAMES if name not in ("onnx", "astar")]
 """Planners that need no file."""
 FAST: dict[str, Any] = {"samples": 512, "width": 8, "horizon": 6}
 """Options of `belief` that take a tenth of the time."""

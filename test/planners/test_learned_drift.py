@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The planners on a belief learn the drift from the observed map."""
 
@@ -11,7 +12,7 @@ import pytest
 
 from dsse_ros.planners import BELIEF_PLANNERS, planner_for
 from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
-from dsse_ros.search.drift import FIRST_OBSERVED
+from dsse_ros.search.drift_estimate import FIRST_OBSERVED
 from dsse_ros.search.observation import most_probable
 
 V2: dict[str, Any] = {

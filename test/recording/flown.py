@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Missions as a recorder hears them, without DDS: what is commanded, and what comes of it."""
 

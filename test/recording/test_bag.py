@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Bags as other readers see them, cut off bags, and files that are none."""
 
@@ -5,12 +6,14 @@ from __future__ import annotations
 
 import io
 import random
+import struct
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from flown import Flown, write
 from mcap.reader import make_reader
+from mcap.writer import MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
@@ -171,6 +174,14 @@ def test_bytes_that_are_no_message_are_refused(messages: list[Recorded]) -> None
     report = next(one for one in messages if one.topic == "/step_report")
     with pytest.raises(FieldError, match="/step_report: no sensor_msgs/msg/PointCloud2"):
         _ = replace(report, data=report.data[:20]).message
+
+
+def test_a_message_of_no_channel_is_damage(tmp_path: Path) -> None:
+    content = struct.pack("<HIQQ", 7, 0, 1, 1)
+    message = b"\x05" + struct.pack("<Q", len(content)) + content
+    (tmp_path / "bag.mcap").write_bytes(MCAP0_MAGIC + message + MCAP0_MAGIC)
+    with pytest.raises(FieldError, match="damaged: a message stands before its channel, 7"):
+        list(read_bag(tmp_path / "bag.mcap"))
 
 
 def test_an_end_in_the_midst_of_the_magic_bytes_is_no_bag(bag: Path, tmp_path: Path) -> None:

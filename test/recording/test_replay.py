@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Recorded missions that are flown again: what repeats, what differs, what cannot be replayed."""
 
@@ -9,13 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from flown import MS, Flown, moved, with_byte, write
 from geometry_msgs.msg import PoseStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from nav_msgs.msg import Path as PathMessage
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
 
 from dsse_ros.cli.replay import main
 from dsse_ros.recording.bag import Recorded
@@ -364,6 +366,26 @@ def test_a_rate_that_is_none_gets_one_line(
         code = end.code
     assert code == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("topic", ["/diagnostics", "/agents", "/step_report", "/joint_action"])
+def test_a_topic_of_another_type_is_no_part_of_the_mission(topic: str) -> None:
+    of = Flown()
+    of.fly(3)
+    of.publish(topic, Empty())
+    (mission,) = replay(of.messages)
+    assert mission.difference is None
+
+
+@pytest.mark.parametrize("number", ["\N{SUPERSCRIPT TWO}", "9" * 5000])
+def test_diagnostics_with_numbers_that_are_none_are_survived(number: str) -> None:
+    of = Flown()
+    of.fly(3)
+    pairs = [("run_id", number), ("step_mode", "lockstep"), ("rejected.stale_step", number)]
+    values = [KeyValue(key=key, value=value) for key, value in pairs]
+    of.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(values=values)]))
+    (mission,) = replay(of.messages)
+    assert mission.difference is None
 
 
 def test_a_bag_without_agents_is_refused() -> None:

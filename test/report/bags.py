@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What `sim_node` publishes of a mission, written to a bag without DDS."""
 

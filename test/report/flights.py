@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Missions flown by random actions, and what is recorded of them."""
 
@@ -52,7 +53,7 @@ class Log:
     """Records to a CSV, as `sim_node` does."""
 
     def __init__(self, path: Path, env: SearchEnv) -> None:
-        self._log = MissionLog(path, scenario_frame(env.scenario))
+        self._log = MissionLog(path, scenario_frame(env.scenario), covers=env.rules.covers)
 
     def write(self, mission: Mission) -> None:
         self._log.write(mission, mission.result)

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The numbers of a report equal those that plain code computes from the bag, read by rosbags."""
 
@@ -7,6 +8,7 @@ import csv
 import json
 import math
 import struct
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from flights import environment, fly
 from rosbags.highlevel import AnyReader
 
 from dsse_ros.cli.report import main
+from dsse_ros.recording.bag import BagWriter, read_bag
 from dsse_ros.report.bags import BELIEF, PROBABILITY, MissionBag
 from dsse_ros.report.metrics import metrics
 from dsse_ros.report.replay import follow_belief, forecast_for, views
@@ -188,6 +191,27 @@ def test_of_runs_with_the_same_stamps_each_has_its_own_maps(tmp_path: Path) -> N
     for record in bag.missions:
         (published,) = bag.maps(record, [3], PROBABILITY).values()
         assert np.array_equal(published, views(record, [3])[3].probability)
+
+
+def test_a_topic_of_another_type_is_somebody_elses(tmp_path: Path) -> None:
+    env = environment()
+    fly(env, Bag(tmp_path / "mission.mcap", env))
+    kept = list(read_bag(tmp_path / "mission.mcap"))
+    bag = BagWriter(tmp_path / "more.mcap")
+    for one in [
+        *kept,
+        *(
+            replace(m, topic=f"/other/{name}")
+            for m in kept[:1]
+            for name in ("step_report", "belief")
+        ),
+    ]:
+        topic = bag.add_topic(one.topic, one.type_name)
+        bag.write(topic, one.data, log_time_ns=one.log_time_ns, publish_time_ns=one.log_time_ns)
+    bag.close()
+    assert kept[0].type_name == "std_msgs/msg/String"
+    alone, beside = (MissionBag(tmp_path / f"{name}.mcap") for name in ("mission", "more"))
+    assert len(beside.missions) == len(alone.missions) and beside.namespace == alone.namespace
 
 
 def test_of_several_simulations_one_is_chosen(tmp_path: Path) -> None:

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The metrics are what a few plain loops over the rows of the CSV give."""
 
@@ -68,6 +69,9 @@ def expected(steps: Rows, cells_of_area: int, last_step: int) -> dict[str, Any]:
         "time_to_detection": first_find,
         "share_found": sum(row["found"] == "1" for row in persons) / len(persons),
         "coverage": len(set(searched)) / cells_of_area,
+        # Of another task.
+        "coverage_rate": None,
+        "repeated_coverage": None,
         "coverage_factor": len(searched) / cells_of_area,
         "redundancy": 1 - len(set(searched)) / len(searched) if searched else None,
         "searches": len(searched),

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A mission read from its CSV, and what is computed again from its scenario."""
 
@@ -22,6 +23,8 @@ def recorded(
 ) -> tuple[list[Flown], SearchEnv, list[RecordedMission]]:
     """Fly two missions; return them, their environment and what is read of them."""
     env = environment(rules, **scenario)
+    # One that is drawn counts searches.
+    env.render_mode = "rgb_array"
     return fly(env, Log(path, env), seeds=(3, 4)), env, read_csv(path)
 
 
@@ -58,6 +61,8 @@ def test_belief_pos_and_maps_come_out_again(rules: str, tmp_path: Path) -> None:
         # It compares the map with the probability of each search too.
         shown = views(record, {0, last})[last]
         assert shown.step == last and shown.tracks.shape == (3, last + 1, 2)
+    assert shown.searches is not None and shown.searches.any()
+    assert np.array_equal(shown.searches, env.view().searches)
 
 
 def test_a_step_that_comes_too_late_is_no_work_with_the_scenario_and_without(

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """`DsseRosEnv`, against live nodes and beside the environment that they run."""
 
@@ -29,6 +30,13 @@ SEARCHES: dict[str, dict[str, Any]] = {
     "paper": {"num_drones": 3, "person_amount": 2, "person_initial_position": (3, 3), **SMALL},
     "v1": {"num_drones": 2, "sigma": 2.0, **SMALL},
     "v2": {"num_drones": 4, "dispersion_inc": 0.05, **SMALL},
+    "coverage": {
+        "num_drones": 3,
+        "person_initial_position": (0, 0),
+        "vector": (0.0, 0.0),
+        "cover_min_probability": 0.08,
+        **SMALL,
+    },
     "santos": {"num_drones": 3, "timestep_limit": 12},
 }
 
@@ -81,7 +89,7 @@ def assert_equal(mine: Any, theirs: Any) -> None:
         assert mine == theirs
 
 
-@pytest.mark.parametrize("name", ["paper", "v1", "v2"])
+@pytest.mark.parametrize("name", ["paper", "v1", "v2", "coverage"])
 def test_twenty_missions_are_those_of_the_direct_environment_bit_for_bit(
     rig: Rig, sims: dict[str, Sim], name: str
 ) -> None:

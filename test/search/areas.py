@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Random areas of a grid: islands, holes, lakes and channels of one cell, and their polygons."""
 

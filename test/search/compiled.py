@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Compiles what the tests use of the search, so that they find it in the cache.
 
@@ -26,8 +27,18 @@ AREA: dict[str, Any] = {
 """Where only a part of the grid is searched, other functions are compiled."""
 
 
+COVERAGE: dict[str, Any] = {"rules": "coverage"}
+"""Where the task is coverage, too."""
+
+
 def use(fields: dict[str, Any]) -> None:
     """Use what is compiled: one environment with a belief, a planner and a batch."""
+    for faults in ({}, {"battery_move": 1.0}):
+        batch = vector_env(2, **fields, **faults)
+        batch.reset(seed=1)
+        batch.step(np.zeros((2, 2), np.int8))
+    if batch.rules.covers:
+        return
     prepared_env(Scenario(**fields), profile("paper"), lambda _: None, has_belief=bool)
     env = parallel_env(**fields)
     for name in ("belief_greedy", "belief"):
@@ -35,11 +46,9 @@ def use(fields: dict[str, Any]) -> None:
         observations, infos = env.reset(seed=1)
         for _ in range(3):
             observations, _, _, _, infos = env.step(planner(observations, infos))
-    batch = vector_env(2, fields)
-    batch.reset(seed=1)
-    batch.step(np.zeros((2, 2), np.int8))
 
 
 if __name__ == "__main__":
     with Pool(2) as pool:
-        pool.map(use, [FIELDS, FIELDS | AREA], chunksize=1)
+        tasks = [FIELDS, FIELDS | AREA, FIELDS | COVERAGE, FIELDS | AREA | COVERAGE]
+        pool.map(use, tasks, chunksize=1)

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Prints digests of all that happens in long play: `play_trace.py RULES,... SEED...`."""
 

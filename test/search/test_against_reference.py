@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The compiled world does what the plain reference of profile `paper` does, step for step."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """The exact filter: what it predicts is what happens, and it knows no more than is public."""
 

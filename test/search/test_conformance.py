@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """PettingZoo's own conformance tests, passed without a warning, and what it asks for in prose."""
 

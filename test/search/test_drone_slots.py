@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Slots are the agents of PettingZoo's environments, and missions follow one another in them."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What was compiled is not used again once the code that it was compiled from has changed."""
 
@@ -14,7 +15,7 @@ from dsse_ros.search import jit
 PACKAGE = Path(search.__file__).parents[1]
 RUN = """
 import numpy as np
-from dsse_ros.search.drift import per_step
+from dsse_ros.search.drift_estimate import per_step
 from dsse_ros.search.kernels import CONSTANTS
 print(per_step(np.zeros(1, CONSTANTS), 1.0, 2.0))
 """

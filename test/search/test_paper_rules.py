@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Profile `paper`, one promise at a time: rewards, ends, collisions, drift and circle."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Whatever is given, it is accepted or refused in one line that says what is allowed."""
 

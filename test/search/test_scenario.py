@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Scenarios in every form, what is derived from what, and the scale of the paper."""
 
@@ -121,7 +122,7 @@ def test_an_override_of_one_way_of_stating_a_thing_replaces_the_other() -> None:
 def test_a_resolved_scenario_leaves_nothing_open_and_resolves_to_itself() -> None:
     scenario = resolved()
     # The whole grid has no polygons.
-    other_ways = {"zone_size", "current_speed", "current_toward", "area"}
+    other_ways = {"zone_size", "current_speed", "current_toward", "area", "probability_matrix"}
     for field in dataclasses.fields(scenario):
         assert (getattr(scenario, field.name) is None) == (field.name in other_ways)
     assert scenario.resolve(PAPER) == scenario

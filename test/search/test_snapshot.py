@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A snapshot holds everything: what goes on from it goes on as if nothing had happened."""
 

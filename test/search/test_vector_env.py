@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A batch is its single environments, bit for bit, dense or lazy, on one thread or several."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """What the kernels read comes from the scenario and the rules, every name of it."""
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsse_ros.search import HOLD, PROFILES, Scenario, World, kernels, profile
-from dsse_ros.search.world import constants_of
+from dsse_ros.search.constants import constants_of
 
 
 @pytest.mark.parametrize("rules", PROFILES)

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Environments that observe the belief: it follows what is searched, in each world for itself."""
 

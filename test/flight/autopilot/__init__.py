@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A simulated autopilot that behaves as ArduCopter or PX4, in a process of its own.
 

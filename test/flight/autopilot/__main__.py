@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Runs the autopilot: `python test/flight/autopilot`, or `-m autopilot` from the folder above."""
 

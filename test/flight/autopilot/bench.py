@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle on the bench: no process, no socket, and time passes in `wait` and `until` alone."""
 

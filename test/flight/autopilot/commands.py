@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Commands, whichever of the two messages they come in: https://mavlink.io/en/services/command.html."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Metres north and east of home, in which the vehicle flies, and degrees, which it reports."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Flies an autopilot with MAVSDK, as a program of its own: `mavsdk_client.py SCENE CONNECTION`.
 

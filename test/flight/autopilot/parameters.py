@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the vehicle, and the parameter protocol: https://mavlink.io/en/services/parameter.html."""
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """A bad network: passes UDP datagrams on, but loses, doubles, delays and reorders some of them.
 

@@ -1,3 +1,4 @@
+# Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
 """Which drift explains where the datum was observed.
@@ -15,11 +16,11 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.actions import Cell
+from dsse_ros.search.constants import area_of, constants_of
 from dsse_ros.search.jit import kernel
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
 from dsse_ros.search.sea_map import drift, drift_per_step
-from dsse_ros.search.world import area_of, constants_of
 
 POINTS = 33
 """Drifts along each axis that are compared at a time."""

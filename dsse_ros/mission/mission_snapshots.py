@@ -1,0 +1,95 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What the snapshot of a mission may say: a checksum is no signature."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dsse_ros.search import HOLD, Snapshot, SnapshotError
+
+if TYPE_CHECKING:
+    from dsse_ros.mission.mission import Mission
+
+_LARGEST = 2**63 - 1
+
+
+def check_mission(snapshot: Snapshot, mission: Mission) -> None:
+    """Raise unless what a snapshot says beside the world can be of such a mission.
+
+    Raises:
+        SnapshotError: If it cannot; it names what.
+    """
+    extra, arrays = snapshot.extra, snapshot.arrays
+    drones, grid = range(len(mission.tracks)), mission.env.world.grid_size
+    actions = range(HOLD, len(mission.env.rules.actions))
+    tracks, searches = extra["tracks"], extra["searches"]
+    possible = {
+        "seed": _is_int(extra["seed"], 0),
+        "number": _is_int(extra["number"], 1),
+        "aborted": isinstance(extra["aborted"], bool),
+        "_stamp_ns": _is_int(extra["_stamp_ns"], 1),
+        "lost": _is_list(extra["lost"], lambda one: _is_in(one, drones)),
+        "tracks": _is_list(tracks, lambda track: _is_list(track, _is_cell) and len(track) > 0)
+        and len(tracks) == len(drones),
+        "searches": _is_list(searches, lambda of: _is_list(of, lambda n: _is_int(n, 0)))
+        and [len(of) for of in searches] == [len(track) for track in tracks],
+        "commands": isinstance(extra["commands"], dict)
+        and _is_list(
+            extra["commands"].get("goals"),
+            lambda pair: (
+                _is_pair(pair)
+                and _is_in(pair[0], drones)
+                and _is_list(pair[1], lambda cell: _is_cell(cell, grid))
+            ),
+        )
+        and _is_list(
+            extra["commands"].get("last"),
+            lambda pair: _is_pair(pair) and _is_in(pair[0], drones) and _is_in(pair[1], actions),
+        ),
+    }
+    of_now = mission.snapshot().arrays
+    for name in ("result_actions", "result_held", "result_probabilities"):
+        stored, now = arrays.get(name), of_now[name]
+        possible[name] = stored is not None and (stored.shape, stored.dtype) == (
+            now.shape,
+            now.dtype,
+        )
+    history = arrays["history"]
+    possible["history"] = (
+        history.dtype == of_now["history"].dtype
+        and history.shape[1:] == (len(drones),)
+        and "worlds" in arrays
+        and arrays["worlds"].dtype == of_now["worlds"].dtype
+        and arrays["worlds"].shape == (1,)
+        and len(history) == arrays["worlds"]["t"][0]
+    )
+    if possible["result_actions"]:
+        possible["result_actions"] = bool(np.isin(arrays["result_actions"], actions).all())
+    wrong = [name for name, is_possible in possible.items() if not is_possible]
+    if wrong:
+        raise SnapshotError(f"the snapshot is of no mission that can be: {', '.join(wrong)}")
+
+
+def _is_int(value: Any, least: int, most: int = _LARGEST) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
+
+
+def _is_in(value: Any, numbers: range) -> bool:
+    return _is_int(value, numbers[0], numbers[-1])
+
+
+def _is_list(value: Any, holds: Any) -> bool:
+    return isinstance(value, list) and all(holds(one) for one in value)
+
+
+def _is_pair(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2
+
+
+def _is_cell(value: Any, grid: int = 0) -> bool:
+    """Return whether a value is a cell: on a grid of this size, or with 0 anywhere near one."""
+    low, high = (0, grid - 1) if grid else (-(2**15), 2**15 - 1)
+    return _is_pair(value) and all(_is_int(part, low, high) for part in value)

@@ -1,0 +1,64 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Subscriptions whose messages wait until they are taken.
+
+For who needs many messages some time later, or only the last one of them: to wake up for each costs
+several times as much.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+
+class Taken(NamedTuple):
+    """A message as it came.
+
+    Attributes:
+        data: The message in CDR.
+        received_ns: Wall time at which it was received.
+        published_ns: Wall time at which it was published.
+        sequence: Its number among those of its publisher.
+    """
+
+    data: bytes
+    received_ns: int
+    published_ns: int
+    sequence: int
+
+
+def polling_node(node: Node) -> Node:
+    """Return a node beside another one, for subscriptions that no executor spins."""
+    return Node(
+        f"_{node.get_name()}_topics",
+        namespace=node.get_namespace(),
+        context=node.context,
+        # Neither arguments of the command line nor parameters: they are the other's.
+        use_global_arguments=False,
+        enable_rosout=False,
+        start_parameter_services=False,
+    )
+
+
+def take_all(subscription: Subscription) -> Iterator[Taken]:
+    """Yield what has come of a subscription since, as many messages as its depth at most."""
+    handle, kind = subscription.handle, subscription.msg_type
+    with handle:
+        while (taken := handle.take_message(kind, True)) is not None:
+            data, info = taken
+            yield Taken(
+                data,
+                info["received_timestamp"] or time.time_ns(),
+                info["source_timestamp"],
+                info["publication_sequence_number"] or 0,
+            )
+
+
+def spun_by_nobody(message: bytes) -> None:
+    """Stand for the callback of a subscription whose messages are taken."""
+    raise AssertionError("a subscription whose messages are taken")

@@ -1,0 +1,43 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""How far drones can go and still come home with the reserve of their batteries."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.search.battery import ways_home
+from dsse_ros.search.faults import paces
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import ResolvedScenario
+
+
+class Reach:
+    """The reach of the drones of a mission.
+
+    Args:
+        scenario: It has batteries.
+        rules: The rules of the search.
+    """
+
+    def __init__(self, scenario: ResolvedScenario, rules: Rules) -> None:
+        actions, mask = rules.action_set, scenario.area_mask
+        ways = ways_home(
+            actions, mask, scenario.grid_size, scenario.drones_positions, paces(scenario, rules)
+        )
+        self._home = ways.steps * scenario.battery_return + scenario.battery_reserve
+        # Of a plan it is not known yet which of its steps are searches.
+        self._step = max(scenario.battery_move, scenario.battery_search)
+
+    def beyond(self, drone: int, battery: float, steps: int) -> NDArray[np.bool_]:
+        """Return the cells from which a drone may not come home after steps 1, 2, ..., (H, G, G).
+
+        Args:
+            drone: Its number.
+            battery: What is in its battery, percent.
+            steps: H.
+        """
+        left = battery - self._step * np.arange(1, steps + 1)
+        beyond: NDArray[np.bool_] = left[:, None, None] < self._home[drone]
+        return beyond

@@ -1,0 +1,29 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Files with secrets, such as keys: read only where nobody but their owner may use them."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+
+def read_private(path: str | Path) -> bytes:
+    """Return what is in a file that its owner alone may use.
+
+    Raises:
+        ValueError: If it cannot be read, or if others than its owner may use it; one line.
+    """
+    try:
+        with open(path, "rb") as file:
+            # Of the file that is open, whatever the path leads to by now.
+            mode = os.fstat(file.fileno()).st_mode
+            data = file.read()
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}") from error
+    if mode & _OTHERS:
+        raise ValueError(f"{path}: mode {mode & 0o777:o} is not allowed; 600 keeps it secret")
+    return data

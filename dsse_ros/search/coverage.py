@@ -1,0 +1,109 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The coverage task of B worlds: what is to be covered, what is left of it, and its metrics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.search.coverage_kernels import COVERAGE
+from dsse_ros.search.fields import FieldError
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import ResolvedScenario
+
+METRICS = ("coverage_rate", "repeated_coverage", "pos")
+"""Names of the metrics: see `Coverage.metrics`."""
+
+PARTICLES = 50_000
+"""As many stand for the persons in DSSE 1.1.9: a cell in which not one would be needs no visit."""
+
+_SUM_TOLERANCE = 1e-9
+"""A matrix whose sum is this near 1 stays as it is, to the last bit."""
+
+
+def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
+    """Return the probability of containment that is to be covered, (G, G) as [y, x].
+
+    It is the scenario's `probability_matrix` or, without one, that of where the persons are once
+    they have moved for `reset_sea_steps` and `pre_search_minutes`, as `belief.Belief` has it. It is
+    0 outside the area, sums to 1, and is cut where it is less than `cover_min_probability`.
+
+    Raises:
+        FieldError: If nothing is left.
+    """
+    if scenario.probability_matrix is not None:
+        poc = scenario.probability_matrix.values.astype(np.float64)
+    else:
+        poc = Belief(Forecast(scenario, rules)).cells()
+        poc[poc < 1 / PARTICLES] = 0.0
+    if scenario.area_mask is not None:
+        poc[~scenario.area_mask] = 0.0
+    total = float(poc.sum())
+    if total > 0 and abs(total - 1.0) > _SUM_TOLERANCE:
+        poc /= total
+    poc[poc < rules.cover_min_probability] = 0.0
+    if not poc.any():
+        raise FieldError(
+            f"cover_min_probability: {rules.cover_min_probability:g} is not allowed; no cell of "
+            "the area has as much probability"
+        )
+    return poc
+
+
+class Coverage:
+    """What B worlds have of the coverage task.
+
+    Args:
+        scenario: What is searched.
+        rules: The rules of the search.
+        num_worlds: B.
+
+    Attributes:
+        poc: (G, G) float64, see `poc_of`.
+        left: (B, G, G) float64, what is left of it; a visit takes that of its cell.
+        records: (B,) of `coverage_kernels.COVERAGE`.
+
+    Raises:
+        FieldError: As `poc_of`.
+    """
+
+    def __init__(self, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> None:
+        self.poc = poc_of(scenario, rules)
+        self.left = np.zeros((num_worlds, *self.poc.shape))
+        self.records = np.zeros(num_worlds, COVERAGE)
+        self.left[:] = self.poc
+        self.records["cells"] = np.count_nonzero(self.poc)
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """The argument `coverage` of the kernels."""
+        return self.poc, self.left, self.records
+
+    def metrics(self, num_missing: NDArray[np.int64]) -> dict[str, NDArray[np.float64]]:
+        """Return the metrics of each world by their names, (B,) float64.
+
+        `coverage_rate` is the share of the cells to cover that are covered; `repeated_coverage` are
+        the visits of other cells, over the same number; `pos` is the probability of the covered
+        cells, times that of detection.
+
+        Args:
+            num_missing: (B,) cells not covered yet.
+        """
+        cells = self.records["cells"]
+        return {
+            "coverage_rate": (cells - num_missing) / cells,
+            "repeated_coverage": self.records["repeated"] / cells,
+            "pos": self.records["pos"].copy(),
+        }
+
+    def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return what is left of cells, (B, K) float32, 0 outside the grid; see `World.cells`."""
+        size = len(self.poc)
+        inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
+        world = np.arange(len(self.left))[:, np.newaxis]
+        found = self.left[world, np.where(inside, y, 0), np.where(inside, x, 0)]
+        return np.where(inside, found, 0.0).astype(np.float32)

@@ -1,0 +1,184 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The faults of B worlds: what stands between the commands and what the drones do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.search import fault_kernels
+from dsse_ros.search.battery import WaysHome, ways_home
+from dsse_ros.search.fault_fields import faults_of
+from dsse_ros.search.fault_kernels import (
+    CONDITIONS,
+    FAULT_CONSTANTS,
+    HELD,
+    STATUSES,
+)
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.snapshot import Snapshot, SnapshotError
+
+if TYPE_CHECKING:
+    from dsse_ros.search.scenario import ResolvedScenario
+    from dsse_ros.search.world import World
+
+
+def paces(scenario: ResolvedScenario, rules: Rules) -> list[float]:
+    """Return of each action the share of its move that a step does in the wind, at most 1.
+
+    A drone with the airspeed v holds its track in the wind: with c and w the parts of the wind
+    across and along it, its ground speed is sqrt(v^2 - c^2) + w.
+    """
+    v, toward = scenario.drone_speed, math.radians(scenario.wind_toward)
+    east, south = scenario.wind_speed * math.sin(toward), -scenario.wind_speed * math.cos(toward)
+    shares = []
+    for dx, dy in rules.action_set.moves:
+        length = math.hypot(dx, dy) or 1.0
+        along, across = (east * dx + south * dy) / length, (east * dy - south * dx) / length
+        shares.append(min((math.sqrt(v**2 - across**2) + along) / v, 1.0))
+    return shares
+
+
+def fault_constants(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
+    """Return the faults as the kernels read them, (1,) of `fault_kernels.FAULT_CONSTANTS`."""
+    constants = np.zeros(1, FAULT_CONSTANTS)
+    for name in set(FAULT_CONSTANTS.names or ()) - {"battery", "pace"}:
+        constants[name] = getattr(scenario, name)
+    constants["battery"] = scenario.battery_move > 0
+    shares = paces(scenario, rules)
+    constants["pace"][0, : len(shares)] = shares
+    return constants
+
+
+class Faults:
+    """The faults of the worlds of a `World`.
+
+    Attributes:
+        conditions: (B, N) of `fault_kernels.CONDITIONS`.
+        applied: (B, N) int8, what the drones did in the last step, `HOLD` for nothing.
+        has_battery: Whether batteries run down.
+        is_noisy: Whether observed positions are not the true ones.
+    """
+
+    def __init__(self, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> None:
+        shape = (num_worlds, scenario.num_drones)
+        self._constants = fault_constants(scenario, rules)
+        self._losses = np.empty(scenario.num_drones, np.int64)
+        self._losses[:] = scenario.loss_steps
+        self.conditions = np.zeros(shape, CONDITIONS)
+        self.applied = np.full(shape, HELD, np.int8)
+        self.has_battery = scenario.battery_move > 0
+        self.is_noisy = scenario.position_noise > 0
+        self._actions = rules.action_set
+        self._paces = paces(scenario, rules)
+        self._homes: list[tuple[int, int]] = []
+        none = (scenario.num_drones, 0, 0)
+        self._ways = WaysHome(np.zeros(none, np.int32), np.zeros(none, np.int8))
+
+    @classmethod
+    def of(cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Faults | None:
+        """Return the faults of a scenario, None where it has none."""
+        return cls(scenario, rules, num_worlds) if faults_of(scenario) else None
+
+    def place(self, world: World) -> None:
+        """Take the starts of the drones for their homes; all worlds have the same."""
+        homes: list[tuple[int, int]] = [(x, y) for x, y in world.starts[0].tolist()]
+        if self.has_battery and homes != self._homes:
+            self._homes = homes
+            self._ways = ways_home(self._actions, world.area, world.grid_size, homes, self._paces)
+
+    def reset(self, world: World, which: NDArray[np.bool_]) -> None:
+        """Begin the missions of the worlds with which[b], (B,) bool."""
+        self.place(world)
+        self.applied[which] = HELD
+        fault_kernels.start_conditions(
+            world.constants, self._constants, world.area, world.worlds, world.drones,
+            self.conditions, self._ways.steps, which,
+        )  # fmt: skip
+
+    def check(self, snapshot: Snapshot, grid_size: int) -> None:
+        """Raise unless the kernels stay within their arrays with a snapshot of this shape.
+
+        Raises:
+            SnapshotError: If they would not.
+        """
+        status, starts = snapshot.arrays["conditions"]["status"], snapshot.arrays["starts"]
+        if not ((status >= 0) & (status < len(STATUSES))).all():
+            raise SnapshotError("the snapshot is damaged: a status of a drone is none")
+        if not ((starts >= 0) & (starts < grid_size)).all():
+            raise SnapshotError("the snapshot is damaged: a start of a drone is off the grid")
+
+    def restore(self, world: World) -> None:
+        """Go on from the conditions and the starts of a snapshot."""
+        self.place(world)
+        self.applied[:] = self.conditions["applied"]
+
+    def around(self, world: World, step: Callable[..., None]) -> Callable[..., None]:
+        """Return the step of worlds with faults: called as the step, with the commands."""
+
+        def step_with_faults(
+            commands: NDArray[np.int8], maps: NDArray[np.float32], first: int, last: int
+        ) -> None:
+            fault_kernels.before_step(
+                world.constants, self._constants, world.area, world.worlds, world.drones,
+                self.conditions, self._losses, self._ways.steps, self._ways.actions, commands,
+                self.applied, first, last,
+            )  # fmt: skip
+            step(self.applied, maps, first, last)
+            fault_kernels.after_step(
+                world.constants, self._constants, world.area, world.worlds, world.drones,
+                self.conditions, self._ways.steps, self.applied, first, last,
+            )  # fmt: skip
+
+        return step_with_faults
+
+    def restrict(
+        self, world: World, masks: NDArray[np.int8], first: int = 0, last: int | None = None
+    ) -> NDArray[np.int8]:
+        """Take off action masks (B, N, A) what would keep drones from coming home; the masks."""
+        fault_kernels.restrict_masks(
+            world.constants, self._constants, world.area, world.drones, self.conditions,
+            self._ways.steps, self._ways.actions, masks, first,
+            world.num_worlds if last is None else last,
+        )  # fmt: skip
+        return masks
+
+    def set_battery(self, drone: int, percent: float) -> None:
+        """Set what is left in a drone's battery, of the first world, where it runs down."""
+        if self.has_battery:
+            self.conditions["battery"][0, drone] = percent
+
+    def positions(self) -> NDArray[np.int64]:
+        """Return where the drones observe that they are, (B, N, 2) as (x, y), a view."""
+        whole: NDArray[np.int64] = self.conditions.view(np.int64)
+        return whole.reshape(*self.conditions.shape, -1)[..., :2]
+
+    def batch_infos(self) -> dict[str, NDArray[Any]]:
+        """Return what `infos` has of all worlds, (B, N), `status` as a number."""
+        names = {"status": "status", "applied": "action"}
+        if self.has_battery:
+            names["battery"] = "battery"
+        return {name: self.conditions[of].copy() for of, name in names.items()}
+
+    def infos(self, world: int, drones: Sequence[int]) -> list[dict[str, Any]]:
+        """Return what agents learn of their faults in addition.
+
+        `status` is one of `fault_kernels.STATUSES`, `action` what the drone did in the last step,
+        -1 for nothing, and `battery` is in percent, where it runs down.
+        """
+        infos = []
+        for drone in drones:
+            condition = self.conditions[world, drone]
+            info: dict[str, Any] = {
+                "status": STATUSES[condition["status"]],
+                "action": int(condition["applied"]),
+            }
+            if self.has_battery:
+                info["battery"] = float(condition["battery"])
+            infos.append(info)
+        return infos

@@ -1,0 +1,40 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What is left in the battery of a drone: sensor_msgs/BatteryState."""
+
+from __future__ import annotations
+
+import math
+
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import BatteryState
+
+from msg_adapters.stamps import header
+
+_UNMEASURED = ("voltage", "temperature", "current", "charge", "capacity", "design_capacity")
+
+
+def battery_state(stamp: Time, frame_id: str, percent: float, *, flying: bool) -> BatteryState:
+    """Return the state of a battery of which only the share that is left is known.
+
+    What is not measured is NaN, as the message has it.
+
+    Args:
+        stamp: Time of the state.
+        frame_id: Frame of the drone.
+        percent: What is left; NaN if it is not known.
+        flying: Whether it is being discharged.
+    """
+    state = BatteryState(
+        header=header(frame_id, stamp),
+        percentage=percent / 100.0,
+        power_supply_status=(
+            BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+            if flying
+            else BatteryState.POWER_SUPPLY_STATUS_NOT_CHARGING
+        ),
+        present=True,
+    )
+    for name in _UNMEASURED:
+        setattr(state, name, math.nan)
+    return state

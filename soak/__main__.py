@@ -1,0 +1,124 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`make soak`: measures every row of the table of promises, and goes on where it was stopped."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+from benchmarks.bench import machine, own_versions, rounded
+from dsse_ros.search.progress import progress, say
+from soak.rigs import ROOT, use_defaults_of_dds
+from soak.row import Row, Run
+from soak.rows import ROWS
+
+RESULTS = ROOT / "benchmarks" / "results" / "soak.json"
+BUILD = ROOT / ".venv" / "soak"
+CODE = ("dsse_ros", "msg_adapters", "soak", "config", "test/nodes", "test/flight", "benchmarks/ros")
+"""What a result depends on: a row that was measured with the same is not measured again."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure what is missing, write it and return the exit code: 1 where a promise is broken."""
+    given = _arguments(arguments)
+    path: Path = given.out or (BUILD / "soak.json" if given.quick else RESULTS)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    use_defaults_of_dds()
+    code = digest()
+    results = _load(path)
+    for name in progress(given.only or list(ROWS), "soak"):
+        done = results.get(name, {})
+        if not given.again and done.get("code") == code and done.get("quick") == given.quick:
+            say(f"{name:18} done before: {done['says']}")
+            continue
+        results[name] = measure(ROWS[name], given.quick, BUILD / name) | {"code": code}
+        _save(path, results)
+        say(f"{name:18} {results[name]['says']}")
+    broken = [name for name in given.only or ROWS if results[name]["missed"]]
+    say(f"written to {path}; {len(broken)} broken: {', '.join(broken) or 'none'}")
+    return int(bool(broken))
+
+
+def measure(row: Row, quick: bool, folder: Path) -> dict[str, Any]:
+    """Return what a row came to, and under which circumstances."""
+    # What fuzzing has learned is kept.
+    for path in folder.glob("*"):
+        if path.name != "corpus":
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    folder.mkdir(parents=True, exist_ok=True)
+    load, began = os.getloadavg()[0], time.time()
+    try:
+        figures = row.measure(Run(quick=quick, folder=folder))
+        missed, says = row.missed(figures), row.says.format(**figures)
+    except Exception as error:
+        traceback.print_exc()
+        figures, missed = {}, [" ".join(f"{type(error).__name__}: {error}".split())[:1000]]
+        says = "not measured to its end"
+    return {
+        "promise": row.promise,
+        "says": says + (f"; MISSED: {'; '.join(missed)}" if missed else ""),
+        "missed": missed,
+        "figures": rounded(figures),
+        "quick": quick,
+        "date": time.strftime("%Y-%m-%d %H:%M", time.gmtime(began)),
+        "seconds": round(time.time() - began),
+        "load_before": round(load, 2),
+        "load_after": round(os.getloadavg()[0], 2),
+        "commit": _commit(),
+        "machine": machine(),
+        "versions": own_versions(),
+    }
+
+
+def digest() -> str:
+    """Return what changes with the code that is measured and the code that measures."""
+    found = hashlib.sha256()
+    for folder in CODE:
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in (".py", ".yaml", ".js", ".css", ".html"):
+                found.update(f"{path.relative_to(ROOT)}\0".encode() + path.read_bytes() + b"\0")
+    return found.hexdigest()[:16]
+
+
+def _commit() -> str:
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    return done.stdout.strip()
+
+
+def _load(path: Path) -> dict[str, dict[str, Any]]:
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        return {}
+
+
+def _save(path: Path, results: dict[str, dict[str, Any]]) -> None:
+    """Write the results so that a kill leaves the old ones or the new ones."""
+    temporary = path.with_suffix(".tmp")
+    ordered = {name: results[name] for name in ROWS if name in results}
+    temporary.write_text(json.dumps(ordered, indent=1) + "\n", encoding="utf-8")
+    temporary.replace(path)
+
+
+def _arguments(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="make soak", description=__doc__)
+    parser.add_argument("--only", nargs="+", choices=list(ROWS), metavar="ROW", help="these rows")
+    parser.add_argument("--quick", action="store_true", help="the short form of each row")
+    parser.add_argument("--again", action="store_true", help="rows too that are done")
+    parser.add_argument("--out", type=Path, help="JSON of the results")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

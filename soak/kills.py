@@ -1,0 +1,319 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Planner, node and bridge are killed, and started again."""
+
+from __future__ import annotations
+
+import random
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from std_msgs.msg import Int32MultiArray
+
+from dsse_ros.mission.mission import Mission
+from dsse_ros.search import HOLD, Snapshot, SnapshotError, parallel_env
+from msg_adapters.step_report import step_report_from_message
+from soak.rigs import Bridge, Process, Rig, Sim, autopilots, domain, fly
+from soak.row import Figures, Goal, Row, Run, zero
+from soak.traffic import ACTIONS, SEARCHED
+
+COMMAND_TIMEOUT_S = 0.5
+RECOVERY_S = 2.0
+
+
+# The planner
+
+
+def planner_killed(run: Run) -> Figures:
+    """Kill the planner of three drones, two of which somebody else commands as well."""
+    kills = run.size(20, 2)
+    policy_s: list[float] = []
+    recovery_s: list[float] = []
+    disturbed = unheld = 0
+    with domain(run.folder) as rig:
+        sim = rig.sim(
+            SEARCHED
+            | {
+                "grid_size": 20,
+                "num_drones": 3,
+                "command_timeout": COMMAND_TIMEOUT_S,
+                "missing_action": "hold",
+                "step_rate": 20.0,
+            }
+        )
+        planner = start_planner(rig, sim)
+        for kill in run.each(range(kills), "kills"):
+            planner.kill()
+            sim.wait_until_quiet()
+            # What it had sent before may still be a step's command.
+            for _ in range(2):
+                others_fly(sim, kill)
+            began_s = time.monotonic()
+            report = others_fly(sim, kill)
+            policy_s.append(time.monotonic() - began_s)
+            unheld += int(report["action"][0]) != HOLD
+            disturbed += report["action"][1:].tolist() != [kill % ACTIONS] * 2
+            began_s = time.monotonic()
+            planner = start_planner(rig, sim)
+            recovery_s.append(time.monotonic() - began_s)
+    return {
+        "kills": kills,
+        "unheld": unheld,
+        "disturbed": disturbed,
+        "policy_s": max(policy_s),
+        "recovery_s": max(recovery_s),
+    }
+
+
+def start_planner(rig: Rig, sim: Sim) -> Process:
+    """Start a planner and return when a step does what it wants."""
+    planner = rig.start("planner_node", {"planner": "greedy", "resend_period": 0.1})
+    seen = len(sim.reports)
+
+    def led() -> bool:
+        return any(
+            step_report_from_message(message)["action"][0] != HOLD for message in sim.reports[seen:]
+        )
+
+    rig.until(led, "a step that the planner leads")
+    return planner
+
+
+def others_fly(sim: Sim, turn: int) -> Any:
+    """Command the other two drones and return the report of the step."""
+    seen = len(sim.reports)
+    for drone in (1, 2):
+        sim.command(drone, turn % ACTIONS)
+    return sim.next_report(seen)
+
+
+# The simulation
+
+FIELDS: dict[str, Any] = {
+    "rules": "v2",
+    "grid_size": 20,
+    "num_drones": 4,
+    "vector": (0.2, -0.1),
+    "person_amount": 2,
+    "probability_of_detection": 1e-9,
+    "timestep_limit": 10**6,
+}
+
+
+def node_killed(run: Run) -> Figures:
+    """Kill a node at random moments, and compare its next steps with a mission never killed."""
+    kills, steps = run.size((50, 1000), (2, 60))
+    draw, seed = random.Random(3), 5
+    mission = Mission(parallel_env(**FIELDS), seed, belief=False)
+    commands = np.random.default_rng(4)
+    joint: list[Any] = []
+    expected = [mission.result]
+
+    def command(step: int) -> list[int]:
+        """Return the commands of a step, and let the mission that nobody kills do them."""
+        while len(joint) <= step:
+            joint.append(commands.integers(0, ACTIONS, FIELDS["num_drones"]).tolist())
+            mission.command_all(joint[-1])
+            expected.append(mission.advance("hold"))
+        return list(joint[step])
+
+    parameters = {
+        **{name: list(v) if isinstance(v, tuple) else v for name, v in FIELDS.items()},
+        "seed": seed,
+        "compute_pos": "never",
+        "snapshot_file": str(run.folder / "mission.snapshot"),
+        "snapshot_every": 1,
+    }
+    different = lost_steps = 0
+    resumed_s = []
+    with domain(run.folder) as rig:
+        sim = rig.sim(parameters)
+        for kill in run.each(range(kills), "kills"):
+            # It is killed with a command under way, in whatever it is doing.
+            while len(sim.reports) < 3:
+                sim.fly(*command(sim.step_number))
+            before = sim.step_number
+            sim.joint(*command(before))
+            killed_s = time.monotonic() + draw.random() * 0.02
+            while time.monotonic() < killed_s:
+                rig.executor.spin_once(timeout_sec=0.001)
+            sim.process.kill()
+            rig.drain()
+            before = max(before, sim.step_number)
+            forget(rig, sim)
+            began_s = time.monotonic()
+            sim = rig.sim(parameters | {"resume": True}, namespace=f"/kill{kill}")
+            resumed_s.append(time.monotonic() - began_s)
+            lost_steps = max(lost_steps, before - sim.step_number)
+            different += not same(sim.report, expected[sim.step_number])
+            for _ in range(steps):
+                step = sim.step_number
+                report = sim.fly(*command(step))
+                different += not same(report, expected[step + 1])
+        snapshot = mission.snapshot().to_bytes()
+    return {
+        "kills": kills,
+        "steps_compared": kills * (steps + 1),
+        "different": different,
+        "lost_steps": lost_steps,
+        "resumed_s": max(resumed_s),
+        **damaged(snapshot, run.size(1000, 100), run.folder),
+    }
+
+
+def forget(rig: Rig, sim: Sim) -> None:
+    """Drop what was listened to and published in a node that is gone."""
+    rig.node.destroy_publisher(rig._publishers.pop((sim.topic("joint_action"), Int32MultiArray)))
+
+
+def same(report: Any, result: Any) -> bool:
+    """Return whether a report says bit for bit what the result of a step does."""
+    pairs = (("action", "actions"), ("reward", "rewards"), ("found", "found"), ("held", "held"))
+    cells = np.stack([report["col"], report["row"]], axis=1)
+    return (
+        int(report["step"][0]) == result.step
+        and cells.tolist() == result.cells.tolist()
+        and all(
+            np.array_equal(
+                report[ours].astype(getattr(result, theirs).dtype), getattr(result, theirs)
+            )
+            for ours, theirs in pairs
+        )
+    )
+
+
+def damaged(whole: bytes, number: int, folder: Path) -> Figures:
+    """Load snapshots that are damaged in all ways: cut, changed, doubled, swapped, not ours."""
+    draw = random.Random(6)
+    path = folder / "damaged.snapshot"
+    refused = 0
+    for _ in range(number):
+        path.write_bytes(damage(whole, draw))
+        try:
+            Snapshot.load(path)
+        except SnapshotError as error:
+            refused += "\n" not in str(error)
+    return {"damaged": number, "damaged_taken": number - refused}
+
+
+def damage(whole: bytes, draw: random.Random) -> bytes:
+    """Return a snapshot that is not quite that any more."""
+    data = bytearray(whole)
+    at, to = sorted(draw.randrange(len(data)) for _ in range(2))
+    match draw.randrange(6):
+        case 0:
+            return bytes(data[:at])
+        case 1:
+            data[at] ^= draw.randrange(1, 256)
+        case 2:
+            del data[at : max(to, at + 1)]
+        case 3:
+            data[at:at] = draw.randbytes(draw.randrange(1, 100))
+        case 4:
+            data += draw.randbytes(draw.randrange(1, 100))
+        case _:
+            return draw.randbytes(draw.randrange(2000))
+    return bytes(data)
+
+
+# The bridge
+
+
+def bridge_killed(run: Run) -> Figures:
+    """Kill the bridge of three vehicles in mid-flight; one of them a pilot has landed before."""
+    kills = run.size(20, 2)
+    draw = random.Random(7)
+    route = [UP, UP, UP, UP, DOWN, DOWN, DOWN, DOWN]
+    taken_off = rearmed = dropped = 0
+    taken_up_s = []
+    with domain(run.folder) as rig, autopilots((), (), ("pilot@airborne:20=LAND",)) as vehicles:
+        sim = rig.sim(
+            SEARCH_OF_VEHICLES
+            | {"drones_positions": [0, 5, 1, 5, 2, 5], "timestep_limit": kills + 4}
+        )
+        bridge = Bridge(rig, vehicles)
+        rig.until(lambda: bridge.state(2).get("lost"), "the loss of drone2")
+        bridge.until(2, armed="false")
+        for i in (0, 1):
+            bridge.until(i, arrived="true", flying="true")
+        for kill in run.each(range(kills), "kills"):
+            step = sim.step_number
+            sim.joint(*[route[kill % len(route)]] * 3)
+            end_s = time.monotonic() + draw.random() * 1.5
+            while time.monotonic() < end_s:
+                rig.executor.spin_once(timeout_sec=0.02)
+            bridge.process.kill()
+            bridge = Bridge(rig, vehicles)
+            began_s = time.monotonic()
+            for i in (0, 1):
+                bridge.until(i, connected="true", flying="true", arrived="true")
+            taken_up_s.append(time.monotonic() - began_s)
+            bridge.until(2, connected="true")
+            rig.until(lambda s=step: sim.step_number == s + 1, "the step")
+            rearmed += bridge.state(2)["armed"] != "false"
+            taken_off += bridge.process.output.count(": TakeOff(")
+            dropped += sim.report["terminated"][:2].any()
+        while sim.flying:
+            fly(sim, SEARCH, SEARCH, SEARCH)
+        for i in range(3):
+            bridge.until(i, armed="false", flying="false")
+        report = sim.report
+    return {
+        "kills": kills,
+        "steps": int(report["step"][0]),
+        "steps_missing": kills + 5 - int(report["step"][0]),
+        "taken_off_again": taken_off,
+        "armed_again": rearmed,
+        "dropped": int(dropped),
+        "taken_up_s": max(taken_up_s),
+    }
+
+
+UP, DOWN, SEARCH = 2, 3, 4
+SEARCH_OF_VEHICLES: dict[str, Any] = {
+    "grid_size": 6,
+    "cell_size": 130.0,
+    "altitude": 120.0,
+    "origin_lat": -24.04,
+    "origin_lon": -46.17,
+    "person_initial_position": [5, 0],
+    "probability_of_detection": 0.0,
+    "seed": 1,
+    "wait_for_vehicles": True,
+}
+
+ROWS = (
+    Row(
+        "planner_killed",
+        "Planner killed: missing_action within command_timeout, other drones unaffected, "
+        "recovery within 2 s of the restart",
+        planner_killed,
+        "{kills} kills: policy after {policy_s:.2f} s of a time-out of 0.5 s, {disturbed} others "
+        "disturbed, recovery after {recovery_s:.2f} s",
+        (
+            *zero("unheld", "disturbed"),
+            Goal("policy_s", most=COMMAND_TIMEOUT_S + 0.1, timed=True),
+            Goal("recovery_s", most=RECOVERY_S, timed=True),
+        ),
+    ),
+    Row(
+        "node_killed",
+        "Node killed at random moments: it resumes from its snapshot, and the next 1000 steps are "
+        "bit for bit those of a run that was not killed; damaged snapshots are refused",
+        node_killed,
+        "{kills} kills, {different} of {steps_compared} steps differ; {damaged_taken} of {damaged} "
+        "damaged snapshots taken",
+        (*zero("different", "damaged_taken"), Goal("lost_steps", most=1)),
+    ),
+    Row(
+        "bridge_killed",
+        "Bridge killed in mid-flight and started again: vehicles are taken up where they are, the "
+        "mission ends with every step flown, nothing is armed that was not",
+        bridge_killed,
+        "{kills} kills, {steps_missing} of {steps} steps missing, {armed_again} armed again, taken "
+        "up within {taken_up_s:.1f} s",
+        zero("steps_missing", "taken_off_again", "armed_again", "dropped"),
+    ),
+)

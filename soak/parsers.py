@@ -1,0 +1,365 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Every parser that reads what others wrote: whatever the bytes are, it answers or refuses."""
+
+from __future__ import annotations
+
+import array
+import atexit
+import hashlib
+import io
+import json
+import shutil
+import sys
+import tempfile
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path += [str(ROOT / "test" / folder) for folder in ("flight", "recording")]
+
+Take = Callable[[bytes], object]
+"""Reads bytes; raises only what its parser documents."""
+
+
+@dataclass(frozen=True)
+class Parser:
+    """A parser, or several that read the same.
+
+    Attributes:
+        reads: What is read, for people.
+        make: Returns what reads it, and bytes that are read without an error.
+        modules: Where coverage guides the search; none of them may be compiled.
+    """
+
+    reads: str
+    make: Callable[[], tuple[Take, list[bytes]]]
+    modules: tuple[str, ...]
+
+
+def _yaml() -> tuple[Take, list[bytes]]:
+    from dsse_ros.search import FieldError, Scenario, profile
+
+    path = _file("fuzzed.yaml")
+
+    def take(data: bytes) -> None:
+        path.write_bytes(data)
+        try:
+            scenario = Scenario.of(path)
+            if (scenario.grid_size or 0) <= 100 and scenario.zone_size is None:
+                scenario.resolve(profile("paper"))
+        except FieldError as error:
+            _on_one_line(error)
+
+    return take, [file.read_bytes() for file in sorted((ROOT / "config").glob("*.yaml"))]
+
+
+def _geojson() -> tuple[Take, list[bytes]]:
+    from dsse_ros.search import FieldError
+    from dsse_ros.search.area import Area, area_mask
+
+    path = _file("fuzzed.geojson")
+
+    def take(data: bytes) -> None:
+        path.write_bytes(data)
+        try:
+            area = Area.of(str(path))
+            area_mask(area, False, 8, 130.0, (-24.0, -46.0, 0.0))
+        except FieldError as error:
+            _on_one_line(error)
+
+    ring = [[-46.0, -24.0], [-45.99, -24.0], [-45.99, -23.99], [-46.0, -23.99], [-46.0, -24.0]]
+    polygon = {"type": "Polygon", "coordinates": [ring]}
+    feature = {"type": "Feature", "properties": {}, "geometry": polygon}
+    several = {"type": "MultiPolygon", "coordinates": [[ring], [ring]]}
+    collection = {"type": "FeatureCollection", "features": [feature]}
+    return take, [json.dumps(one).encode() for one in (polygon, feature, several, collection)]
+
+
+def _commands() -> tuple[Take, list[bytes]]:
+    from geometry_msgs.msg import PoseStamped
+    from nav_msgs.msg import Path as PathMessage
+    from rclpy.serialization import deserialize_message, serialize_message
+    from std_msgs.msg import Int8, Int32MultiArray, String
+
+    from msg_adapters import commands
+    from msg_adapters.frames import GridFrame
+
+    frame = GridFrame(8, 130.0, -24.0, -46.0, 0.0, 120.0)
+    actions = ("left", "right", "up", "down", "search")
+    kinds: list[tuple[Any, Take]] = [
+        (Int8, lambda m: commands.parse_action(m, actions)),
+        (String, lambda m: commands.parse_action_name(m, actions)),
+        (PoseStamped, lambda m: commands.parse_goal(m, frame)),
+        (PathMessage, lambda m: commands.parse_path(m, frame)),
+        (
+            Int32MultiArray,
+            lambda m: commands.parse_joint_action(m, 1, 0, 3, actions, [True, False, True]),
+        ),
+    ]
+
+    def take(data: bytes) -> None:
+        kind, parse = kinds[data[0] % len(kinds)] if data else kinds[0]
+        try:
+            message = deserialize_message(data[1:], kind)
+        except Exception:
+            # As rclpy drops it before a node sees it; its classes are not public.
+            return
+        parse(message)
+
+    pose = PoseStamped()
+    pose.header.frame_id = "map"
+    path = PathMessage(poses=[pose])
+    path.header.frame_id = "map"
+    joint = commands.joint_action_message(0, [1, 2, 3])
+    messages = [Int8(data=3), String(data="left"), pose, path, joint]
+    return take, [bytes([i]) + serialize_message(one) for i, one in enumerate(messages)]
+
+
+def _observations() -> tuple[Take, list[bytes]]:
+    from rclpy.serialization import deserialize_message, serialize_message
+    from sensor_msgs.msg import Image, PointCloud2
+    from std_msgs.msg import String
+
+    from msg_adapters.agents import agents_from_message
+    from msg_adapters.images import image_to_probability
+    from msg_adapters.mission_report import mission_report_from_message
+    from msg_adapters.step_report import step_report_from_message
+
+    kinds: list[tuple[Any, Take]] = [
+        (String, agents_from_message),
+        (Image, image_to_probability),
+        (PointCloud2, step_report_from_message),
+        (PointCloud2, mission_report_from_message),
+    ]
+
+    def take(data: bytes) -> None:
+        kind, parse = kinds[data[0] % len(kinds)] if data else kinds[0]
+        try:
+            message = deserialize_message(data[1:], kind)
+        except Exception:
+            return
+        try:
+            parse(message)
+        except ValueError as error:
+            _on_one_line(error)
+
+    flown = _flown().messages
+    grid = Image(height=2, width=2, encoding="32FC1", step=8, data=array.array("B", bytes(16)))
+    own = [
+        bytes([i]) + one.data
+        for i, topic in ((0, "/agents"), (2, "/step_report"))
+        for one in flown
+        if one.topic == topic
+    ]
+    return take, [*own[:3], bytes([1]) + serialize_message(grid)]
+
+
+def _mission_files() -> tuple[Take, list[bytes]]:
+    from msg_adapters.plan_files import parse_plan
+    from msg_adapters.waypoint_files import parse_qgc_wpl
+
+    def take(data: bytes) -> None:
+        text = data[1:].decode("utf-8", "replace")
+        parse = parse_plan if data[:1] == b"p" else parse_qgc_wpl
+        try:
+            parse(text)
+        except ValueError as error:
+            _on_one_line(error)
+
+    line = "0\t1\t0\t16\t0\t0\t0\t0\t-24.00000000\t-46.00000000\t0.00000000\t1\n"
+    item = {
+        "type": "SimpleItem", "command": 16, "frame": 3, "autoContinue": True, "doJumpId": 1,
+        "params": [0, 0, 0, None, -24.0, -46.0, 100.0],
+    }  # fmt: skip
+    plan = {
+        "fileType": "Plan", "version": 1, "groundStation": "QGroundControl",
+        "geoFence": {"version": 2, "circles": [], "polygons": []},
+        "rallyPoints": {"version": 2, "points": []},
+        "mission": {
+            "version": 2, "firmwareType": 3, "vehicleType": 2, "cruiseSpeed": 15, "hoverSpeed": 5,
+            "plannedHomePosition": [-24.0, -46.0, 0.0], "items": [item],
+        },
+    }  # fmt: skip
+    return take, [b"wQGC WPL 110\n" + 2 * line.encode(), b"p" + json.dumps(plan).encode()]
+
+
+def _mavlink() -> tuple[Take, list[bytes]]:
+    import random
+
+    from autopilot.wire import Codec as VehicleCodec
+    from autopilot.wire import mavlink
+    from fuzz import any_message
+
+    from dsse_ros.flight.codec import Codec
+    from dsse_ros.flight.commands import ControllerSettings
+    from dsse_ros.flight.mission_messages import Address
+    from dsse_ros.flight.vehicle_controller import VehicleController
+
+    ours, vehicle = Address(245, 191), Address(7, 1)
+    settings = ControllerSettings(autopilot="ardupilot", arm=True)
+
+    def take(data: bytes) -> None:
+        codec = Codec(ours, vehicle)
+        controller = VehicleController(vehicle, ours, settings)
+        half = len(data) // 2
+        now = 0.0
+        for datagram, part in ((False, data[:half]), (False, data[half:]), (True, data)):
+            now += 0.1
+            for message in codec.decode(part, now, datagram=datagram):
+                for answer in controller.receive(message, now):
+                    codec.encode(answer)
+        assert not controller.counts["errors"], controller.outcome
+
+    sender, draw = VehicleCodec(7), random.Random(1)
+    kinds = list(mavlink.mavlink_map.values())
+    frames = [bytes(sender.encode(any_message(kind, draw))) for kind in kinds[::7]]
+    return take, [*frames, b"".join(frames[:5])]
+
+
+def _snapshots() -> tuple[Take, list[bytes]]:
+    from dsse_ros.mission.mission import Mission
+    from dsse_ros.search import Snapshot, SnapshotError, parallel_env
+    from dsse_ros.search.snapshot import MAGIC, VERSION
+
+    fields: dict[str, Any] = {"grid_size": 5, "num_drones": 2, "rules": "v2"}
+    mission = Mission(parallel_env(**fields), seed=1)
+    mission.commands.set_goals(0, [(3, 3)])
+    mission.advance("search")
+    body = mission.snapshot().to_bytes().partition(b"\n")[2]
+    with zipfile.ZipFile(io.BytesIO(body)) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    names = list(parts)
+    twin = Mission(parallel_env(**fields), seed=2)
+
+    def state(mission: Mission) -> tuple[Any, ...]:
+        kept = mission.snapshot()
+        # Between the fields of a structured array there may be anything.
+        parts = {
+            (name, field): (one[field] if field else one).tobytes()
+            for name, one in kept.arrays.items()
+            for field in one.dtype.names or ("",)
+        }
+        return kept.extra, parts
+
+    def take(data: bytes) -> None:
+        # The first byte chooses the part that the others replace; after the last one it is all.
+        part, rest = data[0] % (len(names) + 1) if data else 0, data[1:]
+        changed = rest if part == len(names) else _zipped(parts | {names[part]: rest})
+        # Who writes a snapshot on purpose makes its checksum fit.
+        digest = hashlib.sha256(changed).hexdigest()
+        before = state(twin)
+        try:
+            twin.restore(Snapshot.from_bytes(MAGIC + f" {VERSION} {digest}\n".encode() + changed))
+        except SnapshotError as error:
+            _on_one_line(error)
+            assert state(twin) == before, "what was refused has changed the mission"
+        else:
+            twin.commands.route(0, (0, 0))
+            assert len(twin.history) == twin.result.step + 1
+            twin.snapshot().to_bytes()
+            if not twin.done:
+                twin.advance("repeat")
+            twin.reset(2)
+
+    whole = bytes([len(names)])
+    return take, [whole + body, *(bytes([i]) + parts[name] for i, name in enumerate(names))]
+
+
+def _zipped(parts: dict[str, bytes]) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name, data in parts.items():
+            archive.writestr(name, data)
+    return out.getvalue()
+
+
+def _bags() -> tuple[Take, list[bytes]]:
+    from flown import write
+    from mcap.writer import Writer
+
+    from dsse_ros.recording.bag import read_bag
+    from dsse_ros.recording.replay import replay
+    from dsse_ros.search import FieldError
+
+    path = _file("fuzzed.mcap")
+
+    def take(data: bytes) -> None:
+        path.write_bytes(data)
+        try:
+            list(replay(read_bag(path)))
+        except FieldError as error:
+            _on_one_line(error)
+
+    whole, flat = _file("seed.mcap"), _file("flat.mcap")
+    whole.unlink(missing_ok=True)
+    write(whole, _flown().messages)
+    with flat.open("wb") as file:
+        # Without chunks there is neither a checksum nor a compressor between us and the records.
+        writer = Writer(file, use_chunking=False, enable_crcs=False)
+        writer.start(profile="ros2")
+        channels = {
+            topic: writer.register_channel(topic, "cdr", writer.register_schema(kind, "", b""))
+            for topic, kind in sorted({(one.topic, one.type_name) for one in _flown().messages})
+        }
+        for one in _flown().messages:
+            writer.add_message(channels[one.topic], one.log_time_ns, one.data, one.log_time_ns)
+        writer.finish()
+    return take, [whole.read_bytes(), flat.read_bytes()]
+
+
+@cache
+def _flown() -> Any:
+    """Return a short mission with all its messages."""
+    from flown import Flown
+
+    flown = Flown(grid_size=4, num_drones=2)
+    flown.fly(3)
+    return flown
+
+
+@cache
+def _folder() -> Path:
+    made = Path(tempfile.mkdtemp(prefix="dsse_ros_soak_"))
+    atexit.register(shutil.rmtree, made, ignore_errors=True)
+    return made
+
+
+def _file(name: str) -> Path:
+    return _folder() / name
+
+
+def _on_one_line(error: Exception) -> None:
+    assert "\n" not in str(error), f"a reason on several lines: {error}"
+
+
+PARSERS = {
+    "yaml": Parser(
+        "scenarios in YAML",
+        _yaml,
+        ("dsse_ros.search.yaml_file", "dsse_ros.search.scenario", "dsse_ros.search.fields"),
+    ),
+    "geojson": Parser("areas in GeoJSON", _geojson, ("dsse_ros.search.area",)),
+    "commands": Parser("commands", _commands, ("msg_adapters.commands", "msg_adapters.frames")),
+    "observations": Parser(
+        "agents, maps and reports",
+        _observations,
+        ("msg_adapters.agents", "msg_adapters.step_report", "msg_adapters.json_keys"),
+    ),
+    "mission_files": Parser(
+        "mission files",
+        _mission_files,
+        ("msg_adapters.plan_files", "msg_adapters.waypoint_files", "msg_adapters.mission_items"),
+    ),
+    "mavlink": Parser(
+        "MAVLink bytes", _mavlink, ("dsse_ros.flight.codec", "dsse_ros.flight.vehicle_controller")
+    ),
+    "snapshots": Parser(
+        "snapshots", _snapshots, ("dsse_ros.search.snapshot", "dsse_ros.mission.mission")
+    ),
+    "bags": Parser("bags", _bags, ("dsse_ros.recording.bag", "dsse_ros.recording.replay")),
+}

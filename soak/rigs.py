@@ -1,0 +1,101 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What the tests fly with, for the soak: nodes as processes, and simulated autopilots."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path += [str(ROOT / "test" / folder) for folder in ("nodes", "flight", "search")]
+
+from bridge_rig import Bridge, autopilots, fly, health_when  # noqa: E402
+from rig import ENVIRONMENT, Process, Rig, Sim, search_of  # noqa: E402
+
+__all__ = [
+    "ENVIRONMENT",
+    "ROOT",
+    "Bridge",
+    "Process",
+    "Rig",
+    "Sim",
+    "autopilots",
+    "domain",
+    "open_files",
+    "threads",
+    "until",
+    "fly",
+    "health_when",
+    "resident_bytes",
+    "search_of",
+    "shared_files",
+    "use_defaults_of_dds",
+]
+
+
+@contextlib.contextmanager
+def domain(folder: Path) -> Iterator[Rig]:
+    """Join a ROS domain of its own, in which nodes can be started; they are stopped at the end."""
+    folder.mkdir(parents=True, exist_ok=True)
+    os.environ.update(ENVIRONMENT)
+    rig = Rig(folder)
+    try:
+        yield rig
+    finally:
+        rig.close()
+
+
+def use_defaults_of_dds() -> None:
+    """Let all that starts from now on discover and resend as users' nodes do, not the tests'."""
+    for name in [name for name in ENVIRONMENT if name.endswith("DEFAULT_PROFILES_FILE")]:
+        del ENVIRONMENT[name]
+
+
+def resident_bytes(pid: int) -> int:
+    """Return the memory of a process that is its own: what is shared with others is not."""
+    fields = dict(
+        line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines()
+    )
+    return int(fields["RssAnon"].split()[0]) * 1024
+
+
+def open_files(pid: int) -> int:
+    """Return the number of descriptors of a process."""
+    return len(list(Path(f"/proc/{pid}/fd").iterdir()))
+
+
+def threads(pid: int) -> int:
+    """Return the number of threads of a process."""
+    return len(list(Path(f"/proc/{pid}/task").iterdir()))
+
+
+def shared_files(pid: int | str) -> set[str]:
+    """Return the files of Fast DDS in shared memory that a process has, but for ports.
+
+    Ports are for all who come later.
+    """
+    try:
+        maps = Path(f"/proc/{pid}/maps").read_text()
+    except OSError:  # It has ended, or is somebody else's.
+        return set()
+    return {
+        part for part in maps.split() if part.startswith("/dev/shm/fast") and "port" not in part
+    }
+
+
+def until(condition: object, what: str, timeout_s: float = 120.0) -> None:
+    """Wait until a function returns something true, without ROS.
+
+    Raises:
+        AssertionError: If it does not in time.
+    """
+    assert callable(condition)
+    end_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end_s, f"{what} within {timeout_s:g} s"
+        time.sleep(0.02)

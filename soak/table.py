@@ -1,0 +1,52 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`python -m soak.table` writes the figures of the last soak into QUALITY_DECLARATION.md.
+
+Where there is no such page, it prints them.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "benchmarks" / "results" / "soak.json"
+PAGE = ROOT / "QUALITY_DECLARATION.md"
+BEGIN, END = "<!-- promises: begin -->\n", "<!-- promises: end -->\n"
+
+
+def table(results: dict[str, Any]) -> str:
+    """Return the results of `make soak` as a table in Markdown."""
+    lines = ["| Promise | What came out | When, at load |", "| --- | --- | --- |"]
+    for one in results.values():
+        form = " (short form)" if one["quick"] else ""
+        when = f"{one['date'][:10]}, {one['load_before']:g}{form}"
+        lines.append(f"| {one['promise']} | {one['says']} | {when} |")
+    return "\n".join(lines) + "\n"
+
+
+def stated(page: str) -> str:
+    """Return what stands between the markers of a page."""
+    return page.partition(BEGIN)[2].partition(END)[0]
+
+
+def filled(page: str, results: dict[str, Any]) -> str:
+    """Return a page with the table between its markers."""
+    before, _, rest = page.partition(BEGIN)
+    return before + BEGIN + table(results) + END + rest.partition(END)[2]
+
+
+def main() -> None:
+    """Write the table, or print it."""
+    results = json.loads(RESULTS.read_text(encoding="utf-8"))
+    if PAGE.exists():
+        PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), results), encoding="utf-8")
+    else:
+        sys.stdout.write(table(results))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The policy for sros2 as it is in the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+POLICY = Path(__file__).resolve().parents[2] / "config" / "sros2_policy.xml"
+EVERYTHING = {"/*"}
+COMMANDS = {
+    "joint_action",
+    *(
+        f"drone*/{name}"
+        for name in ("cmd_action", "cmd_action_name", "command_pose", "command_path")
+    ),
+}
+WITH_TF2_MSGS = {"/tf"}
+WITH_SIMULATION_INTERFACES = {
+    f"~/{name}"
+    for name in (
+        "get_simulation_state", "get_simulator_features", "reset_simulation",
+        "set_simulation_state", "step_simulation",
+    )
+}  # fmt: skip
+WITH_SIM_TIME = {"/clock"}
+
+Rights = dict[str, set[str]]
+
+
+def policy() -> dict[str, Rights]:
+    """What each enclave may do: names by `publish`, `subscribe`, `reply` and `request`."""
+    rights: dict[str, Rights] = {}
+    for enclave in ElementTree.parse(POLICY).getroot().iterfind("./enclaves/enclave"):
+        name = enclave.attrib["path"].removeprefix("/dsse_ros/")
+        rights[name] = {kind: set() for kind in ("publish", "subscribe", "reply", "request")}
+        for rule in enclave.iterfind("./profiles/profile/*"):
+            ((kind, value),) = rule.attrib.items()
+            assert value == "ALLOW"
+            names = [one.text or "" for one in rule]
+            assert len(names) == len(set(names))
+            rights[name][kind].update(names)
+    return rights
+
+
+def as_expressions(names: set[str]) -> set[str]:
+    """Names of topics and services as the policy has them, with each drone's in one."""
+    return {name.replace("drone<i>/", "drone*/") for name in names}

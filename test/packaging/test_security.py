@@ -1,0 +1,165 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What SECURITY.md promises of the code and of the policy for sros2."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from sros2_policy import COMMANDS, EVERYTHING, policy
+from tree import by_name, files
+
+from dsse_ros.nodes.dashboard import _SERVICES
+
+ROOT = Path(__file__).resolve().parents[2]
+OURS = ("dsse_ros/", "msg_adapters/", "launch/", "scripts/", "examples/", "docs/")
+PICKLING = {"cloudpickle", "dill", "joblib", "marshal", "pickle", "shelve"}
+SECRETIVE = {
+    "dsse_ros/dashboard/guard.py", "dsse_ros/dashboard/settings.py", "dsse_ros/flight/signing.py",
+}  # fmt: skip
+SECRETS = {"token", "cookie", "key", "given"}
+
+
+# The policy for sros2; test_docs.py holds it against the running nodes.
+
+
+def test_nobody_but_planners_and_people_may_command_a_drone() -> None:
+    rights = policy()
+    assert rights["sim_node"]["subscribe"] > COMMANDS
+    # A bag is played in a domain of its own.
+    may = {name: one["publish"] & COMMANDS for name, one in rights.items() if name != "replay"}
+    assert {name: topics for name, topics in may.items() if topics} == {
+        "planner_node": {"joint_action"},
+        "ros_env": {"joint_action"},
+        "operator": COMMANDS,
+    }
+
+
+def test_nobody_may_publish_everything() -> None:
+    assert not any(one["publish"] & EVERYTHING for one in policy().values())
+    listening = {name for name, one in policy().items() if one["subscribe"] & EVERYTHING}
+    assert listening == {"recorder", "foxglove_viewer", "operator"}
+
+
+def test_a_bag_is_played_with_the_topics_of_the_nodes_alone() -> None:
+    rights = policy()
+    nodes = ("sim_node", "planner_node", "mavlink_bridge")
+    assert rights["replay"]["publish"] == COMMANDS.union(*(rights[n]["publish"] for n in nodes))
+    assert not rights["replay"]["subscribe"] and not rights["replay"]["request"]
+
+
+def test_only_trainings_and_people_may_change_a_simulation_but_for_the_buttons_of_the_page() -> (
+    None
+):
+    requests = {name: one["request"] for name, one in policy().items() if one["request"]}
+    assert requests.keys() == {"dashboard", "ros_env", "operator"}
+    assert requests["dashboard"] == {f"dsse_sim/{service}" for service, *_ in _SERVICES.values()}
+    simulation = {name.replace("~", "dsse_sim") for name in policy()["sim_node"]["reply"]}
+    assert requests["operator"] > simulation > requests["ros_env"] | requests["dashboard"]
+
+
+# The code
+
+
+def calls(path: Path) -> Iterator[tuple[str, ast.Call]]:
+    """Calls in a file, each with the name of what is called as it is written."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call):
+            yield ast.unparse(node.func), node
+
+
+def ours() -> dict[str, Path]:
+    """Python of the packages, and of what is shipped and shown with them."""
+    found = {
+        name: path for name, path in by_name(files()).items()
+        if name.startswith(OURS) and (name.endswith(".py") or name.startswith("scripts/"))
+    }  # fmt: skip
+    assert len(found) > 100
+    return found
+
+
+def test_no_pickle_is_read_from_a_file() -> None:
+    for name, path in ours().items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            match node:
+                case ast.Import(names=names):
+                    imported = {alias.name.split(".")[0] for alias in names}
+                case ast.ImportFrom(module=str(module)):
+                    imported = {module.split(".")[0]}
+                case _:
+                    continue
+            assert not imported & PICKLING, name
+    loads = [
+        (name, {one.arg: ast.unparse(one.value) for one in call.keywords})
+        for name, path in ours().items()
+        for called, call in calls(path)
+        if called in ("np.load", "numpy.load")
+    ]
+    assert {name for name, _ in loads} >= {"dsse_ros/search/snapshot.py"}
+    assert [name for name, keywords in loads if keywords.get("allow_pickle") != "False"] == []
+
+
+def test_yaml_is_read_safely() -> None:
+    safe = {"yaml.safe_load", "yaml.safe_dump"}
+    found = {
+        (name, called, *map(ast.unparse, call.args[1:]))
+        for name, path in ours().items()
+        for called, call in calls(path)
+        if re.fullmatch(r"yaml\.\w*(load|parse|compose|dump)\w*", called) and called not in safe
+    }
+    # The loader of scenarios is PyYAML's safe one with less in it.
+    assert found == {("dsse_ros/search/yaml_file.py", "yaml.load", "_Loader")}
+    import yaml
+
+    from dsse_ros.search.yaml_file import _Loader
+
+    assert issubclass(_Loader, yaml.SafeLoader)
+
+
+def test_nothing_that_was_read_is_run() -> None:
+    forbidden = re.compile(r"(?:eval|exec|os\.system|os\.popen|subprocess\.getoutput)")
+    found = [
+        f"{name}: {called}"
+        for name, path in ours().items()
+        for called, call in calls(path)
+        if forbidden.fullmatch(called) or any(one.arg == "shell" for one in call.keywords)
+    ]
+    assert found == []
+
+
+def test_secrets_are_compared_in_constant_time() -> None:
+    compared = [
+        f"{name}:{node.lineno}: {ast.unparse(node)}"
+        for name, path in ours().items()
+        if name in SECRETIVE
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Compare)
+        and any(isinstance(op, ast.Eq | ast.NotEq) for op in node.ops)
+        and any(
+            word in SECRETS
+            for part in (node.left, *node.comparators)
+            for one in ast.walk(part)
+            if isinstance(one, ast.Name | ast.Attribute)
+            for word in (one.id if isinstance(one, ast.Name) else one.attr).strip("_").split("_")
+        )
+    ]
+    assert compared == []
+    guard = (ROOT / "dsse_ros/dashboard/guard.py").read_text(encoding="utf-8")
+    assert guard.count("hmac.compare_digest(") == 2
+
+
+# The page
+
+
+def test_each_test_that_security_md_names_exists() -> None:
+    text = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+    named = re.findall(r"\[`(test_\w+)`\]\((test/[\w/]+\.py)\)", text)
+    assert len(named) > 10
+    missing = [
+        f"{path}: {name}" for name, path in named
+        if f"\ndef {name}(" not in (ROOT / path).read_text(encoding="utf-8")
+    ]  # fmt: skip
+    assert missing == []

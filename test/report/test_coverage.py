@@ -1,0 +1,58 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The report of a coverage task: the same metrics and maps from a CSV and from a bag."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bags import Bag
+from flights import Log, environment, fly
+
+from dsse_ros.report.bags import MissionBag
+from dsse_ros.report.metrics import metrics
+from dsse_ros.report.record import RecordedMission, read_csv
+from dsse_ros.report.replay import forecast_for, views, with_coverage, with_search
+from dsse_ros.report.texts import outcome
+
+# ROS 2's own imports, on the first message that is converted.
+pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
+
+
+@pytest.mark.parametrize(("limit", "cells"), [(14, 9), (400, 4)])
+def test_a_csv_and_a_bag_have_the_metrics_and_maps_of_the_mission(
+    limit: int, cells: int, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(2)
+    matrix = np.zeros((9, 9))
+    matrix.ravel()[rng.choice(81, cells, replace=False)] = rng.random(cells)
+    env = environment("coverage", probability_matrix=matrix, timestep_limit=limit)
+    (flown,) = fly(env, Log(tmp_path / "mission.csv", env), searching=0.1)
+    found = {name: float(of[0]) for name, of in env.world.coverage_metrics().items()}
+    topics = {"agents", "mission_report", "step_report"}
+    fly(env, Bag(tmp_path / "mission.mcap", env, topics=topics), searching=0.1)
+    (of_csv,) = read_csv(tmp_path / "mission.csv")
+    (of_bag,) = MissionBag(tmp_path / "mission.mcap").missions
+    assert of_csv.covers and of_csv.pos is not None
+    np.testing.assert_array_equal(of_csv.pos, flown.pos)
+    records: list[RecordedMission] = [
+        with_search(of_csv, env.rules, env.scenario), with_coverage(of_bag),
+    ]  # fmt: skip
+    complete = found["coverage_rate"] == 1.0
+    assert complete == (limit == 400)
+    last = len(of_csv.steps) - 1
+    for record in records:
+        numbers = metrics(record)
+        for name, value in found.items():
+            assert numbers[name] == pytest.approx(value, rel=1e-12)
+        assert numbers["drones_lost"] == 0 and numbers["share_found"] is None
+        assert outcome(record).startswith("all covered after" if complete else "")
+        assert complete or "% covered, out of time" in outcome(record)
+        assert forecast_for(record, None) is None
+        np.testing.assert_array_equal(views(record, [last])[last].probability, env.probability)
+    numbers = (metrics(replace(record, rules=None, scenario=None)) for record in records)
+    first, second = numbers
+    assert first["searches"] == second["searches"]
