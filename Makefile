@@ -17,7 +17,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 BASE := $(VENV)/.made-of-$(if $(SOURCED),sourced-$(SOURCED),wheels-$(DISTRO))-$(subst /,_,$(PYTHON))
 SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz scripts viewers \
-	-name __pycache__ -prune -o -print) package.xml
+	-name __pycache__ -prune -o -type f -print) package.xml
 # Errors only; Python compiles what it imports, a small part of what is installed.
 PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no-compile
 
