@@ -7,6 +7,7 @@ from __future__ import annotations
 import resource
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,12 +50,15 @@ def limit_for_a_while(sim: Sim, folder: Path) -> None:
 
 def remove_folder(sim: Sim, folder: Path) -> None:
     """Take the folder away with all that is in it."""
-    shutil.rmtree(folder)
+    while folder.exists():
+        # A file may come into it meanwhile.
+        with suppress(OSError):
+            shutil.rmtree(folder)
 
 
 def replace_by_file(sim: Sim, folder: Path) -> None:
     """Put a file where the folder was."""
-    shutil.rmtree(folder)
+    remove_folder(sim, folder)
     folder.write_text("")
 
 

@@ -91,6 +91,8 @@ class RawTopics:
         """Subscribe a topic that was found; return whether there is anybody on it."""
         profiles = self._profiles(topic)
         if not profiles:
+            # All have gone again.
+            self._without_publisher.discard(topic)
             return False
         kind = message_class(self.types[topic])
         self._subscriptions[topic] = self._node.create_subscription(
@@ -157,7 +159,7 @@ class RawTopics:
         profiles = self._profiles(topic)
         self._without_publisher.discard(topic)
         subscription = self._subscriptions[topic]
-        if common(profiles, _DEPTH) != subscription.qos_profile:
+        if profiles and common(profiles, _DEPTH) != subscription.qos_profile:
             self._take_from(topic, subscription)
             self.unsubscribe(topic)
             self.subscribe(topic)
