@@ -64,8 +64,12 @@ def replace_by_file(sim: Sim, folder: Path) -> None:
 
 def occupy_name(sim: Sim, folder: Path) -> None:
     """Put a folder where the snapshot is to go."""
-    (folder / "mission.snapshot").unlink()
-    (folder / "mission.snapshot").mkdir()
+    snapshot = folder / "mission.snapshot"
+    while not snapshot.is_dir():
+        # A new one may come between the two.
+        snapshot.unlink(missing_ok=True)
+        with suppress(FileExistsError):
+            snapshot.mkdir()
 
 
 def leave(sim: Sim, folder: Path) -> None:
