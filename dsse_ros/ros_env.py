@@ -31,6 +31,7 @@ from std_srvs.srv import Trigger
 from dsse_ros.nodes import security
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE
 from dsse_ros.search import HOLD, FieldError
+from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.fields import shown
 from dsse_ros.search.observation import AgentObservation, observation_space
 from dsse_ros.search.options import IGNORED_OPTION, check_seed
@@ -55,7 +56,7 @@ class SearchLostError(RuntimeError):
     """The mission is no longer the one that was reset; another reset starts a new one."""
 
 
-class DsseRosEnv(ParallelEnv[str, AgentObservation, int]):
+class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     """The search of a running `sim_node`, commanded over its topics.
 
     Observations, rewards, flags and infos are those of `dsse_ros.search.SearchEnv`, bit for bit.
@@ -155,14 +156,6 @@ class DsseRosEnv(ParallelEnv[str, AgentObservation, int]):
         self.action_spaces = {
             agent: spaces.Discrete(len(self.info.actions)) for agent in self.possible_agents
         }
-
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the agent's observation space, always the same object."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the agent's action space, always the same object."""
-        return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None

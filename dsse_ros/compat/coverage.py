@@ -12,22 +12,16 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from dsse_ros.compat.arguments import check_render_mode, joint_action, with_names
-from dsse_ros.compat.search import NAMES, DroneData, DroneSwarmSearch
-from dsse_ros.search import rendering
+from dsse_ros.compat.arguments import joint_action
+from dsse_ros.compat.published import Cell, DroneData, SwarmEnv
+from dsse_ros.compat.search import NAMES
+from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.scenario import Scenario
 
-Cell = tuple[int, int]
 Observations = dict[str, tuple[Cell, NDArray[np.float64]]]
 Infos = dict[str, dict[str, Any]]
-
-_NAMES = {
-    **NAMES,
-    "drone_probability_of_detection": "probability_of_detection",
-    "prob_matrix_path": "probability_matrix",
-}
 
 
 class CoverageMatrix:
@@ -63,7 +57,7 @@ def rules_of(rewards: Mapping[str, float]) -> Rules:
     )
 
 
-class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
+class CoverageDroneSwarmSearch(AgentSpaces, SwarmEnv, ParallelEnv[str, Any, int]):
     """The coverage task of DSSE 1.1.9 (PettingZoo parallel API).
 
     An observation is the agent's cell (x, y) and the probability that is left over its maximum,
@@ -75,6 +69,11 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
     """
 
     metadata = {"name": "DroneSwarmSearchCPP"}
+    _names = {
+        **NAMES,
+        "drone_probability_of_detection": "probability_of_detection",
+        "prob_matrix_path": "probability_matrix",
+    }
     reward_scheme = {
         "default": -0.2,
         "exceed_timestep": 0.0,
@@ -82,8 +81,6 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         "done": 60,
         "reward_poc": 45.0,
     }
-    is_valid_position = DroneSwarmSearch.is_valid_position
-    calculate_simulation_time_step = staticmethod(DroneSwarmSearch.calculate_simulation_time_step)
 
     def __init__(
         self,
@@ -103,14 +100,14 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         start_time: Any = None,
         grid_cell_size: float = 130,
     ) -> None:
-        self.render_mode = check_render_mode(render_mode)
         if not isinstance(prob_matrix_path, str):
             raise ValueError(
                 f"prob_matrix_path: {prob_matrix_path!r} is not allowed; the path of a .npy, CSV "
                 "or GeoTIFF file, for no ocean model is run here"
             )
-        self._scenario = with_names(
-            _NAMES,
+        self.reward_scheme = dict(self.reward_scheme)
+        self._set_up(
+            render_mode,
             lambda: Scenario.from_dict(
                 {
                     "probability_matrix": prob_matrix_path,
@@ -122,8 +119,6 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
                 }
             ),
         )
-        self.reward_scheme = dict(self.reward_scheme)
-        self._make(rules_of(self.reward_scheme))
         self.grid_size = self.probability_matrix.get_map_size()
         self.cell_size = grid_cell_size
         self.timestep_limit = timestep_limit
@@ -131,9 +126,6 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         self.drone = DroneData(drone_amount, drone_speed, drone_probability_of_detection)
         self.probability_of_detection = drone_probability_of_detection
         self.time_step_relation = self.calculate_simulation_time_step(drone_speed, grid_cell_size)
-        self.timestep: int | None = None
-        self.possible_agents = self._search.possible_agents
-        self.agents: list[str] = []
         self.agents_positions: list[Any] = [(None, None)] * drone_amount
         g = self.grid_size
         self.observation_spaces = dict.fromkeys(
@@ -143,9 +135,11 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         self.action_spaces = self._search.action_spaces
         self.all_states = {(x, y) for x in range(g) for y in range(g)}
 
+    def _rules(self) -> Rules:
+        return rules_of(self.reward_scheme)
+
     def _make(self, rules: Rules) -> None:
-        mode = "human" if self.render_mode == "human" else None
-        self._search = with_names(_NAMES, lambda: SearchEnv(self._scenario, rules, mode))
+        super()._make(rules)
         self.probability_matrix = CoverageMatrix(self._search)
 
     def reset(
@@ -160,13 +154,7 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         Raises:
             ValueError: If an option is not allowed.
         """
-        rules = rules_of(self.reward_scheme)
-        if rules != self._search.rules:
-            self._make(rules)
-        start = {"drones_positions": (options or {}).get("drones_positions")}
-        self._search.reset(options=start)
-        self.agents = self.possible_agents.copy()
-        self.timestep = 0
+        self._start(None, {"drones_positions": (options or {}).get("drones_positions")})
         cells = self._cells_to_cover
         self.reward_scheme["done"] = cells / len(self.agents)
         self.reward_scheme["reward_poc"] = cells
@@ -181,18 +169,13 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
             ValueError: If there was no reset, or an action is missing or not allowed; the mission
                 stays as it is.
         """
-        if self.timestep is None:
-            raise ValueError("Please reset the env before interacting with it")
-        agents, world = self.agents, self._search.world
+        steps_done, agents = self._check_started(), self.agents
         if not agents:
             return {}, {}, {}, {}, {}
         numbers = joint_action(actions, agents, len(self._search.rules.actions))
         self._search.advance(np.array(numbers, np.int8))
-        self.timestep += 1
-        rewards, terminations, truncations = (
-            dict(zip(agents, of_world[0].tolist(), strict=True))
-            for of_world in (world.rewards, world.terminated, world.truncated)
-        )
+        self.timestep = steps_done + 1
+        rewards, terminations, truncations = self._outcome(agents)
         infos, observations = self._infos(), self._observe()
         if self.render_mode == "human":
             self.render()
@@ -200,8 +183,7 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         return observations, rewards, terminations, truncations, infos
 
     def _observe(self) -> Observations:
-        self.agents_positions = list(map(tuple, self._search.positions.tolist()))
-        probability = self.probability
+        self.agents_positions, probability = self._cells(), self.probability
         return {
             agent: (cell, probability)
             for agent, cell in zip(self.agents, self.agents_positions, strict=True)
@@ -224,14 +206,14 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
     @property
     def seen_states(self) -> set[Cell]:
         """Cells (x, y) that are covered."""
-        return _cells(
+        return _cells_where(
             self.probability_matrix.original_map > self.probability_matrix.probability_map
         )
 
     @property
     def not_seen_states(self) -> set[Cell]:
         """Cells (x, y) that are to be covered."""
-        return _cells(self.probability_matrix.probability_map > 0)
+        return _cells_where(self.probability_matrix.probability_map > 0)
 
     @property
     def repeated_coverage(self) -> int:
@@ -246,48 +228,15 @@ class CoverageDroneSwarmSearch(ParallelEnv[str, Any, int]):
         return float(self._search.world.coverage_metrics()["pos"][0])
 
     @property
-    def positions(self) -> NDArray[np.int64]:
-        """Cells (N, 2) as (x, y) of all drones."""
-        return self._search.positions
-
-    @property
     def probability(self) -> NDArray[np.float64]:
         """What agents observe of the matrix, (G, G) as [y, x]."""
         matrix = self.probability_matrix.get_matrix()
         return matrix / (matrix.max() or 1.0)
 
-    @property
-    def steps_done(self) -> int:
-        """Steps of the mission that are done."""
-        return self._search.steps_done
-
-    def get_agents(self) -> list[str]:
-        """Return the names of all drones."""
-        return self.possible_agents
-
-    def observation_space(self, agent: str) -> Any:
-        """Return the agent's observation space, always the same object."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> Any:
-        """Return the agent's action space, always the same object."""
-        return self.action_spaces[agent]
-
     def save_matrix(self, path: str) -> None:
         """Write the matrix as it was before all visits to a .npy file."""
         self.probability_matrix.save_state(path)
 
-    def render(self) -> str | None:
-        """Show the mission in a window in the mode human; return it as text else."""
-        if self.render_mode == "human":
-            self._search.render()
-            return None
-        return rendering.to_ansi(self._search.view())
 
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        self._search.close()
-
-
-def _cells(where: NDArray[np.bool_]) -> set[Cell]:
+def _cells_where(where: NDArray[np.bool_]) -> set[Cell]:
     return {(x, y) for y, x in np.argwhere(where).tolist()}

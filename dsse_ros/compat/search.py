@@ -5,20 +5,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from dsse_ros.compat.arguments import check_render_mode, joint_action, with_names
+from dsse_ros.compat.arguments import joint_action
 from dsse_ros.compat.constants import Actions, Reward
-from dsse_ros.search import rendering
+from dsse_ros.compat.published import Cell, DroneData, SwarmEnv
+from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.scenario import Scenario
 
-Cell = tuple[int, int]
 Observations = dict[str, tuple[Cell, NDArray[np.float32]]]
 Infos = dict[str, dict[str, Any]]
 
@@ -29,14 +29,6 @@ NAMES = {
     "grid_cell_size": "cell_size",
 }
 """Published names of arguments whose fields of the scenario have other names."""
-
-
-class DroneData(NamedTuple):
-    """The drones: how many, their speed in m/s, their probability of detection."""
-
-    amount: int
-    speed: float
-    pod: float
 
 
 class Person:
@@ -120,7 +112,7 @@ def rules_of(rewards: Reward) -> Rules:
     )
 
 
-class DroneSwarmSearch(ParallelEnv[str, Any, int]):
+class DroneSwarmSearch(AgentSpaces, SwarmEnv, ParallelEnv[str, Any, int]):
     """The search of DSSE 1.1.9 (PettingZoo parallel API).
 
     An observation is the agent's cell (x, y) and the map (G, G) float32 as [y, x]. Arguments,
@@ -131,6 +123,7 @@ class DroneSwarmSearch(ParallelEnv[str, Any, int]):
     """
 
     metadata = {"name": "DroneSwarmSearchV0"}
+    _names = NAMES
     possible_actions = set(Actions)
     reward_scheme = Reward(
         default=0.0,
@@ -159,9 +152,8 @@ class DroneSwarmSearch(ParallelEnv[str, Any, int]):
         pre_render_time: float = 0,
         grid_cell_size: float = 130,
     ) -> None:
-        self.render_mode = check_render_mode(render_mode)
-        self._scenario = with_names(
-            NAMES,
+        self._set_up(
+            render_mode,
             lambda: Scenario(
                 grid_size=grid_size,
                 vector=vector,
@@ -189,22 +181,16 @@ class DroneSwarmSearch(ParallelEnv[str, Any, int]):
         self.drone = DroneData(drone_amount, drone_speed, probability_of_detection)
         self.probability_of_detection = probability_of_detection
         self.time_step_relation = self.calculate_simulation_time_step(drone_speed, grid_cell_size)
-        self.timestep: int | None = None
         self.probability_matrix: ProbabilityMatrix | None = None
-        self._make(rules_of(self.reward_scheme))
         self.pre_render_steps = self._search.scenario.pre_search_steps
-        self.possible_agents = self._search.possible_agents
-        self.agents: list[str] = []
         self.agents_positions: list[Any] = [(None, None)] * drone_amount
         self.action_spaces = self._search.action_spaces
         self.observation_spaces = self._search.observation_spaces
         self.rewards_sum: dict[str, float] = {}
         self._forget_rewards()
 
-    def _make(self, rules: Rules) -> None:
-        """Make the search; a new one goes on with the random numbers of the one before."""
-        mode = "human" if self.render_mode == "human" else None
-        self._search = with_names(NAMES, lambda: SearchEnv(self._scenario, rules, mode))
+    def _rules(self) -> Rules:
+        return rules_of(self.reward_scheme)
 
     def _forget_rewards(self) -> None:
         self.rewards_sum = {**dict.fromkeys(self.possible_agents, 0), "total": 0}
@@ -223,21 +209,14 @@ class DroneSwarmSearch(ParallelEnv[str, Any, int]):
             ValueError: If an option is not allowed.
         """
         options = options or {}
-        rules = rules_of(self.reward_scheme)
-        if rules != self._search.rules:
-            state = self._search.world.worlds["rng"].copy()
-            self._make(rules)
-            self._search.world.worlds["rng"] = state
         vector = options.get("vector") or self.vector
         start = {
             "vector": vector,
             "drones_positions": options.get("drones_positions"),
             "person_pod_multipliers": options.get("person_pod_multipliers"),
         }
-        self._search.reset(None if seed is None else int(seed), start)
+        self._start(None if seed is None else int(seed), start)
         self.vector = vector
-        self.agents = self.possible_agents.copy()
-        self.timestep = 0
         self.probability_matrix = ProbabilityMatrix(self._search)
         records = self._search.world.persons[0]
         self._persons = [Person(i, records[i]) for i in range(len(records))]
@@ -253,23 +232,16 @@ class DroneSwarmSearch(ParallelEnv[str, Any, int]):
             ValueError: If there was no reset, or an action is missing or not allowed; the mission
                 stays as it is.
         """
-        if self.timestep is None:
-            raise ValueError("Please reset the env before interacting with it")
-        agents = self.agents
+        steps_done, agents = self._check_started(), self.agents
         if not agents:
             return {}, {}, {}, {}, {}
         search = self._search
         search.advance(np.array(joint_action(actions, agents, len(Actions)), np.int8))
-        self.timestep += 1
-        world = search.world
-        rewards = dict(zip(agents, world.rewards[0].tolist(), strict=True))
+        self.timestep = steps_done + 1
+        rewards, terminations, truncations = self._outcome(agents)
         for agent, reward in rewards.items():
             self.rewards_sum[agent] += reward
-        terminations, truncations = (
-            dict(zip(agents, flags[0].tolist(), strict=True))
-            for flags in (world.terminated, world.truncated)
-        )
-        found = bool(world.worlds["num_missing"][0] == 0)
+        found = bool(search.world.worlds["num_missing"][0] == 0)
         observations = self._observe()
         if self.render_mode == "human":
             self.render()
@@ -278,28 +250,16 @@ class DroneSwarmSearch(ParallelEnv[str, Any, int]):
         return observations, rewards, terminations, truncations, infos
 
     def _observe(self) -> Observations:
-        search = self._search
-        self.agents_positions = list(map(tuple, search.positions.tolist()))
-        probability = search.world.maps[0]
+        self.agents_positions, probability = self._cells(), self.probability
         return {
             agent: (cell, probability)
             for agent, cell in zip(self.agents, self.agents_positions, strict=True)
         }
 
     @property
-    def positions(self) -> NDArray[np.int64]:
-        """Cells (N, 2) as (x, y) of all drones."""
-        return self._search.positions
-
-    @property
     def probability(self) -> NDArray[np.float32]:
         """The map (G, G) as [y, x] of the last observation."""
         return self._search.world.maps[0]
-
-    @property
-    def steps_done(self) -> int:
-        """Steps of the mission that are done."""
-        return self._search.steps_done
 
     @property
     def persons_set(self) -> set[Person]:
@@ -312,37 +272,3 @@ class DroneSwarmSearch(ParallelEnv[str, Any, int]):
     def get_persons(self) -> set[Person]:
         """Return the persons who have not been found yet."""
         return self.persons_set
-
-    def get_agents(self) -> list[str]:
-        """Return the names of all drones."""
-        return self.possible_agents
-
-    def observation_space(self, agent: str) -> Any:
-        """Return the agent's observation space, always the same object."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> Any:
-        """Return the agent's action space, always the same object."""
-        return self.action_spaces[agent]
-
-    def is_valid_position(self, position: Cell) -> bool:
-        """Return whether a cell (x, y) is on the grid."""
-        return all(0 <= value < self.grid_size for value in position)
-
-    @staticmethod
-    def calculate_simulation_time_step(
-        drone_max_speed: float, cell_size: float, wind_resistance: float = 0.0
-    ) -> float:
-        """Return the seconds of one step: metres of a cell over metres per second."""
-        return cell_size / (drone_max_speed - wind_resistance)
-
-    def render(self) -> str | None:
-        """Show the mission in a window in the mode human; return it as text else."""
-        if self.render_mode == "human":
-            self._search.render()
-            return None
-        return rendering.to_ansi(self._search.view())
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        self._search.close()

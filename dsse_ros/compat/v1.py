@@ -11,18 +11,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dsse_ros.compat.arguments import check_render_mode, with_names
+from dsse_ros.compat.published import PublishedEnv
 from dsse_ros.compat.search import ProbabilityMatrix
-from dsse_ros.search import rendering
-from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import HOLD
 
 Observations = dict[str, dict[str, tuple[tuple[int, int], NDArray[np.float32]]]]
-
-NAMES = {"n_drones": "num_drones", "disperse_constant": "sigma"}
-"""Published names of arguments whose fields of the scenario have other names."""
 
 
 def rules_of(rewards: Mapping[str, float]) -> Rules:
@@ -38,7 +33,7 @@ def rules_of(rewards: Mapping[str, float]) -> Rules:
     )
 
 
-class DroneSwarmSearch:
+class DroneSwarmSearch(PublishedEnv):
     """The search of DSSE 0.1.13, which has the shape of no PettingZoo environment of today.
 
     `reset` returns observations alone, `{agent: {"observation": ((x, y), map)}}`, the map (G, G)
@@ -51,6 +46,7 @@ class DroneSwarmSearch:
     """
 
     metadata: dict[str, Any] = {}
+    _names = {"n_drones": "num_drones", "disperse_constant": "sigma"}
 
     def __init__(
         self,
@@ -64,7 +60,6 @@ class DroneSwarmSearch:
         disperse_constant: float = 10,
         timestep_limit: int = 100,
     ) -> None:
-        self.render_mode = check_render_mode(render_mode)
         self.grid_size = grid_size
         self.vector = vector
         self.person_initial_position = person_initial_position
@@ -78,8 +73,8 @@ class DroneSwarmSearch:
             "search_cell": 1,
             "search_and_find": 100000,
         }
-        self._scenario = with_names(
-            NAMES,
+        self._set_up(
+            render_mode,
             lambda: Scenario(
                 grid_size=grid_size,
                 num_drones=n_drones,
@@ -89,18 +84,15 @@ class DroneSwarmSearch:
                 timestep_limit=timestep_limit,
             ),
         )
-        self._make()
-        self.possible_agents = self._search.possible_agents
-        self.agents: list[str] = []
         self.agents_positions: dict[str, Any] = {a: [None, None] for a in self.possible_agents}
-        self.timestep: int | None = None
         self.rewards_sum: dict[str, float] = {}
         self._forget_rewards()
 
-    def _make(self) -> None:
-        mode = "human" if self.render_mode == "human" else None
-        rules = rules_of(self.reward_scheme)
-        self._search = with_names(NAMES, lambda: SearchEnv(self._scenario, rules, mode))
+    def _rules(self) -> Rules:
+        return rules_of(self.reward_scheme)
+
+    def _make(self, rules: Rules) -> None:
+        super()._make(rules)
         self.probability_matrix = ProbabilityMatrix(self._search)
 
     def _forget_rewards(self) -> None:
@@ -126,16 +118,10 @@ class DroneSwarmSearch:
         Raises:
             ValueError: If an argument is not allowed; the mission under way stays as it is.
         """
-        if rules_of(self.reward_scheme) != self._search.rules:
-            state = self._search.world.worlds["rng"].copy()
-            self._make()
-            self._search.world.worlds["rng"] = state
         vector = vector or self.vector
         start = {"drones_positions": drones_positions, "vector": vector}
-        self._search.reset(seed, start)
+        self._start(seed, start)
         self.vector = vector
-        self.agents = self.possible_agents.copy()
-        self.timestep = 0
         self._forget_rewards()
         return self._observe()
 
@@ -147,8 +133,7 @@ class DroneSwarmSearch:
         Raises:
             ValueError: If there was no reset, or an action is missing; the mission stays as it is.
         """
-        if self.timestep is None:
-            raise ValueError("Please reset the env before interacting with it")
+        steps_done = self._check_started()
         missing = [agent for agent in self.agents if agent not in actions]
         if missing:
             raise ValueError(f"Missing action for {missing[0]}")
@@ -159,28 +144,21 @@ class DroneSwarmSearch:
             known = range(len(search.rules.actions))
             joint = [actions[a] if actions[a] in known else HOLD for a in agents]
             search.advance(np.array(joint, np.int8))
-            self.timestep += 1
-        rewards = (
-            dict.fromkeys(agents, 0.0)
-            if over
-            else dict(zip(agents, world.rewards[0].tolist(), strict=True))
-        )
+            self.timestep = steps_done + 1
+        rewards, terminations, truncations = self._outcome(agents)
+        if over:
+            rewards = dict.fromkeys(agents, 0.0)
         for agent, reward in rewards.items():
             self.rewards_sum[agent] += reward
         rewards["total_reward"] = sum(rewards.values())
         self.rewards_sum["total"] += rewards["total_reward"]
-        terminations, truncations = (
-            dict(zip(agents, flags[0].tolist(), strict=True))
-            for flags in (world.terminated, world.truncated)
-        )
         if self.render_mode == "human":
             self.render()
         infos = {"Found": bool(world.worlds["num_missing"][0] == 0)}
         return self._observe(), rewards, terminations, truncations, infos
 
     def _observe(self) -> Observations:
-        cells = list(map(tuple, self._search.positions.tolist()))
-        self.agents_positions = dict(zip(self.possible_agents, cells, strict=True))
+        self.agents_positions = dict(zip(self.possible_agents, self._cells(), strict=True))
         probability = self.probability_matrix.get_matrix()
         return {
             agent: {"observation": (cell, probability)}
@@ -197,10 +175,6 @@ class DroneSwarmSearch:
         """Row of the person's cell."""
         return int(self._search.world.persons["y"][0, 0])
 
-    def get_agents(self) -> list[str]:
-        """Return the names of all drones."""
-        return self.possible_agents
-
     def observation_space(self, agent: str) -> spaces.MultiDiscrete:
         """Return the space of a cell, as published: the map is not in it."""
         return spaces.MultiDiscrete([self.grid_size] * 2)
@@ -208,14 +182,3 @@ class DroneSwarmSearch:
     def action_space(self, agent: str) -> list[int]:
         """Return the numbers of the actions, as published: no space."""
         return list(range(len(self._search.rules.actions)))
-
-    def render(self) -> str | None:
-        """Show the mission in a window in the mode human; return it as text else."""
-        if self.render_mode == "human":
-            self._search.render()
-            return None
-        return rendering.to_ansi(self._search.view())
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        self._search.close()

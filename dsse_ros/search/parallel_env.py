@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from dsse_ros.search import rendering
+from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.fields import FieldError, Spec, shown
 from dsse_ros.search.mission_view import Past, view_of
 from dsse_ros.search.observation import AgentObservation, observation_space
@@ -26,7 +27,7 @@ from dsse_ros.search.world import HOLD, World
 from dsse_ros.search.world_beliefs import WorldBeliefs
 
 
-class SearchEnv(ParallelEnv[str, AgentObservation, int]):
+class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     """A drone swarm searching for persons at sea (PettingZoo parallel API).
 
     An observation is a tuple, an `Observation` without its names, of
@@ -129,14 +130,6 @@ class SearchEnv(ParallelEnv[str, AgentObservation, int]):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._bind()
-
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the agent's observation space, always the same object."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the agent's action space, always the same object."""
-        return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None

@@ -1,0 +1,150 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What the published environments have in common as covers over `SearchEnv`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, NamedTuple
+
+from numpy.typing import NDArray
+
+from dsse_ros.compat.arguments import check_render_mode, with_names
+from dsse_ros.search import rendering
+from dsse_ros.search.fields import FieldError
+from dsse_ros.search.parallel_env import SearchEnv
+from dsse_ros.search.rules import Rules
+from dsse_ros.search.scenario import Scenario
+
+Cell = tuple[int, int]
+
+
+class DroneData(NamedTuple):
+    """The drones: how many, their speed in m/s, their probability of detection."""
+
+    amount: int
+    speed: float
+    pod: float
+
+
+class PublishedEnv:
+    """A search under published names, of which the subclass states the rest.
+
+    Attributes:
+        render_mode: `ansi` or `human`.
+        possible_agents: Names of all drones.
+        agents: Names of the drones that still search; none before the first reset.
+        timestep: Steps that are done, None before the first reset.
+    """
+
+    _names: ClassVar[Mapping[str, str]]
+    """Published names of arguments whose fields of the scenario have other names."""
+
+    render_mode: str
+    possible_agents: list[str]
+    agents: list[str]
+    timestep: int | None
+
+    def _set_up(self, render_mode: str, scenario: Callable[[], Scenario]) -> None:
+        """Make the search.
+
+        Raises:
+            FieldError: If an argument is not allowed; it has its published name.
+        """
+        self.render_mode = check_render_mode(render_mode)
+        self._scenario = with_names(self._names, scenario)
+        self._make(self._rules())
+        self.possible_agents = self._search.possible_agents
+        self.agents = []
+        self.timestep = None
+
+    def _rules(self) -> Rules:
+        """Return the rules with the rewards as they are now."""
+        raise NotImplementedError
+
+    def _make(self, rules: Rules) -> None:
+        mode = "human" if self.render_mode == "human" else None
+        self._search = with_names(self._names, lambda: SearchEnv(self._scenario, rules, mode))
+
+    def _start(self, seed: int | None, options: Mapping[str, Any]) -> None:
+        """Start a mission, with the rewards as they are now.
+
+        Raises:
+            FieldError: If the seed or an option is not allowed.
+        """
+        rules = self._rules()
+        if rules != self._search.rules:
+            # The new search goes on with the random numbers of the one before.
+            state = self._search.world.worlds["rng"].copy()
+            self._make(rules)
+            self._search.world.worlds["rng"] = state
+        self._search.reset(seed, options)
+        self.agents = self.possible_agents.copy()
+        self.timestep = 0
+
+    def _check_started(self) -> int:
+        """Return the steps that are done.
+
+        Raises:
+            FieldError: If there was no reset.
+        """
+        if self.timestep is None:
+            raise FieldError("Please reset the env before interacting with it")
+        return self.timestep
+
+    def _outcome(
+        self, agents: list[str]
+    ) -> tuple[dict[str, float], dict[str, bool], dict[str, bool]]:
+        """Return rewards, terminations and truncations of the last step."""
+        world = self._search.world
+        rewards, terminations, truncations = (
+            dict(zip(agents, of_world[0].tolist(), strict=True))
+            for of_world in (world.rewards, world.terminated, world.truncated)
+        )
+        return rewards, terminations, truncations
+
+    def _cells(self) -> list[Any]:
+        """Return the cells (x, y) of all drones."""
+        return list(map(tuple, self._search.positions.tolist()))
+
+    @property
+    def positions(self) -> NDArray[Any]:
+        """Cells (N, 2) as (x, y) of all drones."""
+        return self._search.positions
+
+    @property
+    def steps_done(self) -> int:
+        """Steps of the mission that are done."""
+        return self._search.steps_done
+
+    def get_agents(self) -> list[str]:
+        """Return the names of all drones."""
+        return self.possible_agents
+
+    def render(self) -> str | None:
+        """Show the mission in a window in the mode human; return it as text else."""
+        if self.render_mode == "human":
+            self._search.render()
+            return None
+        return rendering.to_ansi(self._search.view())
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._search.close()
+
+
+class SwarmEnv(PublishedEnv):
+    """What the two environments of DSSE 1.1.9 have in common besides."""
+
+    grid_size: int
+
+    def is_valid_position(self, position: Cell) -> bool:
+        """Return whether a cell (x, y) is on the grid."""
+        return all(0 <= value < self.grid_size for value in position)
+
+    @staticmethod
+    def calculate_simulation_time_step(
+        drone_max_speed: float, cell_size: float, wind_resistance: float = 0.0
+    ) -> float:
+        """Return the seconds of one step: metres of a cell over metres per second."""
+        return cell_size / (drone_max_speed - wind_resistance)

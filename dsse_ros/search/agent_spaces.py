@@ -1,0 +1,32 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The spaces of agents, as PettingZoo asks an environment for them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gymnasium import spaces
+
+
+class AgentSpaces:
+    """An environment whose agents' spaces stand in two dictionaries.
+
+    PettingZoo's own methods warn, and users of an environment rely on getting the same object
+    each time: it may be seeded.
+
+    Attributes:
+        observation_spaces: Of each agent.
+        action_spaces: Of each agent.
+    """
+
+    observation_spaces: dict[str, spaces.Space[Any]]
+    action_spaces: dict[str, spaces.Space[Any]]
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's observation space, always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's action space, always the same object."""
+        return self.action_spaces[agent]
