@@ -16,16 +16,18 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 
-class Taken(NamedTuple):
+class RawMessage(NamedTuple):
     """A message as it came.
 
     Attributes:
+        topic: Its topic.
         data: The message in CDR.
         received_ns: Wall time at which it was received.
         published_ns: Wall time at which it was published.
         sequence: Its number among those of its publisher.
     """
 
+    topic: str
     data: bytes
     received_ns: int
     published_ns: int
@@ -45,13 +47,15 @@ def polling_node(node: Node) -> Node:
     )
 
 
-def take_all(subscription: Subscription) -> Iterator[Taken]:
+def take_all(subscription: Subscription) -> Iterator[RawMessage]:
     """Yield what has come of a subscription since, as many messages as its depth at most."""
     handle, kind = subscription.handle, subscription.msg_type
+    topic = subscription.topic_name
     with handle:
         while (taken := handle.take_message(kind, True)) is not None:
             data, info = taken
-            yield Taken(
+            yield RawMessage(
+                topic,
                 data,
                 info["received_timestamp"] or time.time_ns(),
                 info["source_timestamp"],

@@ -7,13 +7,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
-from typing import Any, NamedTuple
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
-from dsse_ros.nodes.polling import polling_node, spun_by_nobody, take_all
+from dsse_ros.nodes.polling import RawMessage, polling_node, spun_by_nobody, take_all
 from dsse_ros.recording.offered_qos import common
 from dsse_ros.recording.schemas import definition, message_class
 from dsse_ros.search import FieldError
@@ -23,24 +23,6 @@ OF_ALL = ("/clock", "/diagnostics", "/tf", "/tf_static")
 NOT_OF_A_MISSION = ("/parameter_events", "/rosout")
 _DEPTH = 1000
 """Messages of a topic that may wait to be taken."""
-
-
-class RawMessage(NamedTuple):
-    """A message as it came.
-
-    Attributes:
-        topic: Its topic.
-        data: The message in CDR.
-        received_ns: Wall time at which it was received.
-        published_ns: Wall time at which it was published.
-        sequence: Its number among those of its publisher.
-    """
-
-    topic: str
-    data: bytes
-    received_ns: int
-    published_ns: int
-    sequence: int
 
 
 class RawTopics:
@@ -122,8 +104,8 @@ class RawTopics:
         """Return what has come since, in the order in which it was received."""
         # What comes meanwhile, on a topic that had its turn or on one that has not, is for later.
         until_ns = time.time_ns()
-        for topic, subscription in self._subscriptions.items():
-            self._take_from(topic, subscription)
+        for subscription in self._subscriptions.values():
+            self._waiting += take_all(subscription)
         self._waiting.sort(key=lambda message: message.received_ns)
         ready = len(self._waiting)
         while ready and self._waiting[ready - 1].received_ns > until_ns:
@@ -160,7 +142,7 @@ class RawTopics:
         self._without_publisher.discard(topic)
         subscription = self._subscriptions[topic]
         if profiles and common(profiles, _DEPTH) != subscription.qos_profile:
-            self._take_from(topic, subscription)
+            self._waiting += take_all(subscription)
             self.unsubscribe(topic)
             self.subscribe(topic)
 
@@ -172,6 +154,3 @@ class RawTopics:
         listeners = self._node.get_subscriptions_info_by_topic(topic)
         own = self._node.get_name()
         return offered or [one.qos_profile for one in listeners if one.node_name != own]
-
-    def _take_from(self, topic: str, subscription: Subscription) -> None:
-        self._waiting += [RawMessage(topic, *taken) for taken in take_all(subscription)]

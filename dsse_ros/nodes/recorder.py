@@ -10,8 +10,9 @@ import time
 
 from dsse_ros.nodes.exit_codes import FAILED
 from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.polling import RawMessage
 from dsse_ros.nodes.qos import Endpoints
-from dsse_ros.nodes.raw_topics import RawMessage, RawTopics
+from dsse_ros.nodes.raw_topics import RawTopics
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import RecorderSettings
 from dsse_ros.recording.bag import BagWriter
