@@ -42,6 +42,8 @@ def main(arguments: list[str] | None = None) -> int:
             say(f"{name:18} done before: {done['says']}")
             continue
         results[name] = measure(ROWS[name], given.quick, BUILD / name) | {"code": code}
+        # Others may measure other rows meanwhile.
+        results = _load(path) | {name: results[name]}
         _save(path, results)
         say(f"{name:18} {results[name]['says']}")
     broken = [name for name in given.only or ROWS if results[name]["missed"]]

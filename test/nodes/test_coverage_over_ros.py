@@ -64,7 +64,7 @@ def test_a_mission_over_ros_is_step_by_step_the_direct_one(rig: Rig, tmp_path: P
     ]
     assert flown == direct
     assert reports[-1]["all_found"].all() and not reports[0]["all_found"].any()
-    assert "all covered" in sim.process.output
+    rig.until(lambda: "all covered" in sim.process.output, "the line at the end")
     # The log has the same to the last bit.
     rows = list(csv.DictReader(record.read_text(encoding="utf-8").splitlines()))
     assert tuple(rows[0]) == columns_of(covers=True, faults=False) and len(rows) == 3 * (

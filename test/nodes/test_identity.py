@@ -97,7 +97,9 @@ def test_a_mission_that_ends_is_reported_whole_however_it_ends(rig: Rig) -> None
     report = mission_report(sim)
     assert len(report) == sim.step_number + 1 and report["truncated"][-1].all()
     assert_is_what_was_reported(report, sim)
-    assert "mission 1 over after 6 steps: out of time" in sim.process.output
+    sim.rig.until(
+        lambda: "mission 1 over after 6 steps: out of time" in sim.process.output, "the line"
+    )
     # No drone left.
     sim.reset()
     sim.fly(RIGHT, UP)
@@ -115,7 +117,7 @@ def test_a_mission_that_ends_is_reported_whole_however_it_ends(rig: Rig) -> None
     sim.set(command_timeout=0.0)
     report = mission_report(sim)
     assert len(report) == 2 and not report["terminated"].any()
-    assert "mission 3 over after 1 step: aborted" in sim.process.output
+    sim.rig.until(lambda: "mission 3 over after 1 step: aborted" in sim.process.output, "the line")
     # A mission that a reset cuts short has not ended.
     sim.reset()
     sim.reset()

@@ -259,7 +259,7 @@ def test_a_stale_joint_action_is_refused(sim: Sim) -> None:
     time.sleep(1.1)
     sim.joint(DOWN, DOWN, DOWN, step=0)
     assert sim.health_after("stale_step")["step"] == "1"
-    assert "step 0 is not allowed; 1 is" in sim.process.output
+    sim.rig.until(lambda: "step 0 is not allowed; 1 is" in sim.process.output, "the line")
 
 
 def test_a_reset_clears_the_commands(sim: Sim) -> None:
@@ -393,7 +393,9 @@ def test_without_a_command_in_time_abort_ends_the_mission(sim: Sim) -> None:
     health = sim.health_when(lambda h: h["state"] == "mission aborted")
     assert health["level"] == b"\x02" and health["step"] == "0" and len(sim.reports) == seen
     assert int(health["timeouts"]) >= 1
-    assert "mission aborted: no command from drone0, drone2" in sim.process.output
+    sim.rig.until(
+        lambda: "mission aborted: no command from drone0, drone2" in sim.process.output, "the line"
+    )
     sim.set(command_timeout=0.0)
     sim.reset()
     assert sim.health()["state"] == "running"
@@ -408,7 +410,7 @@ def test_waiting_for_the_rate_is_no_missing_command(sim: Sim) -> None:
     assert sim.next_report(seen)["action"].tolist() == [DOWN] * 3
     sim.set(command_timeout=0.0)
     # Whatever time-out there may have been since then: none before.
-    assert "vehicles are late" not in sim.process.output
+    sim.rig.until(lambda: "vehicles are late" not in sim.process.output, "the line")
 
 
 def test_without_commands_too_there_are_no_more_steps_than_the_rate_allows(sim: Sim) -> None:

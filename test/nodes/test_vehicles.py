@@ -119,7 +119,7 @@ def test_vehicles_that_are_late_are_not_waited_for_after_the_time_out(sim: Sim) 
     sim.set(command_timeout=0.1)
     assert sim.next_report(seen)["action"].tolist() == [RIGHT, RIGHT, LEFT]
     sim.set(command_timeout=0.0)
-    assert "vehicles are late" in sim.process.output
+    sim.rig.until(lambda: "vehicles are late" in sim.process.output, "the line")
 
 
 def test_a_lost_drone_is_terminated_and_the_others_go_on_without_it(sim: Sim) -> None:
@@ -164,7 +164,7 @@ def test_a_second_bridge_on_the_same_vehicles_is_noticed(sim: Sim) -> None:
     health = sim.health_when(lambda h: h[f"publishers.{topic}"] == "2")
     assert health["level"] == DiagnosticStatus.WARN
     assert f"2 nodes publish {topic}" in health["message"]
-    assert f"2 nodes publish {topic}" in sim.process.output
+    sim.rig.until(lambda: f"2 nodes publish {topic}" in sim.process.output, "the line")
     sim.rig.node.destroy_publisher(second)
     sim.health_when(lambda h: h[f"publishers.{topic}"] == "1")
 
@@ -186,7 +186,7 @@ def test_the_mission_is_over_when_the_last_drone_is_lost(sim: Sim) -> None:
     assert sim.next_report(seen + 2)["terminated"].all()
     assert sim.health()["state"] == "mission over"
     assert not sim.trigger("step")[0]
-    assert "over after 0 steps: no drone left" in sim.process.output
+    sim.rig.until(lambda: "over after 0 steps: no drone left" in sim.process.output, "the line")
 
 
 def test_a_mission_that_has_lost_all_vehicles_waits_for_a_reset(sim: Sim) -> None:
