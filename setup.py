@@ -37,6 +37,7 @@ setup(
     package_data={
         "dsse_ros": ["models/*"],
         "dsse_ros.dashboard": ["*.css", "*.js"],
+        "dsse_ros.nodes": ["fastdds.xml"],
         "dsse_ros.report": ["*.html"],
     },
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.

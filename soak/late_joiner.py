@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 
-from soak.rigs import ENVIRONMENT, ROOT, domain
+from soak.rigs import ENVIRONMENT, ROOT, Rig, domain
 from soak.row import Figures, Goal, Row, Run
 from soak.traffic import SEARCHED
 
@@ -16,7 +16,7 @@ WITHIN_S = 2.0
 GIVE_UP_S = 60.0
 
 PROGRAM = """
-import sys, time
+import os, signal, sys, time
 import rclpy
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid
@@ -35,11 +35,38 @@ for topic, kind in kinds.items():
     node.create_subscription(kind, topic, lambda _, topic=topic: got.add(topic), latched)
 while len(got) < len(kinds) and time.monotonic() < begin + float(sys.argv[2]):
     rclpy.spin_once(node, timeout_sec=0.1)
-print(len(kinds) - len(got), time.monotonic() - begin)
+print(len(kinds) - len(got), time.monotonic() - begin, flush=True)
+if sys.argv[3:] == ["killed"]:
+    os.kill(os.getpid(), signal.SIGKILL)
 node.destroy_node()
 rclpy.try_shutdown()
 """
 """Prints how many of the latched topics did not come, and after what time all had."""
+
+
+def join(rig: Rig, drones: int, *ending: str) -> tuple[int, float]:
+    """Join with a process that uses nothing but rclpy.
+
+    Args:
+        rig: In whose ROS domain.
+        drones: Number of drones whose poses it wants besides grid and report.
+        ending: `killed` for one that has no chance to say that it goes.
+
+    Returns:
+        How many topics it got nothing on, and the seconds until it had all.
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(drones), str(GIVE_UP_S), *ending],
+        cwd=ROOT,
+        env=os.environ | ENVIRONMENT | {"ROS_DOMAIN_ID": str(rig.domain)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=3 * GIVE_UP_S,
+        check=not ending,
+    )
+    left, time_s = done.stdout.split()
+    return int(left), float(time_s)
 
 
 def late_joiner(run: Run) -> Figures:
@@ -50,19 +77,9 @@ def late_joiner(run: Run) -> Figures:
         sim = rig.sim(SEARCHED | {"grid_size": 20, "num_drones": drones})
         sim.fly(*[1] * drones)
         for _ in run.each(range(joiners), "joiners"):
-            done = subprocess.run(
-                [sys.executable, "-c", PROGRAM, str(drones), str(GIVE_UP_S)],
-                cwd=ROOT,
-                env=os.environ | ENVIRONMENT | {"ROS_DOMAIN_ID": str(rig.domain)},
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                text=True,
-                timeout=3 * GIVE_UP_S,
-                check=True,
-            )
-            left, time_s = done.stdout.split()
-            missing += int(left) > 0
-            times_s.append(float(time_s))
+            left, time_s = join(rig, drones)
+            missing += left > 0
+            times_s.append(time_s)
     return {
         "joiners": joiners,
         "missing": missing,

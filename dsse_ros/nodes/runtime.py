@@ -12,6 +12,7 @@ import time
 import warnings
 import weakref
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -27,7 +28,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier, remove_ros_args
 
-from dsse_ros.nodes import security
+from dsse_ros.nodes import discovery, security
 from dsse_ros.nodes.alarms import Alarms
 from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.nodes.interrupts import Stop, leave_on_signals, on_signals
@@ -189,6 +190,7 @@ def _init(arguments: list[str]) -> None:
             # Of a node that is refused; what is wrong is raised.
             warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
         security.check_middleware(os.environ, get_rmw_implementation_identifier())
+        discovery.announce_often(os.environ, Path.cwd())
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     domain = rclpy.get_default_context().get_domain_id()
     if domain > MAX_DOMAIN:
