@@ -9,13 +9,13 @@ first answer has no map for as long.
 from __future__ import annotations
 
 from collections.abc import MutableMapping
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 PROFILES = Path(__file__).with_name("fastdds.xml")
 """Profile of Fast DDS with which a process is announced every half second."""
 
-# Those of Jazzy's Fast DDS, and of later ones.
-_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+_JAZZY, _LATER = _VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _FILES = ("DEFAULT_FASTRTPS_PROFILES.xml", "DEFAULT_FASTDDS_PROFILES.xml")
 
 
@@ -30,4 +30,12 @@ def announce_often(environment: MutableMapping[str, str], folder: Path) -> None:
     """
     by_user = any(environment.get(name) for name in _VARIABLES)
     if not by_user and not any((folder / name).is_file() for name in _FILES):
-        environment.update(dict.fromkeys(_VARIABLES, str(PROFILES)))
+        environment[_variable()] = str(PROFILES)
+
+
+def _variable() -> str:
+    """Return the one that Fast DDS heeds; of the other Jazzy knows nothing, and Kilted warns."""
+    try:
+        return _JAZZY if int(version("rclpy").split(".")[0]) < 8 else _LATER
+    except PackageNotFoundError:
+        return _LATER

@@ -20,7 +20,8 @@ VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 def test_a_process_that_nobody_has_configured_gets_the_profile(tmp_path: Path) -> None:
     environment = {"HOME": "/"}
     announce_often(environment, tmp_path)
-    assert environment == {"HOME": "/"} | dict.fromkeys(VARIABLES, str(PROFILES))
+    (name,) = environment.keys() - {"HOME"}
+    assert name in VARIABLES and environment[name] == str(PROFILES)
 
 
 @pytest.mark.parametrize("name", VARIABLES)
@@ -40,16 +41,16 @@ def test_a_default_file_of_fast_dds_stays_in_force(name: str, tmp_path: Path) ->
 
 @pytest.mark.parametrize("damaged", [False, True])
 def test_fast_dds_takes_the_profile_without_a_word(damaged: bool, tmp_path: Path) -> None:
+    variables: dict[str, str] = {}
+    announce_often(variables, tmp_path)
+    (name,) = variables
     profile = tmp_path / "profile.xml"
     text = PROFILES.read_text(encoding="utf-8")
     profile.write_text(text.replace("leaseAnnouncement", "leaseNonsense") if damaged else text)
     program = "import rclpy; rclpy.init(); rclpy.create_node('bare').destroy_node()"
     done = subprocess.run(
         [sys.executable, "-c", program],
-        env=os.environ
-        | ENVIRONMENT
-        | dict.fromkeys(VARIABLES, str(profile))
-        | {"ROS_DOMAIN_ID": str(free_domain())},
+        env=os.environ | ENVIRONMENT | {name: str(profile), "ROS_DOMAIN_ID": str(free_domain())},
         capture_output=True,
         text=True,
         timeout=120,
