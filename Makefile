@@ -72,8 +72,8 @@ sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER
 campaign: $(VENV)/.campaign ## Play a campaign and report it: CONFIG=file OUT=folder
 	@$(BIN)/campaign '$(or $(CONFIG),examples/campaign.yaml)' $(if $(OUT),--out '$(OUT)')
 
-check: lint $(VENV)/.compiled ## Lint, check the types and run the tests that need no DDS
-	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_CHECK)
+check: lint $(VENV)/.compiled ## Lint, check the types and run the tests that need no DDS and take no two seconds
+	@$(BIN)/pytest $(WITHOUT_NODES) --numprocesses=3 -m 'not slow' $(TESTS_OF_CHECK)
 
 test: lint $(VENV)/.compiled ## Lint, check the types and run all tests; lists the slowest
 	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest $(WITH_NODES) --durations=15

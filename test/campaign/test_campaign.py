@@ -186,6 +186,7 @@ def test_a_planner_that_fails_is_named_with_the_seeds_of_its_missions() -> None:
         list(local([broken], campaign.settings))
 
 
+@pytest.mark.slow
 def test_workers_that_are_killed_at_work_and_idle_cost_no_chunk() -> None:
     campaign = Campaign.from_dict({**SMALL, "workers": 2})
     jobs = [job(campaign, chunk) for chunk in campaign.chunks()]
@@ -203,6 +204,7 @@ def test_workers_that_are_killed_at_work_and_idle_cost_no_chunk() -> None:
             np.testing.assert_array_equal(values, expected[name])
 
 
+@pytest.mark.slow
 def test_a_chunk_that_kills_its_workers_is_named() -> None:
     campaign = Campaign.from_dict(SMALL)
     chunk, entry, case, seed = job(campaign, campaign.chunks()[0])
@@ -255,6 +257,7 @@ def children(process: subprocess.Popen[bytes]) -> list[int]:
     return [p for p in found if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
 
 
+@pytest.mark.slow
 def test_killed_workers_and_campaigns_lose_and_repeat_nothing(
     tmp_path: Path, started: Callable[[], subprocess.Popen[bytes]]
 ) -> None:

@@ -100,6 +100,7 @@ def test_a_simulation_that_was_started_again_goes_on_in_its_place(played: Played
     assert len(mission.maps["probability_grid"]) == len(shown)
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_missed_steps_come_with_the_report_of_the_mission(data: Any) -> None:
     played = Played(**FIELDS)

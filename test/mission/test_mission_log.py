@@ -108,6 +108,7 @@ def test_a_step_that_is_written_again_is_there_once(
     assert record.tracks.shape == (3, 2, 2) and not record.alive.any()
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 2**32), joints, st.integers(0, 30), st.integers(0, 30), st.binary(max_size=40)
 )

@@ -132,6 +132,7 @@ def test_figures_are_files_too(report: Path) -> None:
         assert base64.b64encode(shown).decode() in html
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_bytes(report: Path, log: Path, tmp_path: Path) -> None:
     scenario = str(log.with_name("scenario.yaml"))
     arguments = [str(log), "--scenario", scenario, "--out", str(tmp_path), "--steps", "0", "2"]
@@ -142,6 +143,7 @@ def test_the_same_input_gives_the_same_bytes(report: Path, log: Path, tmp_path: 
         assert (report / name).read_bytes() == (tmp_path / name).read_bytes(), name
 
 
+@pytest.mark.slow
 def test_a_mission_of_one_step_on_a_large_grid_has_a_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

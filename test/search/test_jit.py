@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from dsse_ros import search
 from dsse_ros.search import jit
 
@@ -25,6 +27,7 @@ BEFORE, AFTER = (
 )
 
 
+@pytest.mark.slow
 def test_a_change_of_a_function_that_is_called_has_its_callers_compiled_anew(
     tmp_path: Path,
 ) -> None:

@@ -406,6 +406,7 @@ def test_a_picture_can_be_saved(tmp_path: Path) -> None:
     assert len(pixels(picture, drone_colour(1))) > 20
 
 
+@pytest.mark.slow
 def test_a_window_without_a_display_shows_nothing_and_says_nothing() -> None:
     printed = run(
         "from dsse_ros.search import parallel_env\n"
@@ -419,6 +420,7 @@ def test_a_window_without_a_display_shows_nothing_and_says_nothing() -> None:
     assert printed == "None\n"
 
 
+@pytest.mark.slow
 def test_a_window_shows_no_more_pictures_a_second_than_render_fps() -> None:
     printed = run(
         "import time\n"

@@ -34,6 +34,7 @@ def play(env: SearchEnv, steps: int, seed: int) -> None:
             env.reset()
 
 
+@pytest.mark.slow
 def test_hidden_states_agree_over_a_thousand_steps_in_two_processes() -> None:
     script = Path(__file__).with_name("play_trace.py")
     command = [sys.executable, str(script), ",".join(PROFILES), *map(str, SEEDS)]
