@@ -37,8 +37,6 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 	$(addprefix test/msg_adapters/test_,geodesy.py mavlink_items.py occupancy.py poses.py) \
 	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
 
-TESTS_OF_KERNELS := $(addprefix test/search/test_,actions.py against_reference.py person.py withdraw.py world.py)
-
 # Folders of tests without DDS; those marked slow are left out of them.
 TESTS_OF_CHECK := $(addprefix test/,campaign compat dashboard flight mission msg_adapters packaging \
 	planners recording report search training)
@@ -90,10 +88,9 @@ lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 
-# The compiled search is run twice: compiled by all tests, as plain Python by those that are quick so.
+# What Numba compiles is out of sight: [tool.coverage.run] leaves it out.
 coverage: $(VENV)/.test $(VENV)/.quality ## Measure which branches of search, mission, msg_adapters and flight are tested
-	@NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(WITHOUT_NODES) --cov --cov-report= $(TESTS_OF_KERNELS)
-	@$(BIN)/pytest $(WITHOUT_NODES) --cov --cov-append $(addprefix test/,search mission msg_adapters flight)
+	@$(BIN)/pytest $(WITHOUT_NODES) --cov $(addprefix test/,search mission msg_adapters flight)
 
 mutants: $(VENV)/.test $(VENV)/.quality ## Test the tests of fence, upload and commands by changing those: MUTANTS='name ...'
 	@$(BIN)/mutmut run --max-children 2 $(MUTANTS)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from std_msgs.msg import Int32MultiArray
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.search import HOLD, Snapshot, SnapshotError, parallel_env
@@ -110,56 +109,46 @@ FIELDS: dict[str, Any] = {
 
 
 def node_killed(run: Run) -> Figures:
-    """Kill a node at random moments, and compare its next steps with a mission never killed."""
+    """Kill a node at random moments, and compare its next steps with a mission never killed.
+
+    Each kill is in a mission of its own: a snapshot has all steps of its mission.
+    """
     kills, steps = run.size((50, 1000), (2, 60))
-    draw, seed = random.Random(3), 5
-    mission = Mission(parallel_env(**FIELDS), seed, belief=False)
-    commands = np.random.default_rng(4)
-    joint: list[Any] = []
-    expected = [mission.result]
-
-    def command(step: int) -> list[int]:
-        """Return the commands of a step, and let the mission that nobody kills do them."""
-        while len(joint) <= step:
-            joint.append(commands.integers(0, ACTIONS, FIELDS["num_drones"]).tolist())
-            mission.command_all(joint[-1])
-            expected.append(mission.advance("hold"))
-        return list(joint[step])
-
-    parameters = {
-        **{name: list(v) if isinstance(v, tuple) else v for name, v in FIELDS.items()},
-        "seed": seed,
-        "compute_pos": "never",
-        "snapshot_file": str(run.folder / "mission.snapshot"),
-        "snapshot_every": 1,
-    }
+    draw = random.Random(3)
     different = lost_steps = 0
     resumed_s = []
     with domain(run.folder) as rig:
-        sim = rig.sim(parameters)
         for kill in run.each(range(kills), "kills"):
+            flown = Unbroken(seed=kill)
+            parameters = {
+                **{name: list(v) if isinstance(v, tuple) else v for name, v in FIELDS.items()},
+                "seed": kill,
+                "compute_pos": "never",
+                "snapshot_file": str(run.folder / f"{kill}.snapshot"),
+                "snapshot_every": 1,
+            }
+            sim = rig.sim(parameters, namespace=f"/before{kill}")
+            for _ in range(draw.randrange(3, 30)):
+                sim.fly(*flown.command(sim.step_number))
             # It is killed with a command under way, in whatever it is doing.
-            while len(sim.reports) < 3:
-                sim.fly(*command(sim.step_number))
-            before = sim.step_number
-            sim.joint(*command(before))
+            sim.joint(*flown.command(sim.step_number))
             killed_s = time.monotonic() + draw.random() * 0.02
             while time.monotonic() < killed_s:
                 rig.executor.spin_once(timeout_sec=0.001)
             sim.process.kill()
             rig.drain()
-            before = max(before, sim.step_number)
-            forget(rig, sim)
+            before = sim.step_number
             began_s = time.monotonic()
-            sim = rig.sim(parameters | {"resume": True}, namespace=f"/kill{kill}")
+            sim = rig.sim(parameters | {"resume": True}, namespace=f"/after{kill}")
             resumed_s.append(time.monotonic() - began_s)
             lost_steps = max(lost_steps, before - sim.step_number)
-            different += not same(sim.report, expected[sim.step_number])
+            different += not same(sim.report, flown.results[sim.step_number])
             for _ in range(steps):
                 step = sim.step_number
-                report = sim.fly(*command(step))
-                different += not same(report, expected[step + 1])
-        snapshot = mission.snapshot().to_bytes()
+                report = sim.fly(*flown.command(step))
+                different += not same(report, flown.results[step + 1])
+            sim.process.stop()
+        snapshot = flown.mission.snapshot().to_bytes()
     return {
         "kills": kills,
         "steps_compared": kills * (steps + 1),
@@ -170,9 +159,27 @@ def node_killed(run: Run) -> Figures:
     }
 
 
-def forget(rig: Rig, sim: Sim) -> None:
-    """Drop what was listened to and published in a node that is gone."""
-    rig.node.destroy_publisher(rig._publishers.pop((sim.topic("joint_action"), Int32MultiArray)))
+class Unbroken:
+    """A mission that nobody kills, with random commands.
+
+    Attributes:
+        mission: The mission.
+        results: Of its start and of each step that was commanded.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.mission = Mission(parallel_env(**FIELDS), seed, belief=False)
+        self.results = [self.mission.result]
+        self._draw = np.random.default_rng(seed)
+        self._joint: list[list[int]] = []
+
+    def command(self, step: int) -> list[int]:
+        """Return the commands of a step, and do them."""
+        while len(self._joint) <= step:
+            self._joint.append(self._draw.integers(0, ACTIONS, FIELDS["num_drones"]).tolist())
+            self.mission.command_all(self._joint[-1])
+            self.results.append(self.mission.advance("hold"))
+        return list(self._joint[step])
 
 
 def same(report: Any, result: Any) -> bool:
