@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.search import HOLD
+
 MAX_MAP_BYTES = 48 * 2**20
 """Of the images of one layer; where they are more, every second one is given up."""
 
@@ -23,7 +25,7 @@ class DroneState(IntEnum):
     FINDER = 1
     """It has found the last person."""
     OVER = 2
-    """Another one has."""
+    """Another one has, or all is covered."""
     LOST = 3
     OUT_OF_TIME = 4
 
@@ -197,11 +199,11 @@ class SearchHistory:
         """Whether no drone is in flight any more."""
         return bool(self._states) and bool((self._states[-1] != DroneState.FLYING).all())
 
-    def paths(self, search: int, since: int = 0) -> Iterator[list[int]]:
+    def paths(self, search: int | None, since: int = 0) -> Iterator[list[int]]:
         """Return for each place from `since` on: step, then col, row and flags of each drone.
 
         Args:
-            search: Number of the action search.
+            search: Number of the action search; None where each cell that is entered counts.
             since: First place.
 
         The flags are the `DroneState`, 8 if the drone has searched its cell and 16 if it has found
@@ -209,7 +211,8 @@ class SearchHistory:
         """
         for i in range(since, len(self.steps)):
             row = self._rows[i]
-            flags = self._states[i] | (row["action"] == search) << 3 | (row["found"] != 0) << 4
+            searched = row["action"] != HOLD if search is None else row["action"] == search
+            flags = self._states[i] | searched << 3 | (row["found"] != 0) << 4
             cells = np.stack([row["col"], row["row"], flags.astype(np.int16)], axis=1)
             yield [self.steps[i], *cells.ravel().tolist()]
 
@@ -218,6 +221,7 @@ def _states(before: NDArray[np.uint8], report: NDArray[Any]) -> NDArray[np.uint8
     """Return the `DroneState` (N,) after a report, from that before."""
     found, truncated = report["found"] != 0, report["truncated"] != 0
     ended = report["terminated"] != 0
-    how = np.where(found, DroneState.FINDER, DroneState.OVER if found.any() else DroneState.LOST)
+    over = found.any() or report["all_found"].any()
+    how = np.where(found, DroneState.FINDER, DroneState.OVER if over else DroneState.LOST)
     now = np.where(ended, how, np.where(truncated, DroneState.OUT_OF_TIME, DroneState.FLYING))
     return np.where(before != DroneState.FLYING, before, now).astype(np.uint8)

@@ -270,11 +270,15 @@ def _outcome(states: Any) -> str:
         return "search over: person found"
     if (states == DroneState.OUT_OF_TIME).any():
         return "search over: out of time"
+    if (states == DroneState.OVER).any():
+        return "search over: all covered"
     return "search over: all drones lost"
 
 
-def _search_of(info: Any) -> int:
-    """Return the number of the action search, -1 where there is none."""
+def _search_of(info: Any) -> int | None:
+    """Return the number of the action search, -1 where there is none, None where moves search."""
+    if info.definition is not None and info.definition.rules.covers:
+        return None
     return info.actions.index("search") if "search" in info.actions else -1
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.search import parallel_env
+from dsse_ros.search.definition import SearchDefinition
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.frames import GridFrame, scenario_frame
 from msg_adapters.mission_report import make_mission_report, mission_report_message
@@ -72,6 +73,7 @@ class Played:
                 alt_m=frame.alt_m,
                 mission=self.mission.number,
                 run_id=self.run_id,
+                definition=SearchDefinition(env.rules, env.mission_scenario),
             )
         )
 
@@ -84,6 +86,7 @@ class Played:
             cells=result.cells, actions=result.actions, rewards=result.rewards,
             terminated=result.terminated, truncated=result.truncated, found=result.found,
             held=result.held, action_mask=self.env.action_masks(),
+            all_found=bool(self.env.world.worlds["num_missing"][0] == 0),
         )  # fmt: skip
         pos = mission.pos
         assert pos is not None
@@ -91,7 +94,7 @@ class Played:
             number=result.step,
             messages={
                 "probability_grid": occupancy_grid(frame, self.env.probability, stamp),
-                "belief_grid": occupancy_grid(frame, mission.belief(), stamp),
+                **self._belief_grid(stamp),
                 "probability_of_success": pos_message(
                     self.run_id, mission.number, result.step, pos
                 ),
@@ -104,6 +107,11 @@ class Played:
             flying=~(result.terminated | result.truncated),
             pos=pos,
         )
+
+    def _belief_grid(self, stamp: Any) -> dict[str, Any]:
+        if self.env.rules.covers:
+            return {}
+        return {"belief_grid": occupancy_grid(self.frame, self.mission.belief(), stamp)}
 
     def play(self, seed: int, steps: int = 10**6) -> Iterator[Step]:
         """Play a mission, or its first steps, by chance."""

@@ -30,8 +30,8 @@ FIELDS = {"grid_size": 7, "num_drones": 3, "sigma": 2.0, "timestep_limit": 25}
 class Shown:
     """A page, and the browser that draws its frames."""
 
-    def __init__(self) -> None:
-        self.played = Played(**FIELDS)
+    def __init__(self, **fields: Any) -> None:
+        self.played = Played(**fields or FIELDS)
         self.missions = Missions()
         self.view = PageView(self.missions)
         self.rows: list[list[int]] = []
@@ -101,6 +101,20 @@ def test_an_earlier_step_is_shown_with_its_map_while_the_mission_goes_on(page: S
     page.view.step = None
     frame = page.draw()
     assert frame is not None and frame["shown"] == steps[-1].number
+
+
+def test_where_all_is_covered_no_drone_is_lost_and_each_cell_entered_is_searched() -> None:
+    matrix = np.zeros((5, 5))
+    matrix[2, 1:4] = 1.0
+    page = Shown(rules="coverage", probability_matrix=matrix, num_drones=2, timestep_limit=400)
+    for step in page.played.play(1):
+        page.take(step)
+    page.draw()
+    assert step.number < 400
+    assert "search over: all covered" in page.view.headline()
+    assert "lost" not in page.view.drones_table()
+    flags = np.array([row[1:] for row in page.rows]).reshape(len(page.rows), -1, 3)[..., 2]
+    assert not (flags[0] & 8).any() and (flags[1:] & 8).all()
 
 
 def test_the_map_or_the_belief_is_shown(page: Shown) -> None:
