@@ -98,6 +98,8 @@ class SearchHistory:
         self._stamps: list[int] = []
         self._states: list[NDArray[np.uint8]] = []
         self._rewards: list[NDArray[np.float64]] = []
+        # Steps with which all was found or covered: the report of a whole mission does not say it.
+        self._completed: set[int] = set()
 
     def __len__(self) -> int:
         return len(self.steps)
@@ -105,6 +107,8 @@ class SearchHistory:
     def add(self, report: NDArray[Any], stamp_ns: int) -> None:
         """Take the report (N,) of a step, with the fields of `step_report.POINT`."""
         step = int(report["step"][0])
+        if report["all_found"].any():
+            self._completed.add(step)
         i = bisect_left(self.steps, step)
         if i < len(self.steps) and self.steps[i] == step:
             self._rows[i], self._stamps[i] = report, stamp_ns
@@ -148,7 +152,7 @@ class SearchHistory:
         for i in range(len(self._states), len(self._rows)):
             row = self._rows[i]
             before = self._states[i - 1] if i else np.zeros(self.num_drones, np.uint8)
-            self._states.append(_states(before, row))
+            self._states.append(_states(before, row, self.steps[i] in self._completed))
             self._rewards.append(row["reward"] + (self._rewards[i - 1] if i else 0.0))
 
     # What was in a step
@@ -217,11 +221,11 @@ class SearchHistory:
             yield [self.steps[i], *cells.ravel().tolist()]
 
 
-def _states(before: NDArray[np.uint8], report: NDArray[Any]) -> NDArray[np.uint8]:
+def _states(before: NDArray[np.uint8], report: NDArray[Any], completed: bool) -> NDArray[np.uint8]:
     """Return the `DroneState` (N,) after a report, from that before."""
     found, truncated = report["found"] != 0, report["truncated"] != 0
     ended = report["terminated"] != 0
-    over = found.any() or report["all_found"].any()
+    over = completed or found.any()
     how = np.where(found, DroneState.FINDER, DroneState.OVER if over else DroneState.LOST)
     now = np.where(ended, how, np.where(truncated, DroneState.OUT_OF_TIME, DroneState.FLYING))
     return np.where(before != DroneState.FLYING, before, now).astype(np.uint8)
