@@ -39,6 +39,8 @@ FAILURES: dict[str, dict[str, Any]] = {
     "flood": {},
 }
 """How vehicles fail; the last three are done to them from outside."""
+HOME_S = 600.0
+"""For the way home and the descent, as fast as the vehicles really are."""
 SURVIVED = ("link for a while", "flood")
 """What a vehicle flies on after."""
 
@@ -92,8 +94,11 @@ def fleet(run: Run) -> Figures:
             while sim.flying:
                 outside.act(late=sim.step_number >= steps // 3)
                 fly(sim, number)
-            for i in sound:
-                rig.until(lambda i=i: bridge.state(i)["armed"] == "false", "the end")
+            # Home is a kilometre away, and 120 m below.
+            home_by_s = time.monotonic() + HOME_S
+            while any(bridge.state(i)["armed"] != "false" for i in sound):
+                assert time.monotonic() < home_by_s, f"not all are home within {HOME_S:g} s"
+                rig.executor.spin_once(timeout_sec=0.1)
         seconds = time.monotonic() - began_s
         missed = heartbeats(bridge, sound) - beats
         states = [bridge.state(i) for i in range(number)]
