@@ -10,18 +10,14 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
 
-from dsse_ros.compat.arguments import joint_action
-from dsse_ros.compat.published import Cell, DroneData, SwarmEnv
+from dsse_ros.compat.published import Cell, DroneData, Infos, SwarmEnv
 from dsse_ros.compat.search import NAMES
-from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.scenario import Scenario
 
 Observations = dict[str, tuple[Cell, NDArray[np.float64]]]
-Infos = dict[str, dict[str, Any]]
 
 
 class CoverageMatrix:
@@ -57,7 +53,7 @@ def rules_of(rewards: Mapping[str, float]) -> Rules:
     )
 
 
-class CoverageDroneSwarmSearch(AgentSpaces, SwarmEnv, ParallelEnv[str, Any, int]):
+class CoverageDroneSwarmSearch(SwarmEnv):
     """The coverage task of DSSE 1.1.9 (PettingZoo parallel API).
 
     An observation is the agent's cell (x, y) and the probability that is left over its maximum,
@@ -126,7 +122,7 @@ class CoverageDroneSwarmSearch(AgentSpaces, SwarmEnv, ParallelEnv[str, Any, int]
         self.drone = DroneData(drone_amount, drone_speed, drone_probability_of_detection)
         self.probability_of_detection = drone_probability_of_detection
         self.time_step_relation = self.calculate_simulation_time_step(drone_speed, grid_cell_size)
-        self.agents_positions: list[Any] = [(None, None)] * drone_amount
+        self.agents_positions = [(None, None)] * drone_amount
         g = self.grid_size
         self.observation_spaces = dict.fromkeys(
             self.possible_agents,
@@ -159,35 +155,6 @@ class CoverageDroneSwarmSearch(AgentSpaces, SwarmEnv, ParallelEnv[str, Any, int]
         self.reward_scheme["done"] = cells / len(self.agents)
         self.reward_scheme["reward_poc"] = cells
         return self._observe(), self._infos()
-
-    def step(
-        self, actions: Mapping[str, int]
-    ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Advance the mission by one step.
-
-        Raises:
-            ValueError: If there was no reset, or an action is missing or not allowed; the mission
-                stays as it is.
-        """
-        steps_done, agents = self._check_started(), self.agents
-        if not agents:
-            return {}, {}, {}, {}, {}
-        numbers = joint_action(actions, agents, len(self._search.rules.actions))
-        self._search.advance(np.array(numbers, np.int8))
-        self.timestep = steps_done + 1
-        rewards, terminations, truncations = self._outcome(agents)
-        infos, observations = self._infos(), self._observe()
-        if self.render_mode == "human":
-            self.render()
-        self.agents = self._search.agents.copy()
-        return observations, rewards, terminations, truncations, infos
-
-    def _observe(self) -> Observations:
-        self.agents_positions, probability = self._cells(), self.probability
-        return {
-            agent: (cell, probability)
-            for agent, cell in zip(self.agents, self.agents_positions, strict=True)
-        }
 
     def _infos(self) -> Infos:
         metrics = {name: of[0].item() for name, of in self._search.world.coverage_metrics().items()}

@@ -4,19 +4,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
 
-from dsse_ros.compat.arguments import check_render_mode, with_names
+from dsse_ros.compat.arguments import check_render_mode, joint_action, with_names
 from dsse_ros.search import rendering
+from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.fields import FieldError
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
 
 Cell = tuple[int, int]
+Infos = dict[str, dict[str, Any]]
 
 
 class DroneData(NamedTuple):
@@ -25,6 +29,11 @@ class DroneData(NamedTuple):
     amount: int
     speed: float
     pod: float
+
+
+def no_rewards(agents: Iterable[str]) -> dict[str, float]:
+    """Return the sums of rewards, each agent's and the total, at the start of a mission."""
+    return {**dict.fromkeys(agents, 0.0), "total": 0.0}
 
 
 class PublishedEnv:
@@ -133,10 +142,53 @@ class PublishedEnv:
         self._search.close()
 
 
-class SwarmEnv(PublishedEnv):
-    """What the two environments of DSSE 1.1.9 have in common besides."""
+class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
+    """What the two environments of DSSE 1.1.9 have in common besides.
+
+    Attributes:
+        grid_size: Cells along each axis.
+        agents_positions: Cells (x, y) of all drones, (None, None) before the first reset.
+    """
 
     grid_size: int
+    agents_positions: list[Any]
+
+    def step(
+        self, actions: Mapping[str, int]
+    ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
+        """Advance the mission by one step.
+
+        Raises:
+            ValueError: If there was no reset, or an action is missing or not allowed; the mission
+                stays as it is.
+        """
+        steps_done, agents = self._check_started(), self.agents
+        if not agents:
+            return {}, {}, {}, {}, {}
+        numbers = joint_action(actions, agents, len(self._search.rules.actions))
+        self._search.advance(np.array(numbers, np.int8))
+        self.timestep = steps_done + 1
+        outcome, infos, observations = self._outcome(agents), self._infos(), self._observe()
+        if self.render_mode == "human":
+            self.render()
+        self.agents = self._search.agents.copy()
+        return observations, *outcome, infos
+
+    def _observe(self) -> dict[str, Any]:
+        self.agents_positions, probability = self._cells(), self.probability
+        return {
+            agent: (cell, probability)
+            for agent, cell in zip(self.agents, self.agents_positions, strict=True)
+        }
+
+    def _infos(self) -> Infos:
+        """Return what is known besides, for each agent."""
+        raise NotImplementedError
+
+    @property
+    def probability(self) -> NDArray[Any]:
+        """What agents observe of the map, (G, G) as [y, x]."""
+        raise NotImplementedError
 
     def is_valid_position(self, position: Cell) -> bool:
         """Return whether a cell (x, y) is on the grid."""

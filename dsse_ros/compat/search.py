@@ -9,18 +9,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
 
-from dsse_ros.compat.arguments import joint_action
 from dsse_ros.compat.constants import Actions, Reward
-from dsse_ros.compat.published import Cell, DroneData, SwarmEnv
-from dsse_ros.search.agent_spaces import AgentSpaces
+from dsse_ros.compat.published import Cell, DroneData, Infos, SwarmEnv, no_rewards
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.scenario import Scenario
 
 Observations = dict[str, tuple[Cell, NDArray[np.float32]]]
-Infos = dict[str, dict[str, Any]]
 
 NAMES = {
     "drone_amount": "num_drones",
@@ -112,7 +108,7 @@ def rules_of(rewards: Reward) -> Rules:
     )
 
 
-class DroneSwarmSearch(AgentSpaces, SwarmEnv, ParallelEnv[str, Any, int]):
+class DroneSwarmSearch(SwarmEnv):
     """The search of DSSE 1.1.9 (PettingZoo parallel API).
 
     An observation is the agent's cell (x, y) and the map (G, G) float32 as [y, x]. Arguments,
@@ -183,17 +179,13 @@ class DroneSwarmSearch(AgentSpaces, SwarmEnv, ParallelEnv[str, Any, int]):
         self.time_step_relation = self.calculate_simulation_time_step(drone_speed, grid_cell_size)
         self.probability_matrix: ProbabilityMatrix | None = None
         self.pre_render_steps = self._search.scenario.pre_search_steps
-        self.agents_positions: list[Any] = [(None, None)] * drone_amount
+        self.agents_positions = [(None, None)] * drone_amount
         self.action_spaces = self._search.action_spaces
         self.observation_spaces = self._search.observation_spaces
-        self.rewards_sum: dict[str, float] = {}
-        self._forget_rewards()
+        self.rewards_sum = no_rewards(self.possible_agents)
 
     def _rules(self) -> Rules:
         return rules_of(self.reward_scheme)
-
-    def _forget_rewards(self) -> None:
-        self.rewards_sum = {**dict.fromkeys(self.possible_agents, 0), "total": 0}
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -220,41 +212,21 @@ class DroneSwarmSearch(AgentSpaces, SwarmEnv, ParallelEnv[str, Any, int]):
         self.probability_matrix = ProbabilityMatrix(self._search)
         records = self._search.world.persons[0]
         self._persons = [Person(i, records[i]) for i in range(len(records))]
-        self._forget_rewards()
-        return self._observe(), {agent: {"Found": False} for agent in self.agents}
+        self.rewards_sum = no_rewards(self.possible_agents)
+        return self._observe(), self._infos()
 
     def step(
         self, actions: Mapping[str, int]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Advance the mission by one step.
-
-        Raises:
-            ValueError: If there was no reset, or an action is missing or not allowed; the mission
-                stays as it is.
-        """
-        steps_done, agents = self._check_started(), self.agents
-        if not agents:
-            return {}, {}, {}, {}, {}
-        search = self._search
-        search.advance(np.array(joint_action(actions, agents, len(Actions)), np.int8))
-        self.timestep = steps_done + 1
-        rewards, terminations, truncations = self._outcome(agents)
-        for agent, reward in rewards.items():
+        """Advance the mission by one step, as `SwarmEnv` says."""
+        done = super().step(actions)
+        for agent, reward in done[1].items():
             self.rewards_sum[agent] += reward
-        found = bool(search.world.worlds["num_missing"][0] == 0)
-        observations = self._observe()
-        if self.render_mode == "human":
-            self.render()
-        self.agents = search.agents.copy()
-        infos: Infos = {agent: {"Found": found} for agent in agents}
-        return observations, rewards, terminations, truncations, infos
+        return done
 
-    def _observe(self) -> Observations:
-        self.agents_positions, probability = self._cells(), self.probability
-        return {
-            agent: (cell, probability)
-            for agent, cell in zip(self.agents, self.agents_positions, strict=True)
-        }
+    def _infos(self) -> Infos:
+        found = bool(self._search.world.worlds["num_missing"][0] == 0)
+        return {agent: {"Found": found} for agent in self.agents}
 
     @property
     def probability(self) -> NDArray[np.float32]:

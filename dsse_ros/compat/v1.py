@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dsse_ros.compat.published import PublishedEnv
+from dsse_ros.compat.published import PublishedEnv, no_rewards
 from dsse_ros.compat.search import ProbabilityMatrix
 from dsse_ros.search.rules import Rules, profile
 from dsse_ros.search.scenario import Scenario
@@ -85,8 +85,7 @@ class DroneSwarmSearch(PublishedEnv):
             ),
         )
         self.agents_positions: dict[str, Any] = {a: [None, None] for a in self.possible_agents}
-        self.rewards_sum: dict[str, float] = {}
-        self._forget_rewards()
+        self.rewards_sum = no_rewards(self.possible_agents)
 
     def _rules(self) -> Rules:
         return rules_of(self.reward_scheme)
@@ -94,9 +93,6 @@ class DroneSwarmSearch(PublishedEnv):
     def _make(self, rules: Rules) -> None:
         super()._make(rules)
         self.probability_matrix = ProbabilityMatrix(self._search)
-
-    def _forget_rewards(self) -> None:
-        self.rewards_sum = {**dict.fromkeys(self.possible_agents, 0), "total": 0}
 
     def reset(
         self,
@@ -122,7 +118,7 @@ class DroneSwarmSearch(PublishedEnv):
         start = {"drones_positions": drones_positions, "vector": vector}
         self._start(seed, start)
         self.vector = vector
-        self._forget_rewards()
+        self.rewards_sum = no_rewards(self.possible_agents)
         return self._observe()
 
     def step(
