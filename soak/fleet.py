@@ -95,10 +95,11 @@ def fleet(run: Run) -> Figures:
                 outside.act(late=sim.step_number >= steps // 3)
                 fly(sim, number)
             # Home is a kilometre away, and 120 m below.
-            home_by_s = time.monotonic() + HOME_S
-            while any(bridge.state(i)["armed"] != "false" for i in sound):
-                assert time.monotonic() < home_by_s, f"not all are home within {HOME_S:g} s"
-                rig.executor.spin_once(timeout_sec=0.1)
+            rig.until(
+                lambda: all(bridge.state(i)["armed"] == "false" for i in sound),
+                "all sound ones home",
+                HOME_S,
+            )
         seconds = time.monotonic() - began_s
         missed = heartbeats(bridge, sound) - beats
         states = [bridge.state(i) for i in range(number)]

@@ -30,11 +30,14 @@ def announce_often(environment: MutableMapping[str, str], folder: Path) -> None:
     """
     by_user = any(environment.get(name) for name in _VARIABLES)
     if not by_user and not any((folder / name).is_file() for name in _FILES):
-        environment[_variable()] = str(PROFILES)
+        environment[variable()] = str(PROFILES)
 
 
-def _variable() -> str:
-    """Return the one that Fast DDS heeds; of the other Jazzy knows nothing, and Kilted warns."""
+def variable() -> str:
+    """Return the variable that names the profiles of Fast DDS.
+
+    Of the later one Jazzy knows nothing, and of the older one Kilted warns.
+    """
     try:
         return _JAZZY if int(version("rclpy").split(".")[0]) < 8 else _LATER
     except PackageNotFoundError:

@@ -190,7 +190,7 @@ def _init(arguments: list[str]) -> None:
             # Of a node that is refused; what is wrong is raised.
             warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
         security.check_middleware(os.environ, get_rmw_implementation_identifier())
-        discovery.announce_often(os.environ, Path.cwd())
+        discovery.announce_often(os.environ, Path())
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     domain = rclpy.get_default_context().get_domain_id()
     if domain > MAX_DOMAIN:

@@ -15,7 +15,6 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -43,6 +42,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
+from dsse_ros.nodes.discovery import variable
 from msg_adapters.commands import joint_action_message
 from msg_adapters.step_report import step_report_from_message
 
@@ -83,12 +83,16 @@ _PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
   </data_writer>
 </profiles>
 """
+_HEARTBEAT_PERIODS = {
+    "FASTRTPS_DEFAULT_PROFILES_FILE": "heartbeatPeriod",
+    "FASTDDS_DEFAULT_PROFILES_FILE": "heartbeat_period",
+}
+"""As Fast DDS calls it, before Kilted and since."""
 
 
 def _environment() -> dict[str, str]:
-    # Fast DDS got other names with Kilted.
-    old = int(version("rclpy").split(".")[0]) < 8
-    name, period = ("FASTRTPS", "heartbeatPeriod") if old else ("FASTDDS", "heartbeat_period")
+    name = variable()
+    period = _HEARTBEAT_PERIODS[name]
     profiles = Path(tempfile.gettempdir()) / f"dsse_ros_test_{name}_{os.getuid()}.xml"
     written = profiles.with_suffix(f".{os.getpid()}")
     written.write_text(_PROFILES.format(period), encoding="utf-8")
@@ -97,7 +101,7 @@ def _environment() -> dict[str, str]:
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_PYTHON_CHECK_FIELDS": "1",
-        f"{name}_DEFAULT_PROFILES_FILE": str(profiles),
+        name: str(profiles),
     }
 
 
@@ -232,17 +236,17 @@ class Rig:
         process = self.start("sim_node", parameters, *remaps, *arguments)
         return Sim(self, process, namespace)
 
-    def until(self, condition: Callable[[], T], what: str = "") -> T:
+    def until(self, condition: Callable[[], T], what: str = "", timeout_s: float = TIMEOUT_S) -> T:
         """Return the condition's value as soon as it is true.
 
         Raises:
-            AssertionError: If it is not within `TIMEOUT_S`.
+            AssertionError: If it is not in time.
         """
-        deadline = time.monotonic() + TIMEOUT_S
+        deadline = time.monotonic() + timeout_s
         while not (value := condition()):
             if time.monotonic() > deadline:
                 logs = "\n".join(f"{p.log.name}:\n{p.output}" for p in self.processes)
-                raise AssertionError(f"{what or 'the condition'} within {TIMEOUT_S} s\n{logs}")
+                raise AssertionError(f"{what or 'the condition'} within {timeout_s:g} s\n{logs}")
             self.executor.spin_once(timeout_sec=0.02)
         return value
 
