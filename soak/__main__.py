@@ -41,9 +41,9 @@ def main(arguments: list[str] | None = None) -> int:
         if not given.again and done.get("code") == code and done.get("quick") == given.quick:
             say(f"{name:18} done before: {done['says']}")
             continue
-        results[name] = measure(ROWS[name], given.quick, BUILD / name) | {"code": code}
+        measured = measure(ROWS[name], given.quick, BUILD / name) | {"code": code}
         # Others may measure other rows meanwhile.
-        results = _load(path) | {name: results[name]}
+        results = _load(path) | {name: measured}
         _save(path, results)
         say(f"{name:18} {results[name]['says']}")
     broken = [name for name in given.only or ROWS if results[name]["missed"]]

@@ -98,7 +98,11 @@ class Row:
             timed: Whether those count that say how fast this machine is.
         """
         return [
-            f"{goal}, not {figures.get(goal.figure)}"
+            f"{goal}, not {_shown(figures.get(goal.figure))}"
             for goal in self.goals
             if (timed or not goal.timed) and not goal.met(figures)
         ]
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
