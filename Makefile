@@ -24,7 +24,7 @@ PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no
 # Most tests with nodes wait for one another's processes, so that four at once keep two cores busy.
 # The tests of a file share their nodes; the files come in the order of test/conftest.py.
 WITH_NODES := --numprocesses=4 --dist=loadfile --no-loadscope-reorder
-WITHOUT_NODES := --numprocesses=2 --dist=worksteal
+WITHOUT_NODES := --numprocesses=3 --dist=worksteal
 
 # Nothing but what is in a file, by its hashes.
 LOCKED := --no-deps --require-hashes --requirement
@@ -71,7 +71,7 @@ campaign: $(VENV)/.campaign ## Play a campaign and report it: CONFIG=file OUT=fo
 	@$(BIN)/campaign '$(or $(CONFIG),examples/campaign.yaml)' $(if $(OUT),--out '$(OUT)')
 
 check: lint $(VENV)/.compiled ## Lint, check the types and run the tests that need no DDS and take no two seconds
-	@$(BIN)/pytest $(WITHOUT_NODES) --numprocesses=3 -m 'not slow' $(TESTS_OF_CHECK)
+	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_CHECK)
 
 test: lint $(VENV)/.compiled ## Lint, check the types and run all tests; lists the slowest
 	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest $(WITH_NODES) --durations=15

@@ -78,6 +78,7 @@ def test_udp_sends_first() -> None:
         assert (heartbeat.get_srcSystem(), heartbeat.autopilot) == (7, 3)
 
 
+@pytest.mark.slow
 def test_udpin_sends_to_all_peers_that_have_sent() -> None:
     with (
         running_autopilot("px4", link="udpin") as autopilot,
@@ -112,6 +113,7 @@ def test_on_tcp_nothing_starts_before_a_client_comes() -> None:
             assert boot_s < 100 * (time.monotonic() - start_s) + 5
 
 
+@pytest.mark.slow
 def test_tcp_serves_one_client_and_then_the_next() -> None:
     with running_autopilot(link="tcp") as autopilot:
         with Client(autopilot) as first, Client(autopilot) as second:
@@ -134,6 +136,7 @@ def test_vehicle_time_is_wall_time_times_the_speedup() -> None:
             assert later_s - first_s < 50 * gone_s + 1 and gone_s < TIMEOUT_S
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["bytes", "digits"])
 def test_with_a_key_only_signed_messages_are_accepted(tmp_path: Path, form: str) -> None:
     key = bytes(range(1, 33))

@@ -100,6 +100,7 @@ def test_real_datagrams_are_impaired_as_configured() -> None:
     assert counts["homeward"]["received"] == 0
 
 
+@pytest.mark.slow
 def test_replies_find_their_way_back() -> None:
     with (
         udp_socket() as far,

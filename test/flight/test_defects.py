@@ -49,6 +49,7 @@ def test_a_defect_fails_the_order_and_the_next_one_is_flown(
     assert flight.fly(GoTo(*flight.place(20.0, 0.0), 10.0, 3.0)).status == "done"
 
 
+@pytest.mark.slow
 def test_after_a_defect_the_thread_goes_on_with_heartbeats(defective_search: None) -> None:
     with (
         running_autopilot(link="udpin", speedup=10, ready_s=5.0) as autopilot,

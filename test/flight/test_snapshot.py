@@ -41,6 +41,7 @@ def test_a_snapshot_is_one_moment_and_nobody_changes_it() -> None:
     vehicle.close()
 
 
+@pytest.mark.slow
 def test_counts_may_be_read_while_new_keys_come_up() -> None:
     """Each message that is refused for a new reason adds one to a counter of the thread's."""
     vehicle = vehicle_on(f"udpin:127.0.0.1:{free_udp_port()}")
@@ -70,6 +71,7 @@ def test_counts_may_be_read_while_new_keys_come_up() -> None:
     vehicle.close()
 
 
+@pytest.mark.slow
 def test_what_became_of_the_order_before_is_not_taken_for_the_new_ones() -> None:
     with (
         running_autopilot(link="udpin", speedup=10, ready_s=5.0) as autopilot,
