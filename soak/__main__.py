@@ -26,6 +26,7 @@ RESULTS = ROOT / "benchmarks" / "results" / "soak.json"
 BUILD = ROOT / ".venv" / "soak"
 CODE = ("dsse_ros", "msg_adapters", "soak", "config", "test/nodes", "test/flight", "benchmarks/ros")
 """What a result depends on: a row that was measured with the same is not measured again."""
+SUFFIXES = (".py", ".yaml", ".js", ".css", ".html", ".xml")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -87,14 +88,20 @@ def digest() -> str:
     found = hashlib.sha256()
     for folder in CODE:
         for path in sorted((ROOT / folder).rglob("*")):
-            if path.suffix in (".py", ".yaml", ".js", ".css", ".html"):
+            # Tests are no part of it, their rigs are.
+            if path.suffix in SUFFIXES and not path.name.startswith("test_"):
                 found.update(f"{path.relative_to(ROOT)}\0".encode() + path.read_bytes() + b"\0")
     return found.hexdigest()[:16]
 
 
 def _commit() -> str:
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    # What is measured is written there, row by row.
+    changes = ["status", "--porcelain", "--untracked-files=no", "--", ".", ":!benchmarks/results"]
+    return _git("rev-parse", "--short=12", "HEAD") + ("-dirty" if _git(*changes) else "")
+
+
+def _git(*arguments: str) -> str:
+    done = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True)
     return done.stdout.strip()
 
 
