@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Downloads, message by message."""
 
+import dataclasses
+
 import pytest
 from lossy_world import OURSELVES, Channel, World
 from mission_vehicle import VEHICLE, VEHICLES
@@ -15,7 +17,7 @@ from dsse_ros.flight.mission_messages import (
     MissionRequestList,
     MissionResult,
 )
-from dsse_ros.flight.transfer import Done, Timeouts
+from dsse_ros.flight.transfer import Done, Failed, Timeouts
 from dsse_ros.flight.upload import Download
 
 ITEMS = mission(1, 3)
@@ -84,8 +86,8 @@ def test_an_aborted_download_starts_again_and_more_slowly():
         sent = exchange.receive(MissionAck(OURSELVES, MissionResult.ERROR), VEHICLE, now)
         if exchange.result is None:
             assert sent == [MissionRequestList(VEHICLE)]
-    assert pauses == sorted(pauses) and pauses[-1] == pytest.approx(TIMEOUTS.settle_s)
-    assert exchange.result.code == "stalled" and not exchange.result.changed
+    assert pauses == pytest.approx([TIMEOUTS.settle_s / k for k in (4, 2, 1)])
+    assert exchange.result == Failed("stalled", "download: aborted by the vehicle")
 
 
 def test_a_cancelled_download_sends_a_cancellation_and_ends():
@@ -100,5 +102,53 @@ def test_a_cancelled_download_sends_a_cancellation_and_ends():
 def test_a_vehicle_that_does_not_support_the_type_of_mission_ends_the_download():
     exchange = download(mission_type=2)
     exchange.start(0.0)
-    exchange.receive(MissionAck(OURSELVES, MissionResult.UNSUPPORTED, 2), VEHICLE, 0.1)
-    assert exchange.result.code == "refused"
+    unsupported = MissionResult.UNSUPPORTED
+    exchange.receive(MissionAck(OURSELVES, unsupported, 2), VEHICLE, 0.1)
+    reason = f"the vehicle refused the download: UNSUPPORTED ({int(unsupported)})"
+    assert exchange.result == Failed("refused", reason, ack=unsupported)
+
+
+def test_a_fault_of_the_mission_ends_a_download_under_way():
+    exchange = download()
+    exchange.start(0.0)
+    exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, 0.1)
+    fault = MissionResult.INVALID_PARAM7
+    cancelled = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED)
+    assert exchange.receive(MissionAck(OURSELVES, fault), VEHICLE, 0.2) == [cancelled]
+    reason = f"the vehicle refused the download: INVALID_PARAM7 ({int(fault)})"
+    assert exchange.result == Failed("refused", reason, ack=fault)
+
+
+def test_a_download_that_gets_no_further_says_how_far_it_came():
+    exchange = download(timeouts=Timeouts(upload_retries=0))
+    exchange.start(0.0)
+    exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, 0.0)
+    exchange.receive(item(0), VEHICLE, 0.1)
+    requests = 1
+    while exchange.result is None:
+        requests += exchange.tick(exchange.deadline) == [MissionRequestInt(VEHICLE, 1)]
+    assert exchange.result == Failed("stalled", "download: stalled after 1 of 3 items")
+    assert requests == TIMEOUTS.retries + 1
+
+
+def test_what_no_download_waits_for_is_counted_and_changes_nothing():
+    exchange = download()
+    exchange.start(0.0)
+    accepted = MissionAck(OURSELVES, MissionResult.ACCEPTED)
+    for message in (accepted, item(0), MissionRequestInt(OURSELVES, 0)):
+        assert exchange.receive(message, VEHICLE, 0.1) == []
+    exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, 0.1)
+    for message in (accepted, MissionCount(OURSELVES, 2)):
+        assert exchange.receive(message, VEHICLE, 0.2) == []
+    assert exchange.counts["unexpected"] == 5 and exchange.result is None
+
+
+def test_every_message_of_a_download_is_of_its_type_of_mission():
+    exchange = download(mission_type=1)
+    assert exchange.start(0.0) == [MissionRequestList(VEHICLE, 1)]
+    asked = exchange.receive(MissionCount(OURSELVES, 1, 1), VEHICLE, 0.1)
+    assert asked == [MissionRequestInt(VEHICLE, 0, 1)]
+    of_fence = MissionItemInt(OURSELVES, dataclasses.replace(ITEMS[0], mission_type=1))
+    assert exchange.receive(of_fence, VEHICLE, 0.2) == [
+        MissionAck(VEHICLE, MissionResult.ACCEPTED, 1)
+    ]

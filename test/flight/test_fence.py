@@ -195,6 +195,84 @@ def test_home_is_checked_where_ardupilot_has_it_and_nowhere_else():
         assert checked.reason.startswith("item 0: ") and "None" not in checked.reason
 
 
+NOWHERE = dataclasses.replace(FENCE, area=("0" * 20,) * 20)
+
+
+@pytest.mark.parametrize(
+    ("item", "wanted", "reason"),
+    [
+        (
+            waypoint(command=17, param4=0.0),
+            "unknown_command",
+            "command: 17 is not allowed; take-off, waypoint, hold, land or return",
+        ),
+        (waypoint(frame=0), "unknown_frame", "frame: 0 is not allowed; 3, above home, is"),
+        (waypoint(param1=math.nan), "not_finite", "param1: nan is not allowed; a finite number"),
+        (waypoint(param2=2e6), "bad_parameter", "param2: 2000000.0 is not allowed; up to 1e+06"),
+        (waypoint(lat_deg=math.inf), "not_finite", "lat_deg: inf is not allowed; a finite number"),
+        (waypoint(lat_deg=91.0), "not_on_earth", "lat_deg: 91.0 is not allowed; -90 to 90"),
+        (waypoint(lon_deg=180.5), "not_on_earth", "lon_deg: 180.5 is not allowed; -180 to 180"),
+        (waypoint(alt_m=121.0), "altitude", "alt_m: 121.0 is not allowed; 10 to 120 above home"),
+        (
+            waypoint(lat_deg=0.0, lon_deg=0.0),
+            "outside_fence",
+            "(0.0000000, 0.0000000) is not allowed; within 200 m of the search area",
+        ),
+    ],
+)
+def test_a_refusal_says_the_field_its_value_and_what_is_allowed(item, wanted, reason):
+    assert check_item(item, FENCE) == Rejected(wanted, reason)
+
+
+def test_a_cell_outside_the_area_is_refused_by_its_place_and_its_column_and_row():
+    item = waypoint(1235.0, 1235.0)
+    assert check_item(item, NOWHERE) == Rejected(
+        "outside_fence",
+        f"({item.lat_deg:.7f}, {item.lon_deg:.7f}), in cell [9, 10], is not allowed; a cell of the "
+        "area that is searched",
+    )
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("index", range(3))
+def test_a_place_that_is_not_finite_is_refused_by_its_field(index, value):
+    place = [waypoint().lat_deg, waypoint().lon_deg, 120.0]
+    place[index] = value
+    name = ("lat_deg", "lon_deg", "alt_m")[index]
+    refused = Rejected("not_finite", f"{name}: {value!r} is not allowed; a finite number")
+    assert check_place(*place, FENCE) == check_take_off(*place, FENCE) == refused
+
+
+def test_a_parameter_at_its_limit_and_a_return_come_back_as_they_are():
+    for item in (waypoint(param1=1e6), waypoint(param2=-1e6), MissionItem(20, FRAME_MISSION)):
+        assert check_item(item, FENCE) == Accepted(item)
+
+
+@pytest.mark.parametrize(
+    "values", [(0.0, 0.0, 0.0), (0.5, 0.5, 0.5), (1e6, 0.0, 1e5), (1e6, 1e5, 1e5)]
+)
+def test_a_fence_may_be_as_small_and_as_large_as_it_says(values):
+    fence = Fence(FRAME, *values)
+    assert (fence.margin_m, fence.min_alt_m, fence.max_alt_m) == values
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ((1e6 + 0.5, 0.0, 120.0), "margin_m: 1000000.5 is not allowed; 0 to 1e6"),
+        (
+            (0.0, 0.0, 1e5 + 0.5),
+            "min_alt_m, max_alt_m: 0.0, 100000.5 is not allowed; "
+            "0 <= min_alt_m <= max_alt_m <= 1e5",
+        ),
+    ],
+)
+def test_a_fence_that_is_too_large_is_refused_by_its_field(values, reason):
+    with pytest.raises(ValueError) as raised:
+        Fence(FRAME, *values)
+    assert str(raised.value) == reason
+
+
 @pytest.mark.parametrize(
     "values", [(-1.0, 0.0, 120.0), (math.nan, 0.0, 120.0), (0.0, 50.0, 40.0), (0.0, -1.0, 120.0)]
 )

@@ -171,6 +171,9 @@ def test_a_stalled_upload_waits_until_the_vehicles_own_timeout():
     while exchange.tick(now) != [CANCELLED]:
         now = exchange.deadline
     assert now > TIMEOUTS.stall_s
+    while exchange.result is None:
+        exchange.tick(exchange.deadline)
+    assert exchange.result == Failed("stalled", "upload: stalled after 1 of 3 items", changed=True)
 
 
 def test_a_nack_after_the_last_item_shortens_the_wait():
@@ -209,6 +212,7 @@ def test_a_vehicle_that_requests_again_after_the_end_gets_the_same_mission():
     exchange.receive(ack(0), VEHICLE, 0.2)
     assert exchange.result is None
     serve_all(exchange, 0.9)
+    assert exchange.counts["late"] == len(ITEMS)
     assert exchange.tick(0.2 + TIMEOUTS.settle_s) == [] and exchange.result is None
     exchange.tick(0.9 + TIMEOUTS.settle_s)
     assert exchange.result == Done(ITEMS)
@@ -222,6 +226,22 @@ def test_a_cancelled_upload_answers_requests_with_a_cancellation():
     assert exchange.receive(request(1), VEHICLE, 0.3) == [CANCELLED]
     exchange.tick(0.3 + 2 * TIMEOUTS.settle_s)
     assert exchange.result.code == "cancelled" and exchange.result.changed
+
+
+def test_a_late_fault_of_the_vehicle_shortens_the_wait_after_a_cancellation_once():
+    exchange = upload()
+    exchange.start(0.0)
+    exchange.receive(request(0), VEHICLE, 0.1)
+    exchange.cancel(0.2)
+    for result in (MissionResult.ACCEPTED, MissionResult.INVALID_SEQUENCE):
+        assert exchange.receive(ack(result), VEHICLE, 0.3) == []
+        assert exchange.deadline == 0.2 + TIMEOUTS.stall_s
+    for now in (0.4, 0.9):
+        assert exchange.receive(ack(MissionResult.OPERATION_CANCELLED), VEHICLE, now) == []
+        assert exchange.deadline == 0.4 + TIMEOUTS.settle_s
+    assert exchange.counts["late"] == 4
+    exchange.tick(0.4 + TIMEOUTS.settle_s)
+    assert exchange.result.code == "cancelled"
 
 
 @pytest.mark.parametrize("autopilot", VEHICLES)

@@ -221,6 +221,77 @@ def test_an_unknown_action_refuses_all_but_only_of_a_live_drone(mission, place):
     assert parsed(message, (True, False)) == Accepted((0, commands.NO_ACTION))
 
 
+NUMBERED = "0 left, 1 right, 2 up, 3 down, 4 search"
+
+
+def moved(frame_id="map", **position):
+    message = pose_stamped(FRAME, (3, 3), STAMP)
+    message.header.frame_id = frame_id
+    for axis, value in position.items():
+        setattr(message.pose.position, axis, value)
+    return message
+
+
+@pytest.mark.parametrize(
+    ("refused", "reason"),
+    [
+        (
+            commands.parse_action(Int8(data=5), ACTIONS),
+            f"data: action 5 is not allowed; {NUMBERED}",
+        ),
+        (
+            commands.parse_action_name(String(data="fly"), ACTIONS),
+            "data: 'fly' is not allowed; one of left, right, up, down, search",
+        ),
+        (
+            commands.parse_goal(moved("odom"), FRAME),
+            "header.frame_id: 'odom' is not allowed; 'map' is",
+        ),
+        (
+            commands.parse_goal(moved(y=1040.0), FRAME),
+            "pose.position: (455, 1040) is not allowed; 0 <= x, y < 1040 m",
+        ),
+        (
+            commands.parse_path(Path(header=Header(frame_id="odom")), FRAME),
+            "header.frame_id: 'odom' is not allowed; 'map' is",
+        ),
+        (
+            commands.parse_path(Path(header=Header(frame_id="map")), FRAME),
+            "poses: 0 poses are not allowed; 1 to 10000",
+        ),
+        (
+            commands.parse_path(
+                Path(header=Header(frame_id="map"), poses=[moved()] * 10001), FRAME
+            ),
+            "poses: 10001 poses are not allowed; 1 to 10000",
+        ),
+        (
+            parsed(Int32MultiArray(data=array.array("i", [5]))),
+            "data: 1 numbers are not allowed; 3 or 4: the mission, which may be left out, the step "
+            "and 2 actions",
+        ),
+        (
+            parsed(commands.joint_action_message(5, [0, 1], 2)),
+            "data[0]: mission 2 is not allowed; 3 is",
+        ),
+        (
+            parsed(commands.joint_action_message(4, [0, 1])),
+            "data[0]: step 4 is not allowed; 5 is",
+        ),
+        (
+            parsed(commands.joint_action_message(4, [0, 1], 3)),
+            "data[1]: step 4 is not allowed; 5 is",
+        ),
+        (
+            parsed(commands.joint_action_message(5, [0, 5])),
+            f"data[2]: action 5 is not allowed; {NUMBERED}",
+        ),
+    ],
+)
+def test_a_refusal_says_the_field_its_value_and_what_is_allowed(refused, reason):
+    assert refused.reason == reason
+
+
 @given(st.integers(0, 4))
 def test_the_messages_of_planners_are_understood(number):
     assert commands.parse_action(commands.action_message(number), ACTIONS) == Accepted(number)
