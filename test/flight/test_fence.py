@@ -170,6 +170,12 @@ def test_home_may_be_elsewhere_with_the_same_margin(x_m, y_m):
     assert (code(item, fence) is None) == (math.hypot(x_m, y_m) < MARGIN_M)
 
 
+def test_without_a_margin_home_itself_is_inside():
+    home = Home(*map_to_geodetic(FRAME, -9000.0, 4000.0, 0.0))
+    fence = dataclasses.replace(FENCE, margin_m=0.0, home=home)
+    assert code(waypoint(lat_deg=home.lat_deg, lon_deg=home.lon_deg), fence) is None
+
+
 def test_a_mission_is_refused_by_its_first_bad_item():
     mission = track_mission(FRAME, [(0, 0), (1, 0)])
     items = [*mission.numbered("ardupilot"), waypoint(9000.0), waypoint(alt_m=500.0)]

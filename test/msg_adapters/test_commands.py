@@ -233,63 +233,68 @@ def moved(frame_id="map", **position):
 
 
 @pytest.mark.parametrize(
-    ("refused", "reason"),
+    ("parse", "reason"),
     [
         (
-            commands.parse_action(Int8(data=5), ACTIONS),
+            lambda: commands.parse_action(Int8(data=5), ACTIONS),
             f"data: action 5 is not allowed; {NUMBERED}",
         ),
         (
-            commands.parse_action_name(String(data="fly"), ACTIONS),
+            lambda: commands.parse_action_name(String(data="fly"), ACTIONS),
             "data: 'fly' is not allowed; one of left, right, up, down, search",
         ),
         (
-            commands.parse_goal(moved("odom"), FRAME),
+            lambda: commands.parse_goal(moved("odom"), FRAME),
             "header.frame_id: 'odom' is not allowed; 'map' is",
         ),
         (
-            commands.parse_goal(moved(y=1040.0), FRAME),
+            lambda: commands.parse_goal(moved(y=1040.0), FRAME),
             "pose.position: (455, 1040) is not allowed; 0 <= x, y < 1040 m",
         ),
         (
-            commands.parse_path(Path(header=Header(frame_id="odom")), FRAME),
+            lambda: commands.parse_path(Path(header=Header(frame_id="odom")), FRAME),
             "header.frame_id: 'odom' is not allowed; 'map' is",
         ),
         (
-            commands.parse_path(Path(header=Header(frame_id="map")), FRAME),
+            lambda: commands.parse_path(Path(header=Header(frame_id="map")), FRAME),
             "poses: 0 poses are not allowed; 1 to 10000",
         ),
         (
-            commands.parse_path(
+            lambda: commands.parse_path(
                 Path(header=Header(frame_id="map"), poses=[moved()] * 10001), FRAME
             ),
             "poses: 10001 poses are not allowed; 1 to 10000",
         ),
         (
-            parsed(Int32MultiArray(data=array.array("i", [5]))),
+            lambda: parsed(Int32MultiArray(data=array.array("i", [5]))),
             "data: 1 numbers are not allowed; 3 or 4: the mission, which may be left out, the step "
             "and 2 actions",
         ),
         (
-            parsed(commands.joint_action_message(5, [0, 1], 2)),
+            lambda: parsed(commands.joint_action_message(5, [0, 1], 2)),
             "data[0]: mission 2 is not allowed; 3 is",
         ),
         (
-            parsed(commands.joint_action_message(4, [0, 1])),
+            lambda: parsed(commands.joint_action_message(4, [0, 1])),
             "data[0]: step 4 is not allowed; 5 is",
         ),
         (
-            parsed(commands.joint_action_message(4, [0, 1], 3)),
+            lambda: parsed(commands.joint_action_message(4, [0, 1], 3)),
             "data[1]: step 4 is not allowed; 5 is",
         ),
         (
-            parsed(commands.joint_action_message(5, [0, 5])),
+            lambda: parsed(commands.joint_action_message(5, [0, 5])),
             f"data[2]: action 5 is not allowed; {NUMBERED}",
         ),
     ],
 )
-def test_a_refusal_says_the_field_its_value_and_what_is_allowed(refused, reason):
-    assert refused.reason == reason
+def test_a_refusal_says_the_field_its_value_and_what_is_allowed(parse, reason):
+    assert parse().reason == reason
+
+
+def test_who_is_live_is_said_of_each_drone():
+    with pytest.raises(ValueError, match="zip"):
+        parsed(commands.joint_action_message(5, [0, 1]), (True,))
 
 
 @given(st.integers(0, 4))
