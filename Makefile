@@ -90,7 +90,7 @@ lint: $(VENV)/.test ## Lint and check the types
 
 # What Numba compiles is out of sight: [tool.coverage.run] leaves it out.
 coverage: $(VENV)/.test $(VENV)/.quality ## Measure which branches of search, mission, msg_adapters and flight are tested
-	@$(BIN)/pytest $(WITHOUT_NODES) --cov $(addprefix test/,search mission msg_adapters flight)
+	@$(BIN)/pytest $(WITHOUT_NODES) $(addprefix test/,search mission msg_adapters flight) --cov
 
 mutants: $(VENV)/.test $(VENV)/.quality ## Test the tests of fence, upload and commands by changing those: MUTANTS='name ...'
 	@$(BIN)/mutmut run --max-children 2 $(MUTANTS)

@@ -73,7 +73,6 @@ class TestMavsdk:
             seen = fly_with_mavsdk(autopilot, "px4_setpoints")
         assert seen["went_to"]["height_m"] == pytest.approx(8, abs=0.6)
         assert seen["modes"][:4] == ["HOLD", "TAKEOFF", "HOLD", "OFFBOARD"]
-        # Disarmed, it is in the mode of before the landing.
         assert seen["modes"][-2:] == ["LAND", "HOLD"]
         assert seen["highest_m"] == pytest.approx(10, abs=0.5)
         assert not is_home(seen) and seen["height_m"] == 0

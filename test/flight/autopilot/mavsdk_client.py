@@ -84,9 +84,10 @@ class Client:
             "height_m": position.relative_altitude_m,
         }
 
-    def be_down(self) -> None:
-        """Wait until it has landed and is disarmed."""
+    def be_down(self, mode: str = "") -> None:
+        """Wait until it has landed and is disarmed, and until that mode, if any, is seen."""
         until(lambda: not self.telemetry.armed(), "disarmed")
+        until(lambda: self.modes[-1].endswith(mode), mode)
 
 
 def px4_mission(pilot: Client) -> dict[str, Any]:
@@ -100,7 +101,7 @@ def px4_mission(pilot: Client) -> dict[str, Any]:
     downloaded = pilot.mission.download_mission().mission_items
     pilot.arm()
     pilot.mission.start_mission()
-    pilot.be_down()
+    pilot.be_down("HOLD")
     return {
         "uploaded": [vars(item) for item in items],
         "downloaded": [vars(item) for item in downloaded],
@@ -132,7 +133,8 @@ def px4_setpoints(pilot: Client) -> dict[str, Any]:
     until(there, "setpoint")
     pilot.offboard.stop()
     pilot.action.land()
-    pilot.be_down()
+    # Disarmed, it is in the mode of before the landing.
+    pilot.be_down("HOLD")
     return {"went_to": went_to}
 
 
