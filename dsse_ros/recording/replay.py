@@ -24,7 +24,7 @@ from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import Recorded
 from dsse_ros.search import HOLD, FieldError, SearchEnv
 from msg_adapters.agents import AgentsInfo, agents_from_message
-from msg_adapters.stamps import to_nanoseconds, to_stamp
+from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message, step_report_message
 
 _TOPIC = re.compile(
@@ -459,11 +459,12 @@ class _Flight:
         mission = self.mission
         if len(report.points) != len(self.info.agents):
             return Difference(report.step, "", "drones", str(len(report.points)), "others")
-        stamp = self._stamp(report)
+        stamp_ns = to_nanoseconds(report.message.header.stamp)
+        expected_ns = self._expected_ns(report.step, stamp_ns)
         own = step_report_of(mission, self.info.frame, self.outcome.run_id)
-        message = step_report_message(self.info.frame, own, stamp)
+        message = step_report_message(self.info.frame, own, report.message.header.stamp)
         # Not the bytes of the whole message: rclpy leaves those between two fields as they are.
-        if message == report.message:
+        if message == report.message and stamp_ns == expected_ns:
             return None
         if own.dtype != report.points.dtype:
             return Difference(report.step, "", "fields", str(report.points.dtype), str(own.dtype))
@@ -476,23 +477,26 @@ class _Flight:
                         report.step, drone, name, self._shown(name, recorded),
                         self._shown(name, replayed),
                     )  # fmt: skip
+        if stamp_ns != expected_ns:
+            return Difference(
+                report.step, "", "header.stamp", f"{stamp_ns} ns", f"{expected_ns} ns"
+            )
         for name in message.get_fields_and_field_types():
             recorded, replayed = getattr(report.message, name), getattr(message, name)
             if recorded != replayed:
                 return Difference(report.step, "", name, str(recorded), str(replayed))
         return None
 
-    def _stamp(self, report: _Report) -> Any:
-        """Return the stamp that a report must have; any where stamps are no mission time."""
-        stamp_ns = to_nanoseconds(report.message.header.stamp)
+    def _expected_ns(self, step: int, stamp_ns: int) -> int:
+        """Return the stamp that a report must have; its own where stamps are no mission time."""
         if self._first_stamp is None:
-            self._first_stamp = (report.step, stamp_ns)
-        step, first_ns = self._first_stamp
+            self._first_stamp = (step, stamp_ns)
+        first, first_ns = self._first_stamp
         step_ns = max(round(self.info.step_duration_s * 1e9), 1)
-        expected_ns = first_ns + (report.step - step) * step_ns
-        if report.step == step + 1 and expected_ns != stamp_ns:
+        expected_ns = first_ns + (step - first) * step_ns
+        if step == first + 1 and expected_ns != stamp_ns:
             self._mission_time = False
-        return to_stamp(expected_ns if self._mission_time else stamp_ns)
+        return expected_ns if self._mission_time else stamp_ns
 
     def _shown(self, name: str, value: Any) -> str:
         if name == "action" and 0 <= value < len(self.info.actions):

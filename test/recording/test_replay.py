@@ -161,7 +161,24 @@ def test_a_changed_stamp_is_found_unless_stamps_are_wall_time() -> None:
         # The seconds of the header's stamp stand behind the four bytes of the encapsulation.
         of.messages[at] = with_byte(of.messages[at], 4, 1)
         found = one(of.messages).difference
-        assert (found.step, found.field) == (3, "header") if step == 3 and found else not found
+        assert (
+            (found.step, found.field) == (3, "header.stamp") if step == 3 and found else not found
+        )
+
+
+@pytest.mark.parametrize("step", [0, 1, 3])
+def test_a_stamp_before_all_time_is_a_changed_one(step: int) -> None:
+    of = Flown()
+    of.fly(6)
+    at = of.find("step_report", step)
+    sign = of.messages[at].data[7] | 0x80
+    of.messages[at] = with_byte(of.messages[at], 7, sign)
+    found = one(of.messages).difference
+    if step == 3:
+        assert found is not None and found.field == "header.stamp"
+        assert found.recorded == f"{int(found.replayed[:-3]) - 2**31 * 10**9} ns"
+    else:
+        assert found is None
 
 
 def test_what_drones_without_a_command_did_is_taken_from_the_reports() -> None:
