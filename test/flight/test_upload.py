@@ -95,7 +95,8 @@ def test_an_acknowledgement_before_every_item_was_requested_is_an_error(requeste
         exchange.receive(request(seq), VEHICLE, 0.1)
     assert exchange.receive(ack(0), VEHICLE, 0.2) == [CANCELLED]
     assert exchange.tick(exchange.deadline) == []
-    assert isinstance(exchange.result, Failed) and exchange.result.code == "early_ack"
+    reason = f"upload: acknowledged after {requested} of 3 items were requested"
+    assert exchange.result == Failed("early_ack", reason, changed=True)
 
 
 def test_the_whole_upload_starts_again_as_often_as_allowed():
@@ -135,6 +136,7 @@ def test_a_nack_of_an_item_that_arrives_twice_does_not_stop_an_upload():
     exchange.receive(request(0), VEHICLE, 0.1)
     for result in (MissionResult.INVALID_SEQUENCE, MissionResult.ERROR, MissionResult.DENIED):
         assert exchange.receive(ack(result), VEHICLE, 0.1) == []
+    assert exchange.counts["ignored_nack"] == 3
     serve_all(exchange, 0.2)
     exchange.receive(ack(0), VEHICLE, 0.3)
     exchange.tick(0.3 + TIMEOUTS.settle_s)
@@ -194,7 +196,43 @@ def test_a_vehicle_that_still_waits_for_another_mission_gets_nothing_of_this_one
     exchange.start(0.0)
     assert exchange.receive(request(1), VEHICLE, 0.1) == [CANCELLED]
     assert exchange.receive(request(2), VEHICLE, 0.1) == [CANCELLED]
+    assert exchange.counts["unexpected"] == 2
     serve_all(exchange, 0.2)
+
+
+def test_a_vehicle_that_cancels_gets_the_mission_again_as_often_as_allowed():
+    exchange = upload(timeouts=Timeouts(upload_retries=0))
+    exchange.start(0.0)
+    exchange.receive(request(0), VEHICLE, 0.1)
+    exchange.receive(ack(MissionResult.OPERATION_CANCELLED), VEHICLE, 0.2)
+    assert exchange.deadline == 0.2 + TIMEOUTS.settle_s
+    exchange.tick(exchange.deadline)
+    reason = "upload: cancelled by the vehicle"
+    assert exchange.result == Failed("cancelled_by_vehicle", reason, changed=True)
+
+
+def test_a_nack_before_the_last_item_does_not_shorten_the_wait():
+    exchange = upload(timeouts=Timeouts(upload_retries=0))
+    exchange.start(0.0)
+    exchange.receive(request(0), VEHICLE, 0.0)
+    exchange.receive(ack(MissionResult.ERROR), VEHICLE, 0.1)
+    now = 0.0
+    while exchange.tick(now) != [CANCELLED]:
+        now = exchange.deadline
+    assert now > TIMEOUTS.stall_s
+
+
+def test_every_message_of_an_upload_is_of_its_type_of_mission():
+    items = tuple(dataclasses.replace(item, mission_type=1) for item in ITEMS)
+    exchange = upload(items, autopilot="px4", mission_type=1, timeouts=Timeouts(settle_s=0.5))
+    assert exchange.start(0.0) == [MissionCount(VEHICLE, 3, 1)]
+    asked = MissionRequest(OURSELVES, 0, 1)
+    assert exchange.receive(asked, VEHICLE, 0.1) == [MissionItemInt(VEHICLE, items[0])]
+    assert exchange.receive(MissionCount(OURSELVES, 3, 1), VEHICLE, 0.1) == []
+    assert exchange.counts["unexpected"] == 1
+    cancelled = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED, 1)
+    assert exchange.cancel(0.2) == [cancelled]
+    assert exchange.deadline == 0.2 + 2 * 0.5
 
 
 def test_a_request_for_an_item_that_does_not_exist_is_counted():

@@ -15,7 +15,13 @@ from mission_vehicle import HOME, VEHICLE, VEHICLES, ArduPilot, Px4
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import ARDUPILOT, AUTOPILOTS, PX4
-from dsse_ros.flight.mission_messages import MissionAck, MissionItemInt
+from dsse_ros.flight.mission_messages import (
+    MissionAck,
+    MissionCount,
+    MissionItemInt,
+    MissionRequest,
+    MissionRequestList,
+)
 from dsse_ros.flight.transfer import Done, Failed, Timeouts
 from dsse_ros.flight.upload import VerifiedUpload, difference
 
@@ -191,8 +197,11 @@ def test_an_open_yaw_comes_back_as_anything():
     "values",
     [
         {"seq": 4},
+        {"seq": 2},
         {"command": 19},
+        {"command": 17},
         {"frame": 0},
+        {"frame": 4},
         {"frame": 10},
         {"x": SENT[1].x + 3},
         {"y": SENT[1].y - 3},
@@ -206,6 +215,24 @@ def test_an_open_yaw_comes_back_as_anything():
 def test_every_field_that_matters_is_compared(values):
     name = next(iter(values))
     assert f"item 1: {name} " in difference(SENT, changed(1, **values), ARDUPILOT)
+
+
+def test_frames_are_the_same_in_either_form():
+    floats = [dataclasses.replace(item, frame=3) for item in SENT]
+    assert difference(floats, floats, PX4) is None
+    assert difference(SENT, floats, ARDUPILOT) is None
+
+
+def test_what_is_read_back_is_asked_for_in_the_same_type_and_with_the_same_timeouts():
+    items = tuple(dataclasses.replace(item, mission_type=1) for item in mission(1, 2))
+    timeouts = Timeouts(reply_s=2.5, settle_s=0.5)
+    exchange = verified(items, "px4", mission_type=1, timeouts=timeouts)
+    assert exchange.start(0.0) == [MissionCount(VEHICLE, 2, 1)]
+    for seq in range(2):
+        exchange.receive(MissionRequest(OURSELVES, seq, 1), VEHICLE, 0.1)
+    exchange.receive(MissionAck(OURSELVES, 0, 1), VEHICLE, 0.2)
+    assert exchange.tick(0.7) == [MissionRequestList(VEHICLE, 1)]
+    assert exchange.deadline == 0.7 + 2.5
 
 
 def test_px4_returns_times_and_radii_as_they_were():
