@@ -88,9 +88,11 @@ lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 
-# What Numba compiles is out of sight: [tool.coverage.run] leaves it out.
-coverage: $(VENV)/.test $(VENV)/.quality ## Measure which branches of search, mission, msg_adapters and flight are tested
-	@$(BIN)/pytest $(WITHOUT_NODES) $(addprefix test/,search mission msg_adapters flight) --cov
+TESTS_OF_COVERAGE := $(addprefix test/,search mission msg_adapters flight planners recording cli compat \
+	$(addprefix nodes/test_,area_over_ros.py bad_input.py belief_over_ros.py client_commands.py \
+	coverage_over_ros.py faults_over_ros.py lockstep.py lost_drones.py snapshots.py step_modes.py topics.py vehicles.py))
+coverage: $(VENV)/.compiled $(VENV)/.quality ## Measure which branches of search, mission, msg_adapters and flight are tested
+	@$(BIN)/pytest $(WITH_NODES) $(TESTS_OF_COVERAGE) --cov
 
 mutants: $(VENV)/.test $(VENV)/.quality ## Test the tests of fence, upload and commands by changing those: MUTANTS='name ...'
 	@$(BIN)/mutmut run --max-children 2 $(MUTANTS)

@@ -82,7 +82,7 @@ setup(
         "browser": ["playwright>=1.49"],
         # `make coverage`, `make mutants`, `make lock`, `make sbom` and `make audit`.
         "quality": [
-            "coverage>=7.6",
+            "coverage>=7.10",
             "cyclonedx-bom>=7",
             "mutmut>=3.8",
             "pip-audit>=2.9",

@@ -217,6 +217,13 @@ def test_every_field_that_matters_is_compared(values):
     assert f"item 1: {name} " in difference(SENT, changed(1, **values), ARDUPILOT)
 
 
+@pytest.mark.parametrize("frame", [2, 3, 6])
+def test_a_return_has_no_place_to_compare(frame):
+    sent = dataclasses.replace(SENT[-1], seq=0, frame=frame)
+    read = dataclasses.replace(sent, x=10**7, y=10**7, z=9.0)
+    assert sent.command == 20 and difference([sent], [read], PX4) is None
+
+
 def test_frames_are_the_same_in_either_form():
     floats = [dataclasses.replace(item, frame=3) for item in SENT]
     assert difference(floats, floats, PX4) is None
