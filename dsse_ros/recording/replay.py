@@ -478,9 +478,7 @@ class _Flight:
                         self._shown(name, replayed),
                     )  # fmt: skip
         if stamp_ns != expected_ns:
-            return Difference(
-                report.step, "", "header.stamp", f"{stamp_ns} ns", f"{expected_ns} ns"
-            )
+            return Difference(report.step, "", "header.stamp", f"{stamp_ns}", f"{expected_ns}")
         for name in message.get_fields_and_field_types():
             recorded, replayed = getattr(report.message, name), getattr(message, name)
             if recorded != replayed:
@@ -489,9 +487,7 @@ class _Flight:
 
     def _expected_ns(self, step: int, stamp_ns: int) -> int:
         """Return the stamp that a report must have; its own where stamps are no mission time."""
-        if self._first_stamp is None:
-            self._first_stamp = (step, stamp_ns)
-        first, first_ns = self._first_stamp
+        first, first_ns = self._first_stamp = self._first_stamp or (step, stamp_ns)
         step_ns = max(round(self.info.step_duration_s * 1e9), 1)
         expected_ns = first_ns + (step - first) * step_ns
         if step == first + 1 and expected_ns != stamp_ns:

@@ -292,7 +292,7 @@ def test_a_refusal_says_the_field_its_value_and_what_is_allowed(parse, reason):
     assert parse().reason == reason
 
 
-def test_who_is_live_is_said_of_each_drone():
+def test_who_is_live_is_stated_for_each_drone():
     with pytest.raises(ValueError, match="zip"):
         parsed(commands.joint_action_message(5, [0, 1]), (True,))
 
