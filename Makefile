@@ -41,6 +41,10 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 TESTS_OF_CHECK := $(addprefix test/,campaign compat dashboard flight mission msg_adapters packaging \
 	planners recording report search training)
 
+# Commands and their refusals come over DDS.
+TESTS_OF_COVERAGE := $(addprefix test/,cli compat flight mission msg_adapters planners recording search \
+	$(addprefix nodes/test_,bad_input.py client_commands.py lost_drones.py step_modes.py))
+
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
 MOVIE_OF = $(if $(MOVIE),--movie '$(MOVIE)')
@@ -88,11 +92,8 @@ lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 
-TESTS_OF_COVERAGE := $(addprefix test/,search mission msg_adapters flight planners recording cli compat \
-	$(addprefix nodes/test_,area_over_ros.py bad_input.py belief_over_ros.py client_commands.py \
-	coverage_over_ros.py faults_over_ros.py lockstep.py lost_drones.py snapshots.py step_modes.py topics.py vehicles.py))
 coverage: $(VENV)/.compiled $(VENV)/.quality ## Measure which branches of search, mission, msg_adapters and flight are tested
-	@$(BIN)/pytest $(WITH_NODES) $(TESTS_OF_COVERAGE) --cov
+	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_COVERAGE) --cov
 
 mutants: $(VENV)/.test $(VENV)/.quality ## Test the tests of fence, upload and commands by changing those: MUTANTS='name ...'
 	@$(BIN)/mutmut run --max-children 2 $(MUTANTS)
