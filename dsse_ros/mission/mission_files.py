@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 from pathlib import Path
@@ -74,6 +75,8 @@ class MissionFiles:
         try:
             self._log.write(self._mission, self._mission.result)
         except OSError as error:
+            with contextlib.suppress(OSError):
+                self._log.close()
             self._log = None
             return (
                 f"record_file: {self._record_file!r}: {error.strerror}; "
