@@ -81,9 +81,8 @@ def take(intake: CommandIntake, topic: str, message: Any) -> bool:
 def hostile_dds(run: Run) -> Figures:
     """Publish messages that are all refused, no faster than the node takes them."""
     number = run.size(1000, 100)
-    parameters = {k: list(v) if isinstance(v, tuple) else v for k, v in SCENARIO.items()}
     with domain(run.folder) as rig:
-        sim = rig.sim(parameters | {"seed": 1})
+        sim = rig.sim(SCENARIO | {"seed": 1})
         sim.fly(SEARCH, SEARCH, UP)
         seen = len(sim.reports)
         in_flight: Counter[str] = Counter()
@@ -117,8 +116,7 @@ def hostile_mavlink(run: Run) -> Figures:
     kinds = list(mavlink.mavlink_map.values())
     draw = random.Random(11)
     with domain(run.folder) as rig, socket.create_server(("127.0.0.1", 0)) as server:
-        parameters = {k: list(v) if isinstance(v, tuple) else v for k, v in SCENARIO.items()}
-        rig.sim(parameters | {"num_drones": 1, "seed": 1})
+        rig.sim(SCENARIO | {"num_drones": 1, "seed": 1})
         bridge = Bridge(rig, [_Listening(server)], arm=False)  # type: ignore[list-item]
         connection, _ = server.accept()
         with connection:

@@ -121,7 +121,7 @@ def node_killed(run: Run) -> Figures:
         for kill in run.each(range(kills), "kills"):
             flown = Unbroken(seed=kill)
             parameters = {
-                **{name: list(v) if isinstance(v, tuple) else v for name, v in FIELDS.items()},
+                **FIELDS,
                 "seed": kill,
                 "compute_pos": "never",
                 "snapshot_file": str(run.folder / f"{kill}.snapshot"),

@@ -29,8 +29,7 @@ def test_a_mission_with_all_faults_is_the_direct_one_on_every_topic(
     rig: Rig, tmp_path: Path
 ) -> None:
     record = tmp_path / "mission.csv"
-    given = {k: list(v) if isinstance(v, tuple) else v for k, v in FIELDS.items()}
-    sim = rig.sim({**given, "seed": SEED, "record_file": str(record)})
+    sim = rig.sim({**FIELDS, "seed": SEED, "record_file": str(record)})
     batteries = rig.listen(BatteryState, "drone0/battery", LATCHED)
     env, beside = DsseRosEnv(timeout_s=TIMEOUT_S, domain_id=rig.domain), parallel_env(**FIELDS)
     draw = np.random.default_rng(1)

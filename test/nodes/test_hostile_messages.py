@@ -33,8 +33,7 @@ SEED = 21
 
 @pytest.fixture(scope="module")
 def sim(rig: Rig) -> Sim:
-    values = {name: list(v) if isinstance(v, tuple) else v for name, v in SCENARIO.items()}
-    return rig.sim(values | {"seed": SEED})
+    return rig.sim(SCENARIO | {"seed": SEED})
 
 
 @pytest.fixture(scope="module")

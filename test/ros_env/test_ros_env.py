@@ -50,7 +50,7 @@ def direct(name: str) -> Any:
 
 def parameters(name: str) -> dict[str, Any]:
     """The search as parameters of a node."""
-    fields = {k: list(v) if isinstance(v, tuple) else v for k, v in SEARCHES[name].items()}
+    fields = SEARCHES[name]
     if name != "santos":
         return fields | {"rules": name}
     return fields | {"scenario": name, "wait_for_vehicles": True}
