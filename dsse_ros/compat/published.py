@@ -33,7 +33,7 @@ class DroneData(NamedTuple):
 
 def no_rewards(agents: Iterable[str]) -> dict[str, float]:
     """Return the sums of rewards, each agent's and the total, at the start of a mission."""
-    return {**dict.fromkeys(agents, 0.0), "total": 0.0}
+    return {**dict.fromkeys(agents, 0), "total": 0}
 
 
 class PublishedEnv:

@@ -478,7 +478,7 @@ class _Flight:
                         self._shown(name, replayed),
                     )  # fmt: skip
         if stamp_ns != expected_ns:
-            return Difference(report.step, "", "header.stamp", f"{stamp_ns}", f"{expected_ns}")
+            return Difference(report.step, "", "header.stamp", str(stamp_ns), str(expected_ns))
         for name in message.get_fields_and_field_types():
             recorded, replayed = getattr(report.message, name), getattr(message, name)
             if recorded != replayed:
