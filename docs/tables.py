@@ -17,6 +17,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
+from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
 from dsse_ros.campaign.statistics import MEASURES
 from dsse_ros.dashboard.settings import DashboardSettings
@@ -24,7 +25,6 @@ from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.parameters import descriptor
 from dsse_ros.nodes.settings import (
     RUN_TIME_SETTINGS,
-    BridgeSettings,
     PlannerSettings,
     RecorderSettings,
     SimSettings,

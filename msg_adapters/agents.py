@@ -54,6 +54,8 @@ class AgentsInfo:
         area: Which cells are searched: a text for each row, from the north, with a 1 for each of
             them and a 0 for each other one, from the west; None for the whole grid.
         decision_time_s: Wall time that a step waits for commands; None where it waits for ever.
+        commanded: Whether each drone has had a command in this mission, or a step waits for none:
+            until then nobody may be there who plans the search.
     """
 
     agents: tuple[str, ...]
@@ -73,6 +75,7 @@ class AgentsInfo:
     definition: SearchDefinition | None = None
     area: tuple[str, ...] | None = None
     decision_time_s: float | None = None
+    commanded: bool = True
 
     @property
     def area_mask(self) -> NDArray[np.bool_] | None:
@@ -175,6 +178,7 @@ def agents_from_message(message: String) -> AgentsInfo:
         ),
         area=_area_of(keys),
         decision_time_s=_decision_time_s(keys),
+        commanded=keys.flag("commanded", default=True),
     )
     try:
         _ = info.frame

@@ -85,6 +85,13 @@ class Keys:
             self.refuse(key, f"at most {most}")
         return int(value)
 
+    def flag(self, key: str, *, default: bool) -> bool:
+        """Return true or false, the default where the key is missing."""
+        value = self._document.get(key, default)
+        if not isinstance(value, bool):
+            self.refuse(key, "true or false")
+        return bool(value)
+
     def number(self, key: str) -> float:
         """Return a finite number."""
         value = self.value(key)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,6 +55,8 @@ def track_mission(
     acceptance_radius_m: float = 0.0,
     search_alt_m: float = 30.0,
     search_hold_s: float = 5.0,
+    level_cells: Collection[tuple[int, int]] = (),
+    home_hold_s: float = 0.0,
 ) -> Mission:
     """Return a track as a mission: take-off, waypoints, searches and the return.
 
@@ -75,6 +77,9 @@ def track_mission(
         acceptance_radius_m: Distance at which a waypoint is reached; 0 for the autopilot's own.
         search_alt_m: Altitude of a search, not above the frame's.
         search_hold_s: Time that one search holds there.
+        level_cells: Cells that are searched from flight altitude, without a descent.
+        home_hold_s: Time to stay over home, at flight altitude, before the return; 0 for a return
+            from where the track ends.
 
     Raises:
         ValueError: If the track is empty, shapes do not match or a number is not allowed.
@@ -87,6 +92,7 @@ def track_mission(
         ("acceptance_radius_m", acceptance_radius_m, 255.0),
         ("search_alt_m", search_alt_m, frame.alt_m),
         ("search_hold_s", search_hold_s, 3600.0),
+        ("home_hold_s", home_hold_s, 3600.0),
     ):
         if not 0 <= value <= most:
             raise ValueError(f"{name}: {value!r} is not allowed; 0 to {most:g}")
@@ -112,11 +118,15 @@ def track_mission(
         visited, searches = stops(track, flags, merge_legs=merge_legs)
         cols, rows = visited[:, 0].astype(float), visited[:, 1].astype(float)
         lats, lons, _ = cell_to_geodetic(frame, cols, rows, alt_m)
-        for lat, lon, times in zip(lats.tolist(), lons.tolist(), searches.tolist(), strict=True):
-            yield waypoint(lat, lon, alt_m, hold_s)
-            if times:
+        visits = zip(visited.tolist(), lats.tolist(), lons.tolist(), searches.tolist(), strict=True)
+        for cell, lat, lon, times in visits:
+            level = times > 0 and tuple(cell) in level_cells
+            yield waypoint(lat, lon, alt_m, hold_s + (times * search_hold_s if level else 0.0))
+            if times and not level:
                 yield waypoint(lat, lon, search_alt_m, times * search_hold_s)
                 yield waypoint(lat, lon, alt_m, 0.0)
+        if home_hold_s > 0:
+            yield waypoint(home.lat_deg, home.lon_deg, alt_m, home_hold_s)
         yield MissionItem(NAV_RETURN_TO_LAUNCH, FRAME_MISSION)
 
     return Mission(home, tuple(items()))

@@ -71,7 +71,7 @@ def vehicle_fix(
     drone_name: str,
     lat_deg: float,
     lon_deg: float,
-    alt_amsl_m: float,
+    alt_m: float,
     stamp: Time,
 ) -> NavSatFix:
     """Return where a vehicle is on the Earth; how exactly is not known.
@@ -81,15 +81,14 @@ def vehicle_fix(
         drone_name: Name of the drone.
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
-        alt_amsl_m: Altitude above mean sea level, which is what autopilots report: it differs from
-            the height above the ellipsoid by the geoid's, up to 100 m.
+        alt_m: Height above the WGS84 ellipsoid; NaN if it is not known.
         stamp: Time of the fix.
     """
     message = NavSatFix(header=header(base_link(drone_name, frame.frame_prefix), stamp))
     message.status.status = NavSatStatus.STATUS_FIX
     message.status.service = NavSatStatus.SERVICE_GPS
     message.latitude, message.longitude = float(lat_deg), float(lon_deg)
-    message.altitude = float(alt_amsl_m)
+    message.altitude = float(alt_m)
     message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_UNKNOWN
     return message
 

@@ -201,7 +201,7 @@ def _mavlink() -> tuple[Take, list[bytes]]:
     from dsse_ros.flight.vehicle_controller import VehicleController
 
     ours, vehicle = Address(245, 191), Address(7, 1)
-    settings = ControllerSettings(autopilot="ardupilot", arm=True)
+    settings = ControllerSettings(autopilot="ardupilot")
 
     def take(data: bytes) -> None:
         codec = Codec(ours, vehicle)

@@ -246,7 +246,7 @@ class ControllerMachine(RuleBasedStateMachine):
     def begin(self, autopilot: str, arm: bool, seed: int) -> None:
         """Start a vehicle and its controller."""
         self.autopilot, self.arm = autopilot, arm
-        self.flight = VirtualFlight(autopilot, arm=arm, seed=seed, delay_s=0.1)
+        self.flight = VirtualFlight(autopilot, seed=seed, delay_s=0.1)
         self.orders = 0
         self.place: tuple[float, float, float] | None = None
         self.taken = False
@@ -261,6 +261,8 @@ class ControllerMachine(RuleBasedStateMachine):
         if isinstance(order, tuple):
             self.place = order
             order = GoTo(*self.flight.place(*order[:2]), order[2], ACCEPTANCE_M)
+        if isinstance(order, TakeOff):
+            order = replace(order, arm=self.arm, any_mode=self.arm)
         self.orders += 1
         self.was_done = False
         sent = len(self.flight.sent)

@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.cli.command_line import Parser, search_of
-from dsse_ros.mission.vehicle_missions import FlightSettings, layers, search_mission, write_missions
+from dsse_ros.mission.vehicle_missions import (
+    FlightSettings,
+    layers,
+    search_missions,
+    write_missions,
+)
 from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.planners import planner_for
 from dsse_ros.search import FieldError, SearchEnv
@@ -112,10 +117,10 @@ def main(argv: list[str] | None = None) -> int:
     except FieldError as error:
         return fail("export_mission", error)
     cells, searched, found = play(env, arguments.planner, arguments.seed)
-    missions = {
-        name: search_mission(frames[i], cells[:, i], searched[:, i], settings, home)
-        for i, name in enumerate(env.possible_agents)
-    }
+    names = env.possible_agents
+    tracks = [(cells[:, i], searched[:, i]) for i in range(len(names))]
+    flown = search_missions(frames, tracks, settings, [home] * len(names))
+    missions = dict(zip(names, flown, strict=True))
     try:
         written = write_missions(arguments.out, missions, arguments.autopilot)
     except OSError as error:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -18,14 +18,27 @@ from dsse_ros.flight.mavlink_messages import (
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
+    GpsRaw,
     MissionCurrent,
     PositionTarget,
-    SetPositionTarget,
     SysStatus,
 )
 from msg_adapters.mission_items import FIRMWARES
 
 _NO_MODES: frozenset[str] = frozenset()
+MULTICOPTERS = frozenset(
+    {
+        mavlink.MAV_TYPE_QUADROTOR,
+        mavlink.MAV_TYPE_COAXIAL,
+        mavlink.MAV_TYPE_HELICOPTER,
+        mavlink.MAV_TYPE_HEXAROTOR,
+        mavlink.MAV_TYPE_OCTOROTOR,
+        mavlink.MAV_TYPE_TRICOPTER,
+        mavlink.MAV_TYPE_DODECAROTOR,
+        mavlink.MAV_TYPE_DECAROTOR,
+    }
+)
+"""HEARTBEAT.type of the vehicles whose modes are known here: they take off and land upright."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +47,7 @@ class Autopilot:
 
     Attributes:
         name: As parameters and `FIRMWARES` have it.
+        number: MAV_AUTOPILOT, as in HEARTBEAT.autopilot.
         modes: Names of the flight modes by the fields of HEARTBEAT.custom_mode.
         mode_shifts: Bit positions of these fields.
         mode_mask: Bits of each of them.
@@ -42,6 +56,7 @@ class Autopilot:
         mission_mode: Mode in which it flies a mission.
         take_off_mode: Mode of a commanded take-off; empty if that does not change the mode. It
             ends in `resting_mode`.
+        boot_modes: Modes that it may be in after its start without anybody having chosen them.
         item_modes: Modes that mission items bring about, by their MAV_CMD.
         disarmed_modes: Modes that it enters by itself while it is disarmed.
         disarming_s: Time after disarming in which it may fall back into any mode.
@@ -70,6 +85,7 @@ class Autopilot:
     """
 
     name: str
+    number: int
     modes: Mapping[tuple[int, ...], str]
     mode_shifts: tuple[int, ...]
     mode_mask: int
@@ -77,6 +93,7 @@ class Autopilot:
     resting_mode: str
     mission_mode: str
     take_off_mode: str = ""
+    boot_modes: frozenset[str]
     item_modes: Mapping[int, str] = field(default_factory=dict)
     disarmed_modes: frozenset[str] = _NO_MODES
     disarming_s: float = 0.0
@@ -98,9 +115,26 @@ class Autopilot:
     first_port: int
     port_step: int
 
+    def problem(self, kind: int, autopilot: int) -> str:
+        """Return why a vehicle cannot be flown as this one, empty if it can.
+
+        Args:
+            kind: HEARTBEAT.type.
+            autopilot: HEARTBEAT.autopilot.
+        """
+        if autopilot != self.number:
+            name = _enum_name("MAV_AUTOPILOT", autopilot)
+            return (
+                f"HEARTBEAT.autopilot must be {_enum_name('MAV_AUTOPILOT', self.number)} with "
+                f"autopilot:={self.name}, got {name}"
+            )
+        if kind not in MULTICOPTERS:
+            return f"HEARTBEAT.type must be a multicopter, got {_enum_name('MAV_TYPE', kind)}"
+        return ""
+
     @property
     def orderly_modes(self) -> frozenset[str]:
-        """Modes in which a vehicle that was taken over may be given orders again."""
+        """Modes in which it waits for orders or carries them out."""
         return frozenset({self.guided_mode, self.resting_mode})
 
     @property
@@ -139,8 +173,14 @@ class Autopilot:
         return [f"udpin:127.0.0.1:{port}" for port in ports]
 
 
+def _enum_name(enum: str, number: int) -> str:
+    entry = mavlink.enums[enum].get(number)
+    return str(number) if entry is None else entry.name.removeprefix(f"{enum}_")
+
+
 _MESSAGES: dict[type, int] = {
     GlobalPosition: mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    GpsRaw: mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
     SysStatus: mavlink.MAVLINK_MSG_ID_SYS_STATUS,
     ExtendedSysState: mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
     MissionCurrent: mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
@@ -148,6 +188,7 @@ _MESSAGES: dict[type, int] = {
 
 ARDUPILOT = Autopilot(
     name="ardupilot",
+    number=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
     # https://mavlink.io/en/messages/ardupilotmega.html#COPTER_MODE
     modes={
         (number,): entry.name.removeprefix("COPTER_MODE_")
@@ -159,6 +200,7 @@ ARDUPILOT = Autopilot(
     guided_mode="GUIDED",
     resting_mode="GUIDED",
     mission_mode="AUTO",
+    boot_modes=frozenset({"STABILIZE"}),
     messages={
         **_MESSAGES,
         EkfStatus: mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
@@ -184,6 +226,7 @@ ARDUPILOT = Autopilot(
 
 PX4 = Autopilot(
     name="px4",
+    number=mavlink.MAV_AUTOPILOT_PX4,
     # MAVLink has no enumeration of these: px4_custom_mode.h, as QGroundControl names them.
     modes={
         (1, 0): "MANUAL",
@@ -211,6 +254,7 @@ PX4 = Autopilot(
     resting_mode="HOLD",
     mission_mode="MISSION",
     take_off_mode="TAKEOFF",
+    boot_modes=frozenset({"MANUAL"}),
     item_modes={
         mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",
         mavlink.MAV_CMD_NAV_LAND: "LAND",
@@ -242,73 +286,3 @@ PX4 = Autopilot(
 )
 
 AUTOPILOTS: Mapping[str, Autopilot] = {one.name: one for one in (ARDUPILOT, PX4)}
-
-
-class PacedSetpoint:
-    """A setpoint that leads a vehicle along a straight leg at a given speed: carrot chasing.
-
-    This is how `Autopilot.paced_setpoints` are flown, with the velocity as feed-forward.
-
-    Args:
-        target: The end of the leg; its altitude is the setpoint's from the start.
-        speed_mps: Speed over ground, more than 0.
-        place: Latitude and longitude of the vehicle in degrees.
-        boot_s: The vehicle's own clock.
-    """
-
-    _LEAD_S = 1.0
-    """Greatest lead over the vehicle: more than its position is old, less than makes it run."""
-    _APPROACH_S = 1.0
-    """Time before the end at which the vehicle gets the end itself, where it stops by itself."""
-
-    def __init__(
-        self,
-        target: SetPositionTarget,
-        speed_mps: float,
-        place: tuple[float, float],
-        boot_s: float,
-    ) -> None:
-        self.target = target
-        self._speed_mps = speed_mps
-        self._start = place
-        self._at_m = 0.0
-        self._boot_s = boot_s
-        north_m, east_m = offset_m(place, (target.lat_deg, target.lon_deg))
-        self._length_m = math.hypot(north_m, east_m)
-        length_m = self._length_m or 1.0
-        self._direction = (north_m / length_m, east_m / length_m)
-
-    def advance(self, place: tuple[float, float], boot_s: float) -> SetPositionTarget:
-        """Return the setpoint at a time of the vehicle's clock; it waits for one that lags."""
-        north_m, east_m = offset_m(self._start, place)
-        flown_m = north_m * self._direction[0] + east_m * self._direction[1]
-        # A clock that has gone back was restarted.
-        passed_s = max(boot_s - self._boot_s, 0.0)
-        self._boot_s = boot_s
-        lead_m = self._speed_mps * self._LEAD_S
-        at_m = min(self._at_m + self._speed_mps * passed_s, flown_m + lead_m)
-        self._at_m = max(self._at_m, at_m)
-        if max(self._at_m, flown_m + self._speed_mps * self._APPROACH_S) >= self._length_m:
-            return self.target
-        share = self._at_m / self._length_m
-        lat_deg, lon_deg = self._start
-        east_deg = (self.target.lon_deg - lon_deg + 180) % 360 - 180
-        return replace(
-            self.target,
-            lat_deg=lat_deg + share * (self.target.lat_deg - lat_deg),
-            lon_deg=(lon_deg + share * east_deg + 180) % 360 - 180,
-            velocity_mps=(
-                self._speed_mps * self._direction[0],
-                self._speed_mps * self._direction[1],
-            ),
-        )
-
-
-def offset_m(start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
-    """Return metres to north and east between places in degrees, exact enough along a leg."""
-    north_m = (end[0] - start[0]) * _METRES_PER_DEGREE
-    east_deg = (end[1] - start[1] + 180) % 360 - 180
-    return north_m, east_deg * _METRES_PER_DEGREE * math.cos(math.radians(start[0]))
-
-
-_METRES_PER_DEGREE = 111_195.0

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to a vehicle, sent again until their effect is seen, and the modes they bring about.
+"""Commands to a vehicle, sent again until their effect is seen.
 
 An acknowledgement proves nothing: an autopilot may acknowledge a command and forget it, and loses
 all of them when it restarts.
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -42,13 +42,11 @@ _ACCEPTED_PATIENCE = 3.0
 _GROUND_SPEED = float(mavlink.SPEED_TYPE_GROUNDSPEED)
 _THROTTLE_UNCHANGED = -1.0
 _SPEED_TRIES = 5
-_EFFECT_S = 3.0
+EFFECT_S = 3.0
 """Until a command shows in a heartbeat, even if it was delayed and a heartbeat lost."""
 _TEXTS_S = 5.0
 """Status texts that explain a refusal come that shortly before or after it."""
 _PROGRESS_M = 0.5
-_MODE_RESTORED_S = 5.0
-"""How long an autopilot may take to go back to its guided mode once it gets setpoints again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +55,10 @@ class ControllerSettings:
 
     Attributes:
         autopilot: Which autopilot it has, by its name in `AUTOPILOTS`.
-        arm: Whether it may be armed; if not, a take-off waits until someone else has done it.
         speed_mps: Speed over ground to ask for, 0 for the vehicle's own.
         alt_tolerance_m: Difference in altitude at which the vehicle is there.
+        recovery_alt_m: Altitude above home below which a vehicle that has left its guided mode for
+            lack of setpoints is left to land.
         position_hz: How often to ask for positions, in the vehicle's time.
         setpoint_hz: Rate of setpoints, where they are streamed.
         link_timeout_s: Time without a heartbeat after which the vehicle is silent.
@@ -73,9 +72,9 @@ class ControllerSettings:
     """
 
     autopilot: str = "ardupilot"
-    arm: bool = False
     speed_mps: float = 0.0
     alt_tolerance_m: float = 3.0
+    recovery_alt_m: float = 10.0
     position_hz: float = 4.0
     setpoint_hz: float = 5.0
     link_timeout_s: float = 5.0
@@ -93,6 +92,7 @@ class ControllerSettings:
         needed_hz = max(one.setpoint_rate_hz for one in AUTOPILOTS.values())
         for name, least, most in (
             ("alt_tolerance_m", 0.1, 1000),
+            ("recovery_alt_m", 0.0, 20000),
             ("position_hz", 0.5, 50),
             ("setpoint_hz", math.nextafter(needed_hz, math.inf), 200),
             ("link_timeout_s", 0.1, 3600),
@@ -119,7 +119,14 @@ class OrderFailedError(Exception):
 
 
 class TakenOverError(Exception):
-    """The vehicle is in a mode that we have not set."""
+    """Somebody else, or a failsafe, has the vehicle.
+
+    Args:
+        what: What shows it; empty for a mode that we have not set.
+    """
+
+    def __init__(self, what: str = "") -> None:
+        super().__init__(what)
 
 
 @dataclass
@@ -132,6 +139,7 @@ class Situation:
         state: What the vehicle reports.
         now: Our time in seconds.
         out: Messages to send.
+        take_off_alt_m: Altitude above home at which its last take-off ends; NaN if there was none.
     """
 
     target: Address
@@ -139,6 +147,7 @@ class Situation:
     state: VehicleState = field(default_factory=VehicleState)
     now: float = -math.inf
     out: list[Outgoing] = field(default_factory=list)
+    take_off_alt_m: float = math.nan
     _texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=3))
     _best: tuple[object, float] = (None, math.inf)
     _best_since_s: float = 0.0
@@ -185,6 +194,9 @@ class CommandSender:
 
     Args:
         situation: Of the vehicle.
+
+    Attributes:
+        arms: Whether the vehicle is armed, if it is, because it was commanded to.
     """
 
     def __init__(self, situation: Situation) -> None:
@@ -197,9 +209,14 @@ class CommandSender:
         self._speed_tries = 0
         self._speed_due_s = -math.inf
         self._arming_until_s = -math.inf
+        self._was_armed = False
+        self._heartbeats_since_arming: int | None = None
+        self.arms = False
 
     def begin(self) -> None:
         """Forget the commands of the last order."""
+        self._was_armed = False
+        self._heartbeats_since_arming = None
         self._command, self._purpose = None, ""
         self._tries.clear()
         self._answers.clear()
@@ -213,6 +230,10 @@ class CommandSender:
         command = self._command
         if isinstance(command, CommandLong) and command.command == ack.command:
             refusal = ""
+            if ack.command == ARM_DISARM:
+                self.arms = ack.result in (_ACCEPTED, _IN_PROGRESS)
+                if ack.result == _ACCEPTED:
+                    self._heartbeats_since_arming = 0
             if ack.result in (_ACCEPTED, _IN_PROGRESS):
                 # It takes a while until that shows.
                 patient_s = situation.now + _ACCEPTED_PATIENCE * situation.settings.command_s
@@ -253,13 +274,34 @@ class CommandSender:
             self._due_s = situation.now + max(settings.command_s, takes_s)
             situation.out.append(command)
             if isinstance(command, CommandLong) and command.command in (ARM_DISARM, MISSION_START):
-                self._arming_until_s = situation.now + _EFFECT_S
+                self.arms = True
+                self._arming_until_s = situation.now + EFFECT_S
         return purpose + refusal
 
     def send_long(self, number: int, purpose: str, *parameters: float, takes_s: float = 0.0) -> str:
         """Send a COMMAND_LONG as `send` does."""
         command = CommandLong(self._situation.target, number, *parameters)
         return self.send(command, purpose, takes_s=takes_s)
+
+    def watch_arming(self) -> None:
+        """Take a heartbeat: is the vehicle armed?"""
+        if self._situation.state.armed:
+            self._was_armed = True
+            return
+        if self._was_armed:
+            self.arms = False
+        if self._heartbeats_since_arming is not None:
+            self._heartbeats_since_arming += 1
+
+    @property
+    def disarmed_again(self) -> bool:
+        """Whether it was armed during this order and is not any more.
+
+        Once it has accepted to be armed, two heartbeats without the flag show that.
+        """
+        if self._situation.state.armed:
+            return False
+        return self._was_armed or (self._heartbeats_since_arming or 0) >= 2
 
     @property
     def arming(self) -> bool:
@@ -275,160 +317,3 @@ class CommandSender:
             self._speed_due_s = situation.now + situation.settings.command_s
             speed = (_GROUND_SPEED, situation.settings.speed_mps, _THROTTLE_UNCHANGED)
             situation.out.append(CommandLong(situation.target, DO_CHANGE_SPEED, *speed))
-
-
-class ModeOwnership:
-    """Whether a vehicle is in a mode that we have brought about, or somebody else has taken it.
-
-    Args:
-        situation: Of the vehicle.
-        commands: What sets modes.
-        counts: Where events are counted by a short key.
-
-    Attributes:
-        own: Modes in which the vehicle is ours, None if it never was.
-        taken_over: Whether somebody else has it; nothing is sent then.
-        doubtful: Whether the last heartbeat was in another mode: one may have overtaken another.
-    """
-
-    def __init__(self, situation: Situation, commands: CommandSender, counts: Counter[str]) -> None:
-        self._situation = situation
-        self._commands = commands
-        self._counts = counts
-        self.own: frozenset[str] | None = None
-        self.taken_over = False
-        self.doubtful = False
-        self._expected: dict[str, float] = {}
-        self._setpoint_loss_until_s: float | None = None
-        self._disarmed_s = -math.inf
-
-    @property
-    def _mode(self) -> str:
-        return self._situation.state.mode
-
-    # What we bring about
-
-    def expect(self, mode: str) -> None:
-        """Take note that a command will make it change to a mode."""
-        self._expected[mode] = self._situation.now + _EFFECT_S
-
-    @property
-    def expected(self) -> frozenset[str]:
-        """Modes that a command brings about which was sent so lately that they need not show."""
-        now = self._situation.now
-        return frozenset(mode for mode, until_s in self._expected.items() if now < until_s)
-
-    def claim(self, *modes: str) -> None:
-        """Have these modes be ours, and those that a command sent just now still brings about."""
-        self.own = frozenset(modes) | self.expected
-
-    def require(self) -> None:
-        """Raise a `TakenOverError` if somebody else has set the mode."""
-        if self._mode not in (self.own or self._situation.autopilot.orderly_modes):
-            raise TakenOverError(self._mode)
-
-    def change(self, mode: str) -> str:
-        """Change the mode as `CommandSender.send` does; it must be ours, or on the ground."""
-        autopilot = self._situation.autopilot
-        self.expect(mode)
-        # A take-off ends in the resting mode by itself.
-        climbing = bool(self._mode) and self._mode == autopilot.take_off_mode
-        self.claim(self._mode, mode, *({autopilot.resting_mode} if climbing else ()))
-        parameters = autopilot.mode_parameters(mode)
-        return self._commands.send_long(DO_SET_MODE, f"waiting for {mode}", *parameters)
-
-    @property
-    def resting(self) -> bool:
-        """Whether it is in the resting mode, and is not about to leave it."""
-        resting_mode = self._situation.autopilot.resting_mode
-        return self._mode == resting_mode and not self.expected - {resting_mode}
-
-    # What we see
-
-    def reclaim(self) -> bool:
-        """Return whether the vehicle may be given orders, again if it was taken over."""
-        state = self._situation.state
-        if self.taken_over:
-            if not (state.connected and self._mode in self._situation.autopilot.orderly_modes):
-                return False
-            self.taken_over = self.doubtful = False
-        return True
-
-    def release(self) -> None:
-        """Leave the vehicle to those who have set its mode."""
-        self.taken_over = True
-        self.own = None
-        self._expected.clear()
-        self.end_setpoint_loss()
-
-    def watch(self, before: VehicleState) -> None:
-        """Take a heartbeat: is the mode another than what we and the autopilot have made it?
-
-        Raises:
-            TakenOverError: If it is, in two of them.
-        """
-        situation, autopilot = self._situation, self._situation.autopilot
-        state, mode = situation.state, self._mode
-        if self.lacks_setpoints:
-            self.doubtful = False
-            return
-        if self._setpoint_loss_until_s is not None and mode == autopilot.guided_mode:
-            self._counts["offboard_lost"] += 1
-        self.end_setpoint_loss()
-        if before.armed and not state.armed:
-            self._disarmed_s = situation.now
-        if self.taken_over or self.own is None or mode in self.own:
-            self.doubtful = False
-            return
-        just_disarmed = situation.now - self._disarmed_s < autopilot.disarming_s
-        if not state.armed and (just_disarmed or mode in autopilot.disarmed_modes):
-            self.own |= {mode}
-            return
-        if self.doubtful:
-            raise TakenOverError(mode)
-        self.doubtful = True
-
-    # Loss of setpoints
-
-    def with_setpoint_loss(self, state: VehicleState, *, has_setpoint: bool) -> VehicleState:
-        """Return the state with the failsafe `offboard` where it may be missing setpoints.
-
-        PX4 does not report that in a message that pymavlink knows. It has left OFFBOARD, or
-        whatever it was in before we connected, is critical, and reports no reason: so it has missed
-        ours, because we were late, they were lost or we have been restarted. To send them is
-        harmless, as in any other mode they have no effect.
-        """
-        if state.failsafe not in ("critical", "offboard"):
-            return state
-        wanted = self.own is None or has_setpoint
-        elsewhere = state.mode not in (self.own or ())
-        missed = (
-            not self.taken_over
-            and state.flying
-            and state.mode in self._situation.autopilot.setpoint_loss_modes
-            and ((wanted and elsewhere) or self.lacks_setpoints)
-        )
-        return replace(state, failsafe="offboard" if missed else "critical")
-
-    @property
-    def lacks_setpoints(self) -> bool:
-        """Whether it has left the guided mode for lack of setpoints."""
-        return self._situation.state.failsafe == "offboard"
-
-    def await_guided_mode(self) -> None:
-        """Wait until the autopilot goes back to its guided mode by itself, as setpoints come.
-
-        Raises:
-            TakenOverError: If it has not for too long.
-        """
-        now = self._situation.now
-        if self._setpoint_loss_until_s is None:
-            self._setpoint_loss_until_s = now + _MODE_RESTORED_S
-            if self.own is not None:
-                self.own |= {self._situation.autopilot.guided_mode}
-        if now > self._setpoint_loss_until_s:
-            raise TakenOverError(self._mode)
-
-    def end_setpoint_loss(self) -> None:
-        """Take note that setpoints are not missing, or that this cannot be known."""
-        self._setpoint_loss_until_s = None

@@ -83,6 +83,15 @@ class GlobalPosition:
 
 
 @dataclass(frozen=True)
+class GpsRaw:
+    """GPS_RAW_INT: altitudes in mm; without MAVLink 2 the one above the ellipsoid is 0."""
+
+    fix_type: int
+    alt: int
+    alt_ellipsoid: int = 0
+
+
+@dataclass(frozen=True)
 class HomePosition:
     """HOME_POSITION."""
 
@@ -194,6 +203,7 @@ Incoming = (
     | BatteryStatus
     | EkfStatus
     | GlobalPosition
+    | GpsRaw
     | HomePosition
     | ExtendedSysState
     | PositionTarget
@@ -214,6 +224,7 @@ _KINDS: dict[str, type] = {
     "BATTERY_STATUS": BatteryStatus,
     "EKF_STATUS_REPORT": EkfStatus,
     "GLOBAL_POSITION_INT": GlobalPosition,
+    "GPS_RAW_INT": GpsRaw,
     "HOME_POSITION": HomePosition,
     "EXTENDED_SYS_STATE": ExtendedSysState,
     "POSITION_TARGET_GLOBAL_INT": PositionTarget,

@@ -25,7 +25,13 @@ from dsse_ros.flight.mavlink_messages import Heartbeat, Outgoing, StatusText
 from dsse_ros.flight.mission_messages import Address
 from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.signing import SigningClock, read_key
-from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, VehicleController
+from dsse_ros.flight.vehicle_controller import (
+    Defects,
+    Order,
+    Outcome,
+    Status,
+    VehicleController,
+)
 from dsse_ros.flight.vehicle_state import VehicleState
 
 _HEARTBEAT_S = 1.0
@@ -134,7 +140,7 @@ class Vehicle:
         self._heartbeat_s = 0.0
         # What threads share.
         self._snapshot = self._look()
-        self._orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
+        self._orders: queue.SimpleQueue[tuple[Order | None, int]] = queue.SimpleQueue()
         self._given = Outcome()
         self._giving = threading.Lock()
         self._texts: deque[StatusText] = deque(maxlen=_MAX_TEXTS)
@@ -155,14 +161,31 @@ class Vehicle:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def give(self, order: Order) -> int:
-        """Give an order in place of any other; returns its number, from 1."""
+    def give(self, order: Order, authority: int = 0) -> int:
+        """Give an order in place of any other; returns its number, from 1.
+
+        Args:
+            order: The order.
+            authority: See `VehicleController.give`.
+        """
+        return self._put(order, authority, "under_way", "given")
+
+    def cancel(self) -> int:
+        """Drop the order; a vehicle in the air goes on by itself. Returns a number as `give`."""
+        return self._put(None, 0, "idle", "")
+
+    def _put(self, order: Order | None, authority: int, status: Status, reason: str) -> int:
         with self._giving:
-            given = Outcome(order, self._given.number + 1, "under_way", "given")
-            self._orders.put(order)
+            given = Outcome(order, self._given.number + 1, status, reason)
+            self._orders.put((order, authority))
             self._given = given
         self._wake()
         return given.number
+
+    @property
+    def system_id(self) -> int:
+        """Its system id."""
+        return self.settings.system_id
 
     @property
     def snapshot(self) -> VehicleSnapshot:
@@ -192,7 +215,7 @@ class Vehicle:
         Of what came: `accepted`, `bad_data`, `invalid`, `wrong_sender`, `wrong_address`,
         `not_needed`, `unsigned` and `forged`. Of us: `heartbeats` sent, `heartbeats_missed`,
         `unsent`, `opened`, `closed` and `errors`. Of orders and the vehicle: `done`, `failed`,
-        `taken_over`, `link_lost`, `link_found` and `offboard_lost`.
+        `taken_over`, `failsafe`, `link_lost`, `link_found` and `offboard_lost`.
         """
         return self._snapshot.counts
 
@@ -294,7 +317,11 @@ class Vehicle:
             self._counts["heartbeats"] += self._up
         with contextlib.suppress(queue.Empty):
             while True:
-                self._outbox += self._controller.give(self._orders.get_nowait(), now)
+                order, authority = self._orders.get_nowait()
+                if order is None:
+                    self._outbox += self._controller.cancel(now)
+                else:
+                    self._outbox += self._controller.give(order, now, authority)
         if ready:
             self._receive(now)
         if now >= self._controller.deadline:

@@ -13,11 +13,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
-from dsse_ros.flight.autopilots import PacedSetpoint
 from dsse_ros.flight.commands import (
     CommandSender,
     ControllerSettings,
-    ModeOwnership,
     OrderFailedError,
     Situation,
     TakenOverError,
@@ -31,17 +29,15 @@ from dsse_ros.flight.mavlink_messages import (
     StatusText,
 )
 from dsse_ros.flight.mission_messages import Address, MissionMessage
+from dsse_ros.flight.mode_watch import ModeWatch
+from dsse_ros.flight.setpoints import SetpointStreamer
 from dsse_ros.flight.transfer import Exchange
 from dsse_ros.flight.vehicle_state import MessageRequests, VehicleState, observe, without_link
 
-Status = Literal["idle", "under_way", "done", "failed", "taken_over", "silent"]
+Status = Literal["idle", "under_way", "done", "failed", "taken_over", "failsafe", "silent"]
 
 _MISSION_MESSAGES = get_args(MissionMessage)
 _TICK_S = 0.2
-_TARGET_DEG = 1e-5
-_TARGET_ALT_M = 1.0
-_TARGET_STALE_S = 5.0
-_HOME_GAIN = 0.05
 _logger = logging.getLogger(__name__)
 
 
@@ -50,9 +46,11 @@ class Order(ABC):
 
     Attributes:
         finishes_alone: Whether an autopilot in its guided mode finishes it without us.
+        flies_to_setpoints: Whether the vehicle needs setpoints for it.
     """
 
     finishes_alone: ClassVar[bool] = False
+    flies_to_setpoints: ClassVar[bool] = False
 
     @abstractmethod
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
@@ -72,9 +70,9 @@ class Outcome:
         order: The order, None if there was none.
         number: Its number, from 1; 0 if there was none.
         status: `idle` without an order; `done` only by what the vehicle did; `failed`;
-            `taken_over` by a pilot or a failsafe, and nothing is sent until an order is given
-            while the vehicle is in GUIDED again (PX4: HOLD or OFFBOARD); `silent` while no
-            heartbeats come, and nothing is sent, after which an order goes on.
+            `taken_over` by a person or `failsafe` by the autopilot, and nothing is sent until an
+            order comes with a new authority; `silent` while no heartbeats come, and nothing is
+            sent, after which an order goes on.
         reason: One line for people: what it is waiting for, or what went wrong.
         final: Whether an order that has failed would fail again.
     """
@@ -84,127 +82,6 @@ class Outcome:
     status: Status = "idle"
     reason: str = ""
     final: bool = False
-
-
-class SetpointStreamer:
-    """Keeps a vehicle on its way to a place: by a stream of setpoints, or until it confirms one.
-
-    Args:
-        situation: Of the vehicle.
-
-    Attributes:
-        target: Where it is to fly; None for nowhere.
-    """
-
-    def __init__(self, situation: Situation) -> None:
-        self._situation = situation
-        self._autopilot = situation.autopilot
-        self.target: SetPositionTarget | None = None
-        self._set_s = 0.0
-        self._streaming_since_s = 0.0
-        self._due_s = -math.inf
-        self._tries = 0
-        self._paced: PacedSetpoint | None = None
-        self._home_amsl_m = math.nan
-
-    def begin(self) -> None:
-        """Forget the target of the last order, unless a stream of setpoints must not end."""
-        if not self._autopilot.streams_setpoints:
-            self.stop()
-
-    def stop(self) -> None:
-        """Send no more setpoints."""
-        self.target = None
-
-    def fly_to(self, lat_deg: float, lon_deg: float, alt_m: float) -> None:
-        """Have the vehicle fly to a place, at an altitude above home."""
-        situation = self._situation
-        target = SetPositionTarget(situation.target, lat_deg, lon_deg, float(alt_m))
-        if self.target is None:
-            self._streaming_since_s = situation.now
-        if target != self.target:
-            self.target = target
-            self._set_s = self._due_s = situation.now
-            self._tries = 0
-
-    @property
-    def deadline(self) -> float:
-        """When the next setpoint is due."""
-        return self._due_s if self.target is not None else math.inf
-
-    def streamed_for(self, seconds: float) -> bool:
-        """Whether there have been setpoints for that long."""
-        return self.target is not None and self._situation.now - self._streaming_since_s >= seconds
-
-    @property
-    def confirmed(self) -> bool:
-        """Whether the vehicle flies to the target, by its own report if there are such."""
-        now, state, target = self._situation.now, self._situation.state, self.target
-        if self._autopilot.streams_setpoints:
-            return state.mode == self._autopilot.guided_mode
-        if state.target is None or target is None or state.target_s <= self._set_s:
-            return False
-        alt_amsl_m = target.alt_m + state.alt_amsl_m - state.alt_m
-        return (
-            now - state.target_s < _TARGET_STALE_S
-            and abs(state.target[0] - target.lat_deg) < _TARGET_DEG
-            and abs(state.target[1] - target.lon_deg) < _TARGET_DEG
-            and abs(state.target[2] - alt_amsl_m) < _TARGET_ALT_M
-        )
-
-    def send(self, *, under_way: bool) -> None:
-        """Send the setpoint if it is due.
-
-        Args:
-            under_way: Whether an order is; streamed setpoints go on after it.
-
-        Raises:
-            OrderFailedError: If the vehicle does not accept it.
-        """
-        situation, settings = self._situation, self._situation.settings
-        if self.target is None or situation.now < self._due_s:
-            return
-        if self._autopilot.streams_setpoints:
-            self._due_s = situation.now + 1 / settings.setpoint_hz
-            situation.out.append(self._streamed(self.target))
-            return
-        self._due_s = situation.now + settings.command_s
-        if not under_way or situation.state.mode != self._autopilot.guided_mode:
-            return
-        if self.confirmed:
-            self._tries = 0
-            return
-        if self._tries >= settings.command_tries:
-            fence = ": its own geofence is enabled" if situation.state.fenced else ""
-            raise OrderFailedError(
-                f"the vehicle does not accept its target{fence}{situation.recent_texts()}"
-            )
-        self._tries += 1
-        situation.out.append(self.target)
-
-    def _streamed(self, target: SetPositionTarget) -> SetPositionTarget:
-        """Return the setpoint that leads to the target, at the speed that is asked for."""
-        state, speed_mps = self._situation.state, self._situation.settings.speed_mps
-        if not state.has_position:
-            return target
-        place = (state.lat_deg, state.lon_deg)
-        if speed_mps > 0 and self._autopilot.paced_setpoints:
-            if state.mode != self._autopilot.guided_mode:
-                # It stays where it is until it is seen to follow setpoints.
-                self._paced = None
-                target = replace(target, lat_deg=state.lat_deg, lon_deg=state.lon_deg)
-            else:
-                if self._paced is None or self._paced.target != target:
-                    self._paced = PacedSetpoint(target, speed_mps, place, state.boot_s)
-                target = self._paced.advance(place, state.boot_s)
-        if not self._autopilot.setpoints_amsl:
-            return target
-        # PX4 moves its home by up to a metre in the first minutes of a flight: hence the mean.
-        home_m = state.alt_amsl_m - state.alt_m
-        if not math.isfinite(self._home_amsl_m):
-            self._home_amsl_m = home_m
-        self._home_amsl_m += _HOME_GAIN * (home_m - self._home_amsl_m)
-        return replace(target, alt_m=target.alt_m + self._home_amsl_m, above_sea=True)
 
 
 class VehicleController:
@@ -223,7 +100,7 @@ class VehicleController:
         situation: What its parts share, and orders too, as the next three.
         commands: What sends commands.
         setpoints: What sends setpoints.
-        modes: Whose mode the vehicle is in.
+        modes: Compares the vehicle's mode with those that orders bring about.
         exchange: The latest transfer of a mission, None if there was none.
         source: Ourselves.
 
@@ -239,7 +116,7 @@ class VehicleController:
         self.situation = Situation(target, settings)
         self.commands = CommandSender(self.situation)
         self.setpoints = SetpointStreamer(self.situation)
-        self.modes = ModeOwnership(self.situation, self.commands, self.counts)
+        self.modes = ModeWatch(self.situation, self.commands, self.counts)
         self.exchange: Exchange | None = None
         self._requests = MessageRequests(target, self.situation.autopilot, settings.position_hz)
         self._steps: Iterator[str] | None = None
@@ -247,6 +124,8 @@ class VehicleController:
         self._defects = Defects(f"vehicle {target.system}")
         self._due_s = -math.inf
         self._handing_over = False
+        self._authority = 0
+        self._lost_authority = -1
 
     @property
     def state(self) -> VehicleState:
@@ -271,22 +150,48 @@ class VehicleController:
             self._due_s, self.setpoints.deadline, math.inf if transfer_s is None else transfer_s
         )
 
-    def give(self, order: Order, now: float) -> list[Outgoing]:
-        """Take an order in place of any other; returns what to send."""
-        self._outcome = Outcome(order, self._outcome.number + 1, "under_way", "given")
-        self._steps = None
-        return self._guarded(now, lambda: self._begin(order))
+    def give(self, order: Order, now: float, authority: int = 0) -> list[Outgoing]:
+        """Take an order in place of any other; returns what to send.
 
-    def _begin(self, order: Order) -> None:
-        if not self.modes.reclaim():
-            self._outcome = replace(self._outcome, status="taken_over", reason=self._elsewhere())
+        Args:
+            order: The order.
+            now: Our time in seconds.
+            authority: Number of the consent that the order goes back to. Once somebody else has
+                the vehicle, only an order with a greater one is carried out.
+        """
+        before = self._outcome
+        self._outcome = Outcome(order, before.number + 1, "under_way", "given")
+        self._steps = None
+        return self._guarded(now, lambda: self._begin(order, authority, before))
+
+    def _begin(self, order: Order, authority: int, before: Outcome) -> None:
+        if authority <= self._lost_authority:
+            lost = before.status if before.status in ("taken_over", "failsafe") else "taken_over"
+            self._outcome = replace(self._outcome, status=lost, reason=self._elsewhere())
             return
+        self._authority = authority
+        if self.modes.yielded:
+            self.modes.resume()
+        self._drop_order()
+        self.situation.state = self._with_setpoint_loss(self.state)
+        self.setpoints.begin(order)
+        self._steps = order.carry_out(self)
+
+    def cancel(self, now: float) -> list[Outgoing]:
+        """Drop the order; returns what to send. A vehicle in the air goes on by itself."""
+        self._outcome = Outcome(None, self._outcome.number + 1, "idle", "")
+        return self._guarded(now, self._cancel)
+
+    def _cancel(self) -> None:
+        self._drop_order()
+        self.setpoints.stop()
+
+    def _drop_order(self) -> None:
+        self._steps = None
         self.commands.begin()
-        self.setpoints.begin()
         self.situation.begin_progress()
         if self.exchange is not None and self.exchange.result is None:
             self.situation.out += self.exchange.cancel(self.situation.now)
-        self._steps = order.carry_out(self)
 
     def receive(self, message: Incoming, now: float) -> list[Outgoing]:
         """Take a message of the vehicle; returns what to send."""
@@ -297,11 +202,15 @@ class VehicleController:
         state = observe(before, message, now, situation.autopilot)
         situation.state = self._with_setpoint_loss(state)
         self._requests.receive(message, now)
+        if situation.state.failsafe not in ("", "offboard", before.failsafe):
+            self.modes.require_confirmation()
         match message:
             case Heartbeat():
                 if was_silent:
                     self.counts["link_found"] += 1
+                    self.modes.require_confirmation()
                     situation.excuse_standstill()
+                self.commands.watch_arming()
                 self.modes.watch(before)
             case StatusText(_, text):
                 situation.note_text(text)
@@ -340,15 +249,15 @@ class VehicleController:
             now: Our time in seconds.
         """
         autopilot, outcome, modes = self.situation.autopilot, self._outcome, self.modes
-        ours = self._may_act and modes.own is not None and self.state.flying
-        shown = modes.expected or {self.state.mode}
+        ours = self._may_act and modes.allowed is not None and self.state.flying
+        shown = modes.announced or {self.state.mode}
         if not ours or autopilot.guided_mode not in shown or shown - autopilot.orderly_modes:
             return []
         order = outcome.order if outcome.status == "under_way" else None
         if order is not None and order.finishes_alone and not autopilot.streams_setpoints:
             return []
         self._handing_over = True
-        return self.give(hold, now)
+        return self.give(hold, now, self._authority)
 
     @property
     def handing_over(self) -> bool:
@@ -361,7 +270,7 @@ class VehicleController:
     @property
     def _may_act(self) -> bool:
         """Whether the vehicle can receive messages, and nobody else has it."""
-        return self.state.connected and not self.modes.taken_over and not self.modes.doubtful
+        return self.state.connected and not self.state.problem and self.modes.confirmed
 
     @property
     def _silent(self) -> bool:
@@ -376,8 +285,8 @@ class VehicleController:
                 self._advance()
         except OrderFailedError as error:
             self._end("failed", str(error), final=error.final)
-        except TakenOverError:
-            self._end_taken_over()
+        except TakenOverError as error:
+            self._end_taken_over(str(error))
         except Exception as error:
             # Streamed setpoints go on, and keep the vehicle where it is.
             self.counts["errors"] += 1
@@ -386,7 +295,13 @@ class VehicleController:
             if self._outcome.status == "under_way":
                 self._end("failed", describe(error))
         sent, self.situation.out[:] = [*self.situation.out], []
-        return sent if self._may_act else []
+        if self._may_act:
+            return sent
+        if self.state.connected and not self.state.problem and self.modes.streams_unconfirmed:
+            self.setpoints.send(under_way=self._steps is not None)
+            sent, self.situation.out[:] = [*self.situation.out], []
+            return [one for one in sent if isinstance(one, SetPositionTarget)]
+        return []
 
     def _advance(self) -> None:
         if self.modes.lacks_setpoints:
@@ -408,17 +323,22 @@ class VehicleController:
         self._outcome = replace(self._outcome, status=status, reason=reason, final=final)
         self.counts[status] += 1
 
-    def _end_taken_over(self) -> None:
-        self.modes.release()
+    def _end_taken_over(self, what: str) -> None:
+        failsafe = not what and self.state.failsafe != ""
+        self.modes.give_up()
+        self.situation.state = self._with_setpoint_loss(self.state)
+        self._lost_authority = self._authority
         self.exchange = None
         self.setpoints.stop()
         self.situation.out.clear()
-        self.situation.state = self._with_setpoint_loss(self.state)
-        self._end("taken_over", self._elsewhere() + self.situation.recent_texts())
+        reason = (what or self._elsewhere()) + self.situation.recent_texts()
+        self._end("failsafe" if failsafe else "taken_over", reason)
 
     def _with_setpoint_loss(self, state: VehicleState) -> VehicleState:
-        has_setpoint = self.setpoints.target is not None
-        return self.modes.with_setpoint_loss(state, has_setpoint=has_setpoint)
+        order = self._outcome.order
+        given = self._outcome.status in ("under_way", "done", "failed")
+        wanted = given and order is not None and order.flies_to_setpoints
+        return self.modes.with_setpoint_loss(state, wanted=wanted)
 
     def _restore_setpoints(self) -> None:
         """Send setpoints and command no mode: the autopilot goes back by itself, or it is lost."""

@@ -17,6 +17,7 @@ from dsse_ros.flight.mavlink_messages import (
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
+    GpsRaw,
     Heartbeat,
     HomePosition,
     Incoming,
@@ -62,13 +63,18 @@ _SENSORS = {
     mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS: "motors",
 }
 """What may be the cause of a failsafe, by the bit of SYS_STATUS that reports it unhealthy."""
+_NO_FIX = mavlink.GPS_FIX_TYPE_2D_FIX
+"""GPS_FIX_TYPE up to which no altitude is known."""
 _FAILSAFE_TEXTS = (
     ("battery", ("is low", "failsafe", "low battery", "is critical")),
     ("gcs", ("failsafe",)),
     ("radio", ("failsafe",)),
     ("ekf", ("failsafe",)),
+    ("fence", ("breach",)),
 )
 _CLEARED = "cleared"
+_ALARM_S = 5.0
+"""How long a text about a failsafe counts before the heartbeats report that one is active."""
 _CHECKS = ("prearm:", "arm:", "preflight fail:")
 """How status texts begin that say why it cannot be armed."""
 _REPEATED_S = 35.0
@@ -92,12 +98,14 @@ class VehicleState:
         connected: Whether heartbeats come.
         ready: Whether its position is good and its pre-arm checks are passed.
         armed: Whether its motors turn, or may.
+        problem: Why it must not be flown, as it is another kind of vehicle; empty if it may be.
         mode: Name of its flight mode: see `Autopilot`; empty if not known.
         flying: Whether it is off the ground.
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
         alt_amsl_m: Altitude above mean sea level.
         alt_m: Altitude above home.
+        geoid_m: Height of mean sea level above the WGS84 ellipsoid there, as its GPS reports it.
         heading_deg: Where its nose points, clockwise from north.
         speed_mps: Over ground.
         climb_mps: Upwards.
@@ -105,7 +113,7 @@ class VehicleState:
         battery: 0 (empty) to 1.
         fenced: Whether a geofence of its own is enabled.
         failsafe: Empty, or which one is active: `battery`, `gcs`, `radio`, `ekf`, `gps`, `motors`,
-            `offboard` (see `ModeOwnership`), or `critical` if it does not report which.
+            `fence`, `offboard` (see `ModeWatch`), or `critical` if it does not report which.
         item_current: Number of the mission item that is flown, or would be; -1 if none.
         item_reached: Number of the item reached last; -1 if none.
         mission_over: Whether it reports that the mission has been flown to its end.
@@ -120,12 +128,14 @@ class VehicleState:
     connected: bool = False
     ready: bool = False
     armed: bool = False
+    problem: str = ""
     mode: str = ""
     flying: bool = False
     lat_deg: float = math.nan
     lon_deg: float = math.nan
     alt_amsl_m: float = math.nan
     alt_m: float = math.nan
+    geoid_m: float = math.nan
     heading_deg: float = math.nan
     speed_mps: float = math.nan
     climb_mps: float = math.nan
@@ -146,6 +156,7 @@ class VehicleState:
     _checks_passed: bool = False
     _landed_state: int = _LANDED_UNKNOWN
     _alarm: str = ""
+    _alarm_s: float = -math.inf
     _battery_low: bool = False
     _unwell: str = ""
     _complaints: tuple[tuple[str, float], ...] = ()
@@ -177,6 +188,10 @@ def observe(
             return _heartbeat(state, message, now, autopilot)
         case GlobalPosition():
             return _position(state, message, now)
+        case GpsRaw(fix, alt_mm, alt_ellipsoid_mm):
+            known = fix > _NO_FIX and alt_ellipsoid_mm != 0
+            geoid_m = (alt_ellipsoid_mm - alt_mm) * 1e-3 if known else math.nan
+            return replace(state, geoid_m=geoid_m)
         case SysStatus():
             return _sys_status(state, message, autopilot)
         case BatteryStatus(charge):
@@ -237,15 +252,20 @@ def _heartbeat(
     state: VehicleState, message: Heartbeat, now: float, autopilot: Autopilot
 ) -> VehicleState:
     critical = message.system_status in _CRITICAL
+    alarm = state._alarm if critical or now - state._alarm_s < _ALARM_S else ""
+    proven = alarm if autopilot.texts_prove_failsafe else ""
     armed = bool(message.base_mode & _ARMED)
     known = replace(
         state,
         connected=True,
         heard_s=now,
         armed=armed,
+        problem=autopilot.problem(message.type, message.autopilot),
         mode=autopilot.mode_name(message.custom_mode),
-        failsafe="critical" if critical else "",
-        _alarm=state._alarm if critical else "",
+        failsafe="critical" if critical else proven,
+        _alarm=alarm,
+        # From now on the heartbeats report when it is over.
+        _alarm_s=-math.inf if critical else state._alarm_s,
     )
     known = _failsafe(known)
     if state._landed_state == _LANDED_UNKNOWN:
@@ -300,8 +320,8 @@ def _status_text(state: VehicleState, text: str, now: float, autopilot: Autopilo
         if name in lower and any(sign in lower for sign in signs):
             alarm = "" if _CLEARED in lower else name
             if autopilot.texts_prove_failsafe:
-                return replace(state, failsafe=alarm, _alarm=alarm)
-            return _failsafe(replace(state, _alarm=alarm))
+                return replace(state, failsafe=alarm, _alarm=alarm, _alarm_s=now)
+            return _failsafe(replace(state, _alarm=alarm, _alarm_s=now))
     return state
 
 

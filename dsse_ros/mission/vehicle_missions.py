@@ -5,17 +5,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.search.fields import FieldError, check_all, field
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Home, Mission, plan_text, qgc_wpl, track_mission
 from msg_adapters.mission_items import FIRMWARES
+from msg_adapters.separation import level_cells
 from msg_adapters.track_missions import acceptance_radius_m
+from msg_adapters.tracks import without_repeats
+
+Track = tuple[NDArray[Any], NDArray[np.bool_]]
+"""(K, 2) of (col, row), and (K,) flags of the cells that were searched rather than moved to."""
 
 ALTITUDE_STEP_M = 5.0
 """Between the altitudes of two vehicles, where there is room for it."""
@@ -57,32 +64,43 @@ class FlightSettings:
         check_all(self)
 
 
-def search_mission(
-    frame: GridFrame,
-    cells: ArrayLike,
-    searched: ArrayLike,
+def search_missions(
+    frames: Sequence[GridFrame],
+    tracks: Sequence[Track],
     settings: FlightSettings,
-    home: Home | None = None,
-) -> Mission:
-    """Return what one vehicle has to fly: see `track_mission`.
+    homes: Sequence[Home | None],
+    home_hold_s: float = 0.0,
+) -> list[Mission]:
+    """Return what each vehicle has to fly: see `track_mission`.
+
+    Their tracks are flown at the same time, but nothing is known of who is where when. A vehicle
+    descends to search only over cells that no other one passes at its altitude or below: see
+    `level_cells`. The others it searches from its altitude.
 
     Args:
-        frame: The grid; vehicles fly at its altitude.
-        cells: (K, 2) of (col, row).
-        searched: (K,) flags of the cells that were searched rather than moved to.
+        frames: The grid at each vehicle's altitude.
+        tracks: What each drone has done.
         settings: How it is flown.
-        home: Where it takes off; if not given, below the first cell.
+        homes: Where each vehicle takes off; None below its first cell.
+        home_hold_s: See `track_mission`.
     """
-    return track_mission(
-        frame,
-        cells,
-        searched,
-        home=home,
-        merge_legs=settings.merge_legs,
-        acceptance_radius_m=acceptance_radius_m(frame, settings.acceptance_radius),
-        search_alt_m=min(settings.search_altitude, frame.alt_m),
-        search_hold_s=settings.search_hold,
-    )
+    paths = [[tuple(cell) for cell in without_repeats(cells).tolist()] for cells, _ in tracks]
+    searched = [[tuple(cell) for cell in cells[flags].tolist()] for cells, flags in tracks]
+    level = level_cells(frames, paths, searched, homes)
+    return [
+        track_mission(
+            frame,
+            *track,
+            home=home,
+            merge_legs=settings.merge_legs,
+            acceptance_radius_m=acceptance_radius_m(frame, settings.acceptance_radius),
+            search_alt_m=min(settings.search_altitude, frame.alt_m),
+            search_hold_s=settings.search_hold,
+            level_cells=cells,
+            home_hold_s=home_hold_s,
+        )
+        for frame, track, home, cells in zip(frames, tracks, homes, level, strict=True)
+    ]
 
 
 def layers(

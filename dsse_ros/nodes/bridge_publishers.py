@@ -6,20 +6,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState, NavSatFix
 
+from dsse_ros.bridge.fleet_controller import shown_order
+from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
-from dsse_ros.flight.vehicle_follower import VehicleFollower
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR, Endpoints
 from msg_adapters.battery import battery_state
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.frames import GridFrame
+from msg_adapters.poses import base_link
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
 
 STATE_S = 1.0
@@ -46,23 +47,28 @@ class BridgePublishers:
             publisher(BatteryState, f"{name}/vehicle_battery", LATCHED) for name in names
         ]
         self._diagnostics = publisher(DiagnosticArray, "/diagnostics", RELIABLE)
-        # What was published last of each vehicle, and when.
+        # What was published last of each vehicle, and when; of its place, when it was received.
         self._last: dict[int, tuple[object, float]] = {}
+        self._placed_s = [-math.inf] * len(names)
+        self._frame_prefix = ""
 
     def publish_place(self, i: int, vehicle: Vehicle, frame: GridFrame, stamp: Time) -> None:
-        """Publish where a vehicle is, if that is known."""
+        """Publish where a vehicle is, if it has reported that since the last time."""
         state = vehicle.state
-        if not (state.connected and state.has_position):
+        self._frame_prefix = frame.frame_prefix
+        if not state.has_position or state.position_s <= self._placed_s[i]:
             return
+        self._placed_s[i] = state.position_s
         place = (state.lat_deg, state.lon_deg)
         pose = vehicle_pose(frame, *place, state.alt_m, state.heading_deg, stamp)
         self._poses[i].publish(pose)
-        self._fixes[i].publish(vehicle_fix(frame, self._names[i], *place, state.alt_amsl_m, stamp))
+        alt_m = state.alt_amsl_m + state.geoid_m
+        self._fixes[i].publish(vehicle_fix(frame, self._names[i], *place, alt_m, stamp))
 
     def publish_state(
         self,
         i: int,
-        follower: VehicleFollower | None,
+        follower: VehicleFollower,
         vehicle: Vehicle,
         trouble: str,
         stamp: Time,
@@ -72,22 +78,21 @@ class BridgePublishers:
 
         Args:
             i: Number of the vehicle.
-            follower: Its follower; None as long as there is no search.
+            follower: Its follower.
             vehicle: The vehicle.
             trouble: Why none can be flown; empty if they can.
             stamp: Time of the message.
             now_s: Time on a steady clock.
         """
         state, outcome = vehicle.state, vehicle.outcome
-        leg = follower.leg if follower is not None else None
+        leg, custody = follower.leg, follower.custody.state.value
         progress = Progress(battery=state.battery)
-        if follower is not None and leg is not None:
+        if leg is not None:
             arrived_ns = follower.arrived_stamp_ns
             progress = Progress(leg.stamp_ns, arrived_ns, follower.lost, state.battery)
-        refused = trouble or (follower.refused if follower is not None else "")
-        blocked = follower.blocked if follower is not None else ""
+        refused, blocked = trouble or follower.refused, follower.blocked
         news = (
-            progress, refused, blocked, outcome, state.mode, state.armed, state.connected,
+            progress, refused, blocked, custody, outcome, state.mode, state.armed, state.connected,
             state.ready, state.flying, state.item_reached, vehicle.trouble,
         )  # fmt: skip
         before, published_s = self._last.get(i, (None, -math.inf))
@@ -96,11 +101,11 @@ class BridgePublishers:
         self._last[i] = (news, now_s)
         # As the autopilot reports it, NaN as long as it does not.
         percent = 100.0 * state.battery
-        self._batteries[i].publish(
-            battery_state(stamp, self._names[i], percent, flying=state.flying)
-        )
+        frame_id = base_link(self._names[i], self._frame_prefix)
+        self._batteries[i].publish(battery_state(stamp, frame_id, percent, flying=state.flying))
         level, message = _summary(vehicle, progress.lost, refused, blocked)
         values: dict[str, object] = {
+            "custody": custody,
             "connected": _text(state.connected),
             "ready": _text(state.ready),
             "armed": _text(state.armed),
@@ -108,7 +113,7 @@ class BridgePublishers:
             "mode": state.mode,
             "failsafe": state.failsafe,
             "cell": "" if leg is None else f"{leg.cell[0]} {leg.cell[1]}",
-            "arrived": _text(follower is not None and follower.arrived),
+            "arrived": _text(follower.arrived),
             "order": shown_order(outcome.order),
             "status": outcome.status,
             "reason": outcome.reason,
@@ -140,6 +145,7 @@ class BridgePublishers:
         followers: Sequence[VehicleFollower],
         *,
         following: bool,
+        alive: bool,
         holding: bool,
         trouble: str,
     ) -> None:
@@ -150,19 +156,31 @@ class BridgePublishers:
             name: Name of the node.
             mode: What it does with the steps of a search.
             vehicles: All vehicles.
-            followers: Their followers; empty as long as there is no search.
+            followers: Their followers.
             following: Whether there is a search.
+            alive: Whether a simulation is there.
             holding: Whether the vehicles hold, as no steps come.
             trouble: Why none can be flown; empty if they can.
         """
-        lost = [one for one, f in zip(self._names, followers, strict=False) if f.lost]
-        refused = [one for one, f in zip(self._names, followers, strict=False) if f.refused]
+
+        def names(has: Callable[[VehicleFollower], object]) -> str:
+            return ", ".join(
+                name for name, one in zip(self._names, followers, strict=True) if has(one)
+            )
+
+        lost, refused = names(lambda one: one.lost), names(lambda one: one.refused)
+        blocked = names(lambda one: one.blocked)
+        unreachable = [name for name, one in zip(self._names, vehicles, strict=True) if one.trouble]
         level = DiagnosticStatus.OK
         message = "following" if following else "waiting for step_report"
+        if following and not alive:
+            level, message = DiagnosticStatus.WARN, "the simulation is gone"
         if holding:
             level, message = DiagnosticStatus.WARN, "no steps: the vehicles hold"
-        if lost or refused:
+        if lost or refused or blocked or unreachable or not alive:
             level = DiagnosticStatus.WARN
+        if unreachable and len(unreachable) == len(vehicles):
+            level, message = DiagnosticStatus.ERROR, "no vehicle can be reached"
         if trouble:
             level, message = DiagnosticStatus.ERROR, trouble
         counts: Counter[str] = Counter()
@@ -173,8 +191,10 @@ class BridgePublishers:
             "vehicles": len(vehicles),
             "connected": sum(vehicle.state.connected for vehicle in vehicles),
             "flying": sum(vehicle.state.flying for vehicle in vehicles),
-            "lost": ", ".join(lost),
-            "refused": ", ".join(refused),
+            "lost": lost,
+            "refused": refused,
+            "blocked": blocked,
+            "unreachable": ", ".join(unreachable),
         }
         values |= {f"count.{key}": n for key, n in sorted(counts.items())}
         self._diagnostics.publish(
@@ -198,20 +218,14 @@ def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[b
         return DiagnosticStatus.ERROR, f"refused: {refused}"
     if not state.connected:
         return DiagnosticStatus.STALE, vehicle.trouble or "no heartbeat"
+    if vehicle.state.problem:
+        return DiagnosticStatus.ERROR, vehicle.state.problem
     if blocked:
-        return DiagnosticStatus.WARN, f"cannot take off yet: {blocked}"
-    if state.failsafe or outcome.status in ("failed", "taken_over"):
+        return DiagnosticStatus.WARN, f"waits: {blocked}"
+    if state.failsafe or outcome.status in ("failed", "taken_over", "failsafe"):
         return DiagnosticStatus.WARN, f"{outcome.status}: {outcome.reason} {state.failsafe}".strip()
     return DiagnosticStatus.OK, f"{state.mode}: {outcome.reason or outcome.status}"
 
 
 def _text(flag: bool) -> str:
     return "true" if flag else "false"
-
-
-def shown_order(order: Any) -> str:
-    """Return an order on one line; a mission by its length."""
-    if order is None:
-        return ""
-    items = getattr(order, "items", None)
-    return repr(order) if items is None else f"FlyMission of {len(items)} items"

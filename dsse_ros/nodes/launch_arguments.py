@@ -242,7 +242,9 @@ FLIGHT: Mapping[str, Argument] = {
         choices=tuple(FIRMWARES),
     ),
     "arm": Argument(
-        "bool", "Whether vehicles may be armed; if not, somebody else does it.", "false", _BRIDGE
+        "str", "Which searches clear vehicles to be armed: none, so that somebody else does it; "
+        "the first one; or, in simulations only, each one.", "false", _BRIDGE,
+        choices=("false", "true", "always"),
     ),
 }  # fmt: skip
 """The arguments of flight.launch.py."""

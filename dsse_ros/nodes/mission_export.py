@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.vehicle_missions import layers, search_mission, write_missions
+from dsse_ros.mission.vehicle_missions import layers, search_missions, write_missions
 from dsse_ros.nodes.settings import SimSettings
 from dsse_ros.search import FieldError
 from msg_adapters.frames import GridFrame
@@ -21,18 +21,14 @@ from msg_adapters.tracks import steps
 def export_tracks(mission: Mission, frame: GridFrame, settings: SimSettings) -> tuple[bool, str]:
     """Write the drones' tracks as missions of vehicles; returns success and what was done."""
     directory = Path(settings.export_directory)
-    tracks = {
-        name: _track(mission, i, settings.export_tracks)
-        for i, name in enumerate(mission.env.possible_agents)
-    }
+    names = mission.env.possible_agents
+    tracks = [_track(mission, i, settings.export_tracks) for i in range(len(names))]
     try:
         frames = layers(frame, settings, len(tracks))
     except FieldError as error:
         return False, str(error)
-    missions = {
-        name: search_mission(one, cells, searched, settings)
-        for one, (name, (cells, searched)) in zip(frames, tracks.items(), strict=True)
-    }
+    flown = search_missions(frames, tracks, settings, [None] * len(tracks))
+    missions = dict(zip(names, flown, strict=True))
     try:
         write_missions(directory, missions, settings.autopilot)
     except OSError as error:

@@ -134,8 +134,8 @@ class MissionPublishers:
     def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
         return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
 
-    def publish_agents(self, timing: Timing) -> None:
-        """Publish who searches, by which rules and where, and how long a step waits for them."""
+    def publish_agents(self, timing: Timing, *, commanded: bool) -> None:
+        """Publish who searches, by which rules and where, and whether they were commanded."""
         env, frame = self._mission.env, self._frame
         info = AgentsInfo(
             agents=tuple(self._names),
@@ -155,6 +155,7 @@ class MissionPublishers:
             definition=SearchDefinition(env.rules, env.mission_scenario),
             area=area_rows(env.scenario.area_mask),
             decision_time_s=timing.decision_time_s,
+            commanded=commanded,
         )
         self._agents.publish(agents_message(info))
 

@@ -116,6 +116,11 @@ class Spec:
             case "float":
                 return self._number(value)
             case "str":
+                if isinstance(value, bool | np.bool_):
+                    # YAML and ROS read true and false as such.
+                    value = str(value).lower()
+                    if not self.choices:
+                        raise TypeError
                 if not isinstance(value, str) or (self.choices and value not in self.choices):
                     raise TypeError
                 # Half a surrogate pair can neither be drawn nor sent.

@@ -76,7 +76,7 @@ def fuzz(number: int, seed: int, autopilot: Any) -> tuple[Counter[str], Counter[
     draw = random.Random(seed)
     sender = VehicleCodec(VEHICLE.system)
     codec = Codec(OURSELVES, VEHICLE)
-    settings = ControllerSettings(autopilot=autopilot, arm=True, speed_mps=5.0)
+    settings = ControllerSettings(autopilot=autopilot, speed_mps=5.0)
     controller = VehicleController(VEHICLE, OURSELVES, settings)
     counts: Counter[str] = Counter()
     now = 0.0

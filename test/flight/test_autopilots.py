@@ -46,7 +46,7 @@ def test_another_autopilot_is_one_object_and_its_registration(
     monkeypatch.setitem(AUTOPILOTS, "another", replace(PX4, name="another"))  # type: ignore[arg-type]
     monkeypatch.setitem(FIRMWARES, "another", FIRMWARES["px4"])  # type: ignore[arg-type]
     flight = VirtualFlight("px4")
-    settings = ControllerSettings(autopilot="another", arm=True)
+    settings = ControllerSettings(autopilot="another")
     flight.controller = VehicleController(VEHICLE, OURSELVES, settings)
     there = GoTo(*flight.place(40.0, 0.0), 15.0, 3.0)
     for order in (TakeOff(10.0), there, Return(), FlyMission(mission(flight, (30.0, 0.0, 15.0)))):

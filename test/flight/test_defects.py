@@ -35,7 +35,7 @@ def defective_search(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def test_a_defect_fails_the_order_and_the_next_one_is_flown(
     autopilot: str, defective_search: None, caplog: pytest.LogCaptureFixture
 ) -> None:
-    flight = VirtualFlight(autopilot, arm=True)
+    flight = VirtualFlight(autopilot)
     assert flight.fly(TakeOff(10.0)).status == "done"
     for _ in range(3):
         outcome = flight.fly(Hold())
@@ -53,7 +53,7 @@ def test_a_defect_fails_the_order_and_the_next_one_is_flown(
 def test_after_a_defect_the_thread_goes_on_with_heartbeats(defective_search: None) -> None:
     with (
         running_autopilot(link="udpin", speedup=10, ready_s=5.0) as autopilot,
-        Vehicle(VehicleSettings(connection=autopilot.connection, arm=True)) as vehicle,
+        Vehicle(VehicleSettings(connection=autopilot.connection)) as vehicle,
     ):
         end_s = time.monotonic() + 180.0
         while vehicle.counts["accepted"] < 20:

@@ -39,7 +39,7 @@ def flying_fleet(number: int, **options: Any) -> Iterator[tuple[Fleet, list[Runn
         ]
         settings = [
             VehicleSettings(
-                connection=autopilot.connection, system_id=index + 1, arm=True, **options
+                connection=autopilot.connection, system_id=index + 1, **options
             )
             for index, autopilot in enumerate(autopilots)
         ]

@@ -24,7 +24,7 @@ both = pytest.mark.parametrize("autopilot", AUTOPILOTS)
 
 
 def flying(autopilot: str, order: Order | None = None) -> VirtualFlight:
-    flight = VirtualFlight(autopilot, arm=True)
+    flight = VirtualFlight(autopilot)
     assert flight.fly(TakeOff(20.0)).status == "done"
     if order is not None:
         flight.give(order)
@@ -71,7 +71,7 @@ def test_a_vehicle_that_waits_for_the_next_step_stays(autopilot: str) -> None:
 @pytest.mark.parametrize("what", ["return", "land", "mission", "pilot", "ground"])
 def test_what_goes_on_without_us_is_not_interrupted(autopilot: str, what: str) -> None:
     if what == "ground":
-        flight = VirtualFlight(autopilot, arm=True)
+        flight = VirtualFlight(autopilot)
         flight.wait(10.0)
     else:
         flight = flying(autopilot)
@@ -97,14 +97,14 @@ def test_a_command_that_has_not_shown_yet_is_taken_back_before_the_setpoints_end
     flight = flying("px4")
     flight.give(GoTo(*flight.place(300.0, 0.0), 20.0, 3.0))
     flight.until(lambda: flight.vehicle.mode.name == "OFFBOARD")
-    assert flight.state.mode == "HOLD"
+    assert flight.state.mode != "OFFBOARD"
     part(flight)
     flight.wait(20.0)
     assert flight.vehicle.mode.name == "HOLD" and not flight.vehicle.failsafes
 
 
 def test_a_climb_goes_on_to_its_altitude() -> None:
-    flight = VirtualFlight("ardupilot", arm=True)
+    flight = VirtualFlight("ardupilot")
     flight.give(TakeOff(40.0))
     flight.until(lambda: flight.vehicle.craft.up_m > 5.0)
     part(flight)
@@ -131,7 +131,7 @@ def test_a_vehicle_that_is_closed_in_flight_is_found_at_rest(
         autopilot, link="udpin", speedup=5, ready_s=5.0, options=patient
     ) as simulated:
         settings = VehicleSettings(
-            connection=simulated.connection, autopilot=autopilot, arm=True, setpoint_hz=40.0
+            connection=simulated.connection, autopilot=autopilot, setpoint_hz=40.0
         )
         with Vehicle(settings) as vehicle:
             vehicle.give(TakeOff(20.0))

@@ -20,9 +20,13 @@ IN_PROGRESS = 5
 FENCE = (("FENCE_ENABLE", 1), ("FENCE_RADIUS", 150.0))
 
 
+PATIENT = {"ardupilot": (("DISARM_DELAY", 60),), "px4": (("COM_DISARM_PRFLT", 60.0),)}
+"""Parameters with which it stays armed on the ground for a minute."""
+
+
 def refusing(autopilot: str, number: int, *results: int, **settings: Any) -> VirtualFlight:
     """Return a vehicle that answers a command with these, the last one for ever."""
-    flight = VirtualFlight(autopilot, arm=True, **settings)
+    flight = VirtualFlight(autopilot, vehicle={"parameters": PATIENT[autopilot]}, **settings)
     obey, answers = flight.vehicle._commands[number], list(results)
 
     def answer(command: Any) -> int:
@@ -71,7 +75,7 @@ def setpoints_since(flight: VirtualFlight, since_s: float) -> list[SetPositionTa
 
 
 def test_each_try_of_a_target_beyond_the_vehicles_own_fence_is_sent_and_names_it() -> None:
-    flight = VirtualFlight("ardupilot", arm=True, vehicle={"parameters": FENCE})
+    flight = VirtualFlight("ardupilot", vehicle={"parameters": FENCE})
     assert flight.fly(TakeOff(20.0)).status == "done"
     assert flight.state.fenced
     beyond = GoTo(*flight.place(400.0, 0.0), 20.0, 3.0)
@@ -88,7 +92,7 @@ def test_each_try_of_a_target_beyond_the_vehicles_own_fence_is_sent_and_names_it
 
 
 def test_a_target_that_is_taken_up_late_is_flown_by_a_later_try() -> None:
-    flight = VirtualFlight("ardupilot", arm=True, vehicle={"parameters": FENCE}, command_tries=3)
+    flight = VirtualFlight("ardupilot", vehicle={"parameters": FENCE}, command_tries=3)
     assert flight.fly(TakeOff(20.0)).status == "done"
     order = GoTo(*flight.place(200.0, 0.0), 20.0, 3.0)
     assert flight.fly(order).status == "failed"
@@ -96,11 +100,12 @@ def test_a_target_that_is_taken_up_late_is_flown_by_a_later_try() -> None:
     assert flight.fly(order).status == "done"
 
 
-def test_a_vehicle_that_breaches_its_own_fence_is_taken_over_and_why_is_reported() -> None:
-    flight = VirtualFlight("ardupilot", arm=True, vehicle={"parameters": FENCE})
+def test_a_vehicle_that_breaches_its_own_fence_is_left_to_it_and_why_is_reported() -> None:
+    flight = VirtualFlight("ardupilot", vehicle={"parameters": FENCE})
     assert flight.fly(TakeOff(20.0)).status == "done"
     flight.give(GoTo(*flight.place(140.0, 0.0), 20.0, 3.0))
     flight.wait(8.0)
     flight.vehicle.parameters["FENCE_RADIUS"] = 30.0
-    flight.until(lambda: flight.outcome.status == "taken_over")
-    assert flight.outcome.reason.startswith("in RTL") and "Fence Breached" in flight.outcome.reason
+    flight.until(lambda: flight.outcome.status == "failsafe")
+    assert flight.outcome.reason.startswith("in RTL, fence failsafe")
+    assert "Fence Breached" in flight.outcome.reason

@@ -23,7 +23,7 @@ def test_lost_is_for_who_follows_the_vehicle_to_say() -> None:
 @pytest.mark.parametrize("during", ["flight", "hold of a search", "mission", "return", "rest"])
 def test_an_order_goes_on_where_it_was(during: str) -> None:
     silence = Fault("link", 12.0, since_airborne=True, duration_s=20.0)
-    flight = VirtualFlight("ardupilot", arm=True, vehicle={"faults": (silence,)})
+    flight = VirtualFlight("ardupilot", vehicle={"faults": (silence,)})
     assert flight.fly(TakeOff(15.0)).status == "done"
     orders: dict[str, Any] = {
         "flight": GoTo(*flight.place(200.0, 0.0), 15.0, 3.0),
@@ -56,7 +56,7 @@ def test_an_order_goes_on_where_it_was(during: str) -> None:
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_silence_in_between_does_not_count_as_no_progress(autopilot: str) -> None:
     silence = Fault("link", 12.0, since_airborne=True, duration_s=20.0)
-    flight = VirtualFlight(autopilot, arm=True, stall_s=10.0, vehicle={"faults": (silence,)})
+    flight = VirtualFlight(autopilot, stall_s=10.0, vehicle={"faults": (silence,)})
     assert flight.fly(TakeOff(15.0)).status == "done"
     order = GoTo(*flight.place(900.0, 0.0), 15.0, 3.0)
     flight.give(order)

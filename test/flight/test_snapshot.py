@@ -21,7 +21,7 @@ TIMEOUT_S = 120.0
 
 
 def vehicle_on(connection: str, **options: Any) -> Vehicle:
-    return Vehicle(VehicleSettings(connection=connection, arm=True, **options))
+    return Vehicle(VehicleSettings(connection=connection, **options))
 
 
 def test_a_snapshot_is_one_moment_and_nobody_changes_it() -> None:
@@ -78,7 +78,7 @@ def test_what_became_of_the_order_before_is_not_taken_for_the_new_ones() -> None
         vehicle_on(autopilot.connection) as vehicle,
     ):
         vehicle.give(TakeOff(10.0))
-        for order in (Land(), TakeOff(10.0), Hold(), Hold(), Land()):
+        for order in (Land(), TakeOff(10.0, any_mode=True), Hold(), Hold(), Land()):
             end_s = time.monotonic() + TIMEOUT_S
             while vehicle.outcome.status != "done":
                 assert time.monotonic() < end_s, vehicle.outcome

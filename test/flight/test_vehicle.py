@@ -47,7 +47,7 @@ def fly(vehicle: Vehicle, order: Order) -> str:
 
 @contextmanager
 def vehicle_of(autopilot: Running, name: Any = "ardupilot", **options: Any) -> Iterator[Vehicle]:
-    fields = {"connection": autopilot.connection, "arm": True, "setpoint_hz": 40.0, **options}
+    fields = {"connection": autopilot.connection, "setpoint_hz": 40.0, **options}
     with Vehicle(VehicleSettings(autopilot=name, **fields)) as vehicle:
         yield vehicle
     assert vehicle.counts["errors"] == 0
@@ -79,7 +79,7 @@ def test_it_flies_all_orders_over_a_real_link(name: Any, link: Any) -> None:
         Search(*HOME, 15.0, 5.0, 3.0, 4.0),
         Hold(),
         Return() if link == "udp" else Land(),
-        FlyMission(a_mission(name)),
+        FlyMission(a_mission(name), any_mode=True),
     ]
     # A busy machine may keep the setpoints from being sent for a while.
     patient = ("--param", "COM_OF_LOSS_T=300") if name == "px4" else ()
@@ -134,7 +134,7 @@ def test_ten_thousand_messages_of_wrong_senders_have_no_effect() -> None:
     port, draw = free_udp_port(), random.Random(2)
     with running_autopilot(link="udp", port=port, speedup=10, ready_s=5.0) as autopilot:
         # They come first, so that nobody else is the peer yet.
-        settings = VehicleSettings(connection=f"udpin:127.0.0.1:{port}", arm=True)
+        settings = VehicleSettings(connection=f"udpin:127.0.0.1:{port}")
         vehicle = Vehicle(settings)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as liar:
             vehicle.start()
@@ -228,7 +228,7 @@ def test_a_vehicle_that_dies_is_lost_and_found_when_it_is_back(link: Any) -> Non
 
 def test_it_waits_for_a_vehicle_that_is_not_there_yet() -> None:
     port = free_udp_port()
-    with Vehicle(VehicleSettings(connection=f"tcp:127.0.0.1:{port}", arm=True)) as vehicle:
+    with Vehicle(VehicleSettings(connection=f"tcp:127.0.0.1:{port}")) as vehicle:
         number = vehicle.give(TakeOff(10.0))
         until(lambda: "tcp:" in vehicle.trouble)
         assert (vehicle.outcome.number, vehicle.outcome.status) == (number, "under_way")

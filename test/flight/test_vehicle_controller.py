@@ -40,7 +40,7 @@ both = pytest.mark.parametrize("autopilot", AUTOPILOTS)
 
 
 def flying(autopilot: str = "ardupilot", up_m: float = 20.0, **options: Any) -> VirtualFlight:
-    flight = VirtualFlight(autopilot, arm=True, **options)
+    flight = VirtualFlight(autopilot, **options)
     assert flight.fly(TakeOff(up_m)).status == "done"
     return flight
 
@@ -54,7 +54,7 @@ def go_to(flight: VirtualFlight, north_m: float, east_m: float, up_m: float = 20
 
 @both
 def test_take_off_is_done_when_it_is_up_there(autopilot: str) -> None:
-    flight = VirtualFlight(autopilot, arm=True)
+    flight = VirtualFlight(autopilot)
     outcome = flight.fly(TakeOff(30.0))
     assert (outcome.status, outcome.number) == ("done", 1)
     assert abs(flight.vehicle.craft.up_m - 30.0) < 4.0
@@ -108,7 +108,7 @@ def test_a_hold_in_flight_stops_where_it_is(autopilot: str) -> None:
 
 @both
 def test_a_hold_on_the_ground_sends_nothing(autopilot: str) -> None:
-    flight = VirtualFlight(autopilot, arm=True)
+    flight = VirtualFlight(autopilot)
     assert flight.fly(Hold()).status == "done"
     assert {m.command for _, m in flight.sent if isinstance(m, CommandLong)} <= {INTERVAL, 512}
 
@@ -121,12 +121,12 @@ def test_a_return_and_a_landing_are_done_when_the_motors_stand(autopilot: str, o
     assert flight.fly(order).status == "done"
     assert flight.vehicle.landed and not flight.vehicle.armed
     assert flight.off_m(*((0.0, 0.0) if order == Return() else (30.0, 0.0))) < 4.0
-    assert flight.fly(TakeOff(15.0)).status == "done"
+    assert flight.fly(TakeOff(15.0, any_mode=True)).status == "done"
 
 
 @both
 def test_a_mission_is_read_back_and_flown_to_its_last_item(autopilot: str) -> None:
-    flight = VirtualFlight(autopilot, arm=True)
+    flight = VirtualFlight(autopilot)
     items = mission(flight, (40.0, 0.0, 20.0), (40.0, 40.0, 30.0), hold_s=3.0)
     flight.give(FlyMission(items))
     near = {0: 99.0, 1: 99.0}
@@ -152,10 +152,10 @@ def test_a_mission_in_the_air_replaces_the_one_that_is_flown(autopilot: str) -> 
 
 @both
 def test_a_mission_flown_before_starts_at_its_first_item_again(autopilot: str) -> None:
-    flight = VirtualFlight(autopilot, arm=True)
+    flight = VirtualFlight(autopilot)
     items = mission(flight, (40.0, 0.0, 20.0))
     for _ in range(2):
-        flight.give(FlyMission(items))
+        flight.give(FlyMission(items, any_mode=True))
         near_m = 99.0
         while flight.outcome.status == "under_way":
             flight.step()
@@ -170,14 +170,14 @@ def test_a_mission_flown_before_starts_at_its_first_item_again(autopilot: str) -
 @both
 def test_an_acknowledgement_alone_proves_nothing(autopilot: str) -> None:
     controller = VehicleController(
-        VEHICLE, OURSELVES, ControllerSettings(autopilot=autopilot, arm=True, command_tries=3)
+        VEHICLE, OURSELVES, ControllerSettings(autopilot=autopilot, command_tries=3)
     )
-    mode = (4 << 16 | 3 << 24) if autopilot == "px4" else 4
+    kind, mode = (12, 4 << 16 | 3 << 24) if autopilot == "px4" else (3, 4)
     sent = controller.give(TakeOff(10.0), 0.0)
     for tick in range(600):
         now = tick * 0.1
         if tick % 10 == 0:
-            sent += controller.receive(Heartbeat(2, 3, 1, mode, 3), now)
+            sent += controller.receive(Heartbeat(2, kind, 1, mode, 3), now)
         for message in sent:
             if isinstance(message, CommandLong):
                 controller.receive(CommandAck(message.command, ACCEPTED), now)
@@ -261,7 +261,7 @@ def test_a_speed_is_asked_for_and_flown(autopilot: str) -> None:
 @both
 def test_nothing_is_armed_unless_it_may_be(autopilot: str) -> None:
     flight = VirtualFlight(autopilot)
-    flight.give(TakeOff(10.0))
+    flight.give(TakeOff(10.0, arm=False))
     flight.wait(60.0)
     assert flight.outcome.status == "under_way"
     assert "waiting for" in flight.outcome.reason
@@ -273,7 +273,7 @@ def test_nothing_is_armed_unless_it_may_be(autopilot: str) -> None:
 @both
 def test_who_may_not_arm_takes_off_once_somebody_else_has(autopilot: str) -> None:
     flight = VirtualFlight(autopilot)
-    flight.give(TakeOff(10.0))
+    flight.give(TakeOff(10.0, arm=False))
     flight.wait(20.0)
     if autopilot == "ardupilot":
         assert flight.vehicle.request_mode(4, 0) == ACCEPTED
@@ -287,7 +287,7 @@ def test_who_may_not_arm_takes_off_once_somebody_else_has(autopilot: str) -> Non
 
 def test_armed_in_another_mode_it_waits_for_guided() -> None:
     flight = VirtualFlight()
-    flight.give(TakeOff(10.0))
+    flight.give(TakeOff(10.0, arm=False))
     flight.wait(20.0)
     assert flight.vehicle.arm(force=False) == ACCEPTED
     flight.wait(5.0)
@@ -297,7 +297,7 @@ def test_armed_in_another_mode_it_waits_for_guided() -> None:
 
 @both
 def test_arming_waits_until_the_vehicle_is_ready(autopilot: str) -> None:
-    flight = VirtualFlight(autopilot, arm=True, vehicle={"ready_s": 40.0})
+    flight = VirtualFlight(autopilot, vehicle={"ready_s": 40.0})
     flight.give(TakeOff(10.0))
     flight.wait(38.0)
     assert "ready" in flight.outcome.reason
@@ -307,7 +307,7 @@ def test_arming_waits_until_the_vehicle_is_ready(autopilot: str) -> None:
 
 
 def test_a_take_off_waits_as_long_as_it_takes_and_reports_for_what() -> None:
-    flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0})
+    flight = VirtualFlight(vehicle={"ready_s": 900.0})
     flight.give(TakeOff(10.0))
     flight.wait(600.0)
     assert (flight.outcome.status, flight.state.has_position) == ("under_way", True)
@@ -323,7 +323,7 @@ def test_a_take_off_waits_as_long_as_it_takes_and_reports_for_what() -> None:
 
 def test_a_vehicle_that_never_has_a_position_is_waited_for_without_a_word_of_its_own() -> None:
     # In STABILIZE ArduCopter needs none: its checks are passed.
-    flight = VirtualFlight(arm=True, vehicle={"gps": False, "ready_s": 5.0})
+    flight = VirtualFlight(vehicle={"gps": False, "ready_s": 5.0})
     flight.give(TakeOff(10.0))
     flight.wait(600.0)
     waits = "waiting for the vehicle's position"
@@ -333,7 +333,7 @@ def test_a_vehicle_that_never_has_a_position_is_waited_for_without_a_word_of_its
 
 
 def test_a_vehicle_without_a_position_reports_why_it_is_not_ready() -> None:
-    flight = VirtualFlight(arm=True, vehicle={"ready_s": 900.0})
+    flight = VirtualFlight(vehicle={"ready_s": 900.0})
     flight.give(TakeOff(10.0))
     flight.wait(100.0)
     assert not flight.state.has_position
@@ -343,7 +343,7 @@ def test_a_vehicle_without_a_position_reports_why_it_is_not_ready() -> None:
 
 @both
 def test_who_is_on_the_ground_goes_nowhere(autopilot: str) -> None:
-    flight = VirtualFlight(autopilot, arm=True)
+    flight = VirtualFlight(autopilot)
     outcome = flight.fly(go_to(flight, 10.0, 0.0))
     assert (outcome.status, "not in the air" in outcome.reason) == ("failed", True)
     assert not flight.vehicle.armed
@@ -355,7 +355,7 @@ def test_who_is_on_the_ground_goes_nowhere(autopilot: str) -> None:
 @both
 def test_a_mission_that_fails_to_get_across_is_not_flown(autopilot: str) -> None:
     patience = Timeouts(retries=2, upload_retries=1)
-    flight = VirtualFlight(autopilot, arm=True, transfer=patience)
+    flight = VirtualFlight(autopilot, transfer=patience)
     flight.wait(10.0)
     bad = list(mission(flight, (40.0, 0.0, 20.0)))
     # No autopilot knows this command.
@@ -378,7 +378,7 @@ def test_another_order_during_an_upload_ends_it() -> None:
 
 
 def test_a_mission_of_home_alone_is_refused() -> None:
-    flight = VirtualFlight(arm=True)
+    flight = VirtualFlight()
     assert flight.fly(FlyMission(mission(flight, (1.0, 1.0, 1.0))[:1])).status == "failed"
 
 
@@ -398,7 +398,7 @@ def test_the_latest_order_wins(autopilot: str) -> None:
 
 @both
 def test_a_return_ends_a_climb(autopilot: str) -> None:
-    flight = VirtualFlight(autopilot, arm=True)
+    flight = VirtualFlight(autopilot)
     flight.give(TakeOff(60.0))
     flight.until(lambda: flight.vehicle.craft.up_m > 20.0)
     assert flight.fly(Return()).status == "done"
@@ -410,7 +410,7 @@ def test_a_return_ends_a_climb(autopilot: str) -> None:
 def test_an_order_just_after_a_start_is_about_the_flight_that_begins(
     autopilot: str, order: str
 ) -> None:
-    flight = VirtualFlight(autopilot, arm=True)
+    flight = VirtualFlight(autopilot)
     orders = {"go": go_to(flight, 20.0, 0.0, 15.0), "hold": Hold(), "land": Land()}
     flight.give(FlyMission(mission(flight, (400.0, 0.0, 15.0))))
     flight.until(lambda: "item" in flight.outcome.reason and flight.vehicle.armed)
@@ -447,16 +447,21 @@ def test_a_pilot_who_takes_over_is_left_alone(autopilot: str, during: str) -> No
     assert flight.state.mode == mode
 
 
-def test_after_a_take_over_orders_count_in_guided_again() -> None:
-    flight = flying()
-    flight.vehicle.pilot_takes_over("LOITER")
+@both
+def test_after_a_take_over_only_an_order_of_a_new_authority_counts(autopilot: str) -> None:
+    flight = flying(autopilot)
+    flight.vehicle.pilot_takes_over("POSCTL" if autopilot == "px4" else "LOITER")
     flight.wait(4.0)
     assert flight.fly(go_to(flight, 20.0, 0.0)).status == "taken_over"
     assert flight.outcome.number == 2
-    flight.vehicle.request_mode(4, 0)
+    # Neither the pilot's own mode nor one of ours releases it.
+    flight.vehicle.request_mode(*((4, 3) if autopilot == "px4" else (4, 0)))
     flight.wait(5.0)
-    assert flight.outcome.status == "taken_over"
-    assert flight.fly(go_to(flight, 20.0, 0.0)).status == "done"
+    sent = len(flight.sent)
+    for order in (go_to(flight, 20.0, 0.0), Hold(), Return(), Land()):
+        assert flight.fly(order).status == "taken_over"
+    assert len(flight.sent) == sent
+    assert flight.fly(go_to(flight, 20.0, 0.0), authority=1).status == "done"
 
 
 def test_a_vehicle_in_anothers_hands_at_the_start_is_not_taken() -> None:
@@ -475,11 +480,11 @@ def test_a_vehicle_in_anothers_hands_at_the_start_is_not_taken() -> None:
 
 
 @both
-def test_a_failsafe_is_a_take_over_and_is_named(autopilot: str) -> None:
+def test_a_failsafe_has_the_vehicle_and_is_named(autopilot: str) -> None:
     fault = Fault("battery", 20.0, since_airborne=True)
     flight = flying(autopilot, vehicle={"faults": (fault,)})
     flight.give(go_to(flight, 900.0, 0.0))
-    flight.until(lambda: flight.outcome.status == "taken_over")
+    flight.until(lambda: flight.outcome.status == "failsafe")
     mode = "HOLD" if autopilot == "px4" else "RTL"
     assert mode in flight.outcome.reason and "battery" in flight.outcome.reason
     assert flight.state.failsafe == "battery"
@@ -531,7 +536,7 @@ def test_a_restarted_pilot_gives_px4_the_setpoints_that_it_misses(seconds: float
     flight.fly(go_to(flight, 60.0, 0.0))
     flight.restart()
     flight.wait(seconds)
-    assert flight.state.mode == "RTL" and flight.state.failsafe == "offboard"
+    assert flight.state.mode == "RTL" and flight.state.failsafe == "critical"
     # Nothing is sent before there is an order.
     modes = len(flight.commands(SET_MODE))
     sent = len(flight.setpoints())
@@ -551,7 +556,7 @@ def test_px4_that_does_not_give_offboard_back_has_a_failsafe() -> None:
     vehicle.failsafes.add("geofence")
     vehicle._set_failsafe_mode(Mode.RTL)
     struck_s = flight.now
-    flight.until(lambda: flight.outcome.status == "taken_over", limit_s=9.0)
+    flight.until(lambda: flight.outcome.status == "failsafe", limit_s=9.0)
     assert flight.now - struck_s > 4.0
     assert "RTL, critical failsafe" in flight.outcome.reason
     assert flight.state.failsafe == "critical"
@@ -578,11 +583,11 @@ def test_px4_that_falls_into_offboard_by_disarming_has_done_its_order(order: Any
         assert flight.state.mode == "OFFBOARD" and not flight.state.ready
         assert flight.outcome.status == "done"
         # A second search.
-        assert flight.fly(TakeOff(20.0)).status == "done"
+        assert flight.fly(TakeOff(20.0, any_mode=True)).status == "done"
 
 
 def test_px4_on_the_ground_is_ready_although_its_position_is_constant() -> None:
-    flight = VirtualFlight("px4", arm=True)
+    flight = VirtualFlight("px4")
     flight.until(lambda: flight.state.ready, limit_s=20.0)
     assert flight.vehicle.ekf_flags == 1023
     assert flight.fly(TakeOff(10.0)).status == "done"
@@ -602,7 +607,7 @@ def test_who_may_not_arm_reports_that_px4_has_to_leave_offboard() -> None:
     flight.wait(10.0)
     flight.vehicle.request_mode(6, 0)
     flight.wait(3.0)
-    flight.give(TakeOff(10.0))
+    flight.give(TakeOff(10.0, arm=False))
     flight.wait(3.0)
     assert flight.outcome.reason == "waiting for HOLD: it is in OFFBOARD"
     assert not flight.commands(SET_MODE)
@@ -637,7 +642,7 @@ def test_taken_over_while_the_link_was_lost_is_seen_after_it() -> None:
 
 
 def test_a_vehicle_that_is_not_there_gets_nothing() -> None:
-    controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings(arm=True))
+    controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
     sent = controller.give(TakeOff(10.0), 0.0)
     for tick in range(1000):
         sent += controller.tick(tick * 0.1)
@@ -669,7 +674,6 @@ def test_on_a_bad_link_done_means_done(
 ) -> None:
     flight = VirtualFlight(
         autopilot,
-        arm=True,
         seed=seed,
         loss=loss,
         duplicate=duplicate,
@@ -688,14 +692,16 @@ def test_on_a_bad_link_done_means_done(
     assert flight.vehicle.landed and not flight.vehicle.armed
 
 
-def any_order(flight: VirtualFlight) -> st.SearchStrategy[Any]:
+def any_order(flight: VirtualFlight, *, arm: bool = True) -> st.SearchStrategy[Any]:
     places = st.tuples(*(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(5.0, 40.0)))
     return st.one_of(
-        st.builds(TakeOff, st.floats(5.0, 40.0)),
+        st.builds(lambda up_m: TakeOff(up_m, arm), st.floats(5.0, 40.0)),
         st.builds(lambda place: go_to(flight, *place), places),
         st.builds(lambda place: Search(*flight.place(*place[:2]), place[2], 5.0, 3.0, 3.0), places),
         st.sampled_from([Hold(), Return(), Land()]),
-        st.builds(lambda north: FlyMission(mission(flight, (north, 0.0, 15.0))), st.floats(5, 40)),
+        st.builds(
+            lambda north: FlyMission(mission(flight, (north, 0.0, 15.0)), arm), st.floats(5, 40)
+        ),
     )
 
 
@@ -704,7 +710,7 @@ def any_order(flight: VirtualFlight) -> st.SearchStrategy[Any]:
 def test_whatever_is_ordered_in_the_end_it_lands(
     data: st.DataObject, seed: int, autopilot: str
 ) -> None:
-    flight = VirtualFlight(autopilot, arm=True, seed=seed, delay_s=0.1)
+    flight = VirtualFlight(autopilot, seed=seed, delay_s=0.1)
     for number in range(1, 7):
         flight.give(data.draw(any_order(flight)))
         flight.wait(data.draw(st.floats(0.1, 40.0)))
@@ -719,9 +725,9 @@ def test_whatever_is_ordered_in_the_end_it_lands(
 def test_whatever_is_ordered_nothing_is_armed_unless_it_may_be(
     data: st.DataObject, seed: int, autopilot: str
 ) -> None:
-    flight = VirtualFlight(autopilot, arm=False, seed=seed, delay_s=0.1)
+    flight = VirtualFlight(autopilot, seed=seed, delay_s=0.1)
     for _ in range(5):
-        flight.give(data.draw(any_order(flight)))
+        flight.give(data.draw(any_order(flight, arm=False)))
         flight.wait(data.draw(st.floats(0.1, 30.0)))
     assert not flight.commands(ARM) and not flight.commands(START) and not flight.vehicle.armed
     assert not flight.commands(SET_MODE)

@@ -123,13 +123,13 @@ class VirtualFlight:
 
     # Orders
 
-    def give(self, order: Order) -> None:
+    def give(self, order: Order, authority: int = 0) -> None:
         """Give an order and go on."""
-        self._send(self.controller.give(order, self.now))
+        self._send(self.controller.give(order, self.now, authority))
 
-    def fly(self, order: Order, limit_s: float = 600.0) -> Outcome:
+    def fly(self, order: Order, limit_s: float = 600.0, authority: int = 0) -> Outcome:
         """Give an order, and return what has become of it in the end."""
-        self.give(order)
+        self.give(order, authority)
         self.until(lambda: self.outcome.status not in ("under_way", "silent"), limit_s)
         return self.outcome
 

@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
+from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.cli.run_mission import PLANNER_PARAMETERS, SIM_PARAMETERS
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, NODES, Argument, Start, starts
 from dsse_ros.nodes.settings import (
-    BridgeSettings,
     PlannerSettings,
     RecorderSettings,
     SimSettings,

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import pytest
 
+from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.nodes.mavlink_bridge import _fleet
-from dsse_ros.nodes.settings import BridgeSettings
 from dsse_ros.search import FieldError
 
 

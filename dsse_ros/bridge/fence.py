@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from msg_adapters.frames import GridFrame, map_to_cell
-from msg_adapters.geodesy import geodetic_to_map, on_near_side
+from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic, on_near_side
 from msg_adapters.mission_items import (
     FIRMWARES,
     FRAME_GLOBAL,
@@ -41,6 +41,9 @@ class Fence:
         margin_m: How far around the area, and around home, vehicles may go.
         min_alt_m: Lowest altitude above home; landing and home itself are below it.
         max_alt_m: Highest altitude above home.
+        center: Latitude and longitude of the middle of a circle that vehicles do not leave,
+            whichever search they follow; None for none.
+        radius_m: Its radius.
         home: Where the vehicle starts, if not in the area.
         area: The cells of the grid that are searched, as in `AgentsInfo`; None for all.
 
@@ -52,6 +55,8 @@ class Fence:
     margin_m: float
     min_alt_m: float
     max_alt_m: float
+    center: tuple[float, float] | None = None
+    radius_m: float = math.inf
     home: Home | None = None
     area: tuple[str, ...] | None = None
 
@@ -188,12 +193,51 @@ def _check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected 
     x_m, y_m, _ = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m)
     side_m = frame.grid_size * frame.cell_size_m
     in_area = all(-margin_m <= value <= side_m + margin_m for value in (x_m, y_m))
-    if on_near_side(frame, lat_deg, lon_deg) and (in_area or _near_home(x_m, y_m, fence)):
+    near = on_near_side(frame, lat_deg, lon_deg)
+    if near and not in_circle(lat_deg, lon_deg, fence):
+        assert fence.center is not None
+        middle = "({:.7f}, {:.7f})".format(*fence.center)
+        return Rejected(
+            "outside_fence",
+            f"({lat_deg:.7f}, {lon_deg:.7f}) is not allowed; within {fence.radius_m:g} m of "
+            f"{middle}, the middle of the fence",
+        )
+    if near and (in_area or _near_home(x_m, y_m, fence)):
         return None
     return Rejected(
         "outside_fence",
         f"({lat_deg:.7f}, {lon_deg:.7f}) is not allowed; within {margin_m:g} m of the search area",
     )
+
+
+def in_circle(lat_deg: float, lon_deg: float, fence: Fence) -> bool:
+    """Return whether a place is in the circle around the middle of the fence."""
+    if fence.center is None:
+        return True
+    frame = fence.frame
+    place, middle = (
+        geodetic_to_map(frame, *one, frame.origin_alt_m)[:2]
+        for one in ((lat_deg, lon_deg), fence.center)
+    )
+    return math.dist(place, middle) <= fence.radius_m
+
+
+def check_search(fence: Fence) -> str:
+    """Return why the search of a fence does not lie in its circle, empty if it does."""
+    frame = fence.frame
+    side_m = frame.grid_size * frame.cell_size_m
+    for x_m in (0.0, side_m):
+        for y_m in (0.0, side_m):
+            lat_deg, lon_deg, _ = map_to_geodetic(frame, x_m, y_m, 0.0)
+            near = on_near_side(frame, *(fence.center or (lat_deg, lon_deg)))
+            if not (near and in_circle(lat_deg, lon_deg, fence)):
+                assert fence.center is not None
+                middle = "({:.7f}, {:.7f})".format(*fence.center)
+                return (
+                    f"fence_radius: {fence.radius_m:g} is not allowed; the search area reaches "
+                    f"further from the middle of the fence, {middle}"
+                )
+    return ""
 
 
 def _check_area(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None:

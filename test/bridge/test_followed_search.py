@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dsse_ros.mission.followed_search import MISSION_REPORT_S, FollowedSearch, News
+from dsse_ros.bridge.followed_search import MISSION_REPORT_S, FollowedSearch, News
 from msg_adapters.agents import AgentsInfo, Origin
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
 from msg_adapters.step_report import step_report_dtype
@@ -112,14 +113,63 @@ def test_what_belongs_to_another_search_is_not_followed(other: dict[str, int]) -
     assert news(search) == [News.BEGUN, News.STEP, News.TRACKS]
 
 
-def test_agents_in_another_number_are_named_until_the_search_is_received_again() -> None:
+def test_agents_in_another_number_are_named_and_the_search_goes_on() -> None:
     search = followed()
     search.take_agents(agents(run_id=9, count=3))
     assert news(search) == [] and search.info == agents()
     assert search.trouble(0.0) == "2 vehicles for 3 drones: nothing is flown"
     search.take_report(13, report(1))
-    assert news(search) == [News.HEARD_AGAIN, News.STEP]
+    assert news(search) == [News.STEP]
+    search.forget_others()
     assert search.trouble(0.0) == ""
+
+
+@pytest.mark.parametrize("other", [{"run_id": 8}, {"run_id": 8, "mission": 2}])
+def test_another_simulation_is_followed_only_once_that_is_allowed(other: dict[str, int]) -> None:
+    kept = ["drone0 is in the air"]
+    search = FollowedSearch(2, whole=False, refuse=lambda info: kept[0])
+    kept[0] = ""
+    search.take_agents(agents())
+    assert news(search) == [News.BEGUN]
+    kept[0] = "drone0 is in the air"
+    search.take_agents(agents(**other))
+    search.take_report(26, report(0, **other))  # type: ignore[arg-type]
+    search.take_report(13, report(1))
+    assert news(search) == [News.STEP]
+    assert search.trouble(0.0) == "drone0 is in the air" and search.info == agents()
+    kept[0] = ""
+    assert news(search) == [News.BEGUN, News.STEP]
+    assert search.info == agents(**other) and search.legs[0].stamp_ns == 26
+
+
+def test_another_mission_of_the_same_simulation_is_followed_at_once() -> None:
+    search = followed()
+    search._refuse = lambda info: "drone0 is in the air"
+    search.take_agents(agents(mission=2))
+    assert news(search) == [News.BEGUN] and search.trouble(0.0) == ""
+
+
+def test_a_simulation_that_is_gone_is_not_followed_later() -> None:
+    search = followed()
+    search._refuse = lambda info: "2 nodes publish step_report"
+    search.take_agents(agents(run_id=8))
+    assert news(search) == []
+    search.forget_others()
+    search._refuse = lambda info: ""
+    assert news(search) == [] and search.info == agents()
+
+
+def test_somebody_plans_the_search_once_its_drones_were_commanded() -> None:
+    search = FollowedSearch(2, whole=False)
+    search.take_agents(replace(agents(), commanded=False))
+    search.take_report(0, report(0))
+    assert news(search) == [News.BEGUN, News.STEP] and not search.commanded
+    search.take_agents(agents())
+    assert news(search) == [News.STEP] and search.commanded
+    other = FollowedSearch(2, whole=False)
+    other.take_agents(replace(agents(), commanded=False))
+    other.take_report(13, report(1))
+    assert news(other) == [News.BEGUN, News.STEP] and other.commanded
 
 
 def test_without_vehicles_any_number_of_drones_is_followed() -> None:

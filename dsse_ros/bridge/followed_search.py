@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum, auto
 from typing import Any
@@ -18,13 +19,17 @@ MISSION_REPORT_S = 5.0
 """Time in which the report of a mission comes that is over."""
 
 
+Identity = tuple[int, int]
+"""run_id and mission."""
+_KEPT = 4
+"""Searches of which reports are kept."""
+
+
 class News(Enum):
     """What has become known of the search."""
 
     BEGUN = auto()
     """Another mission is followed, or the same one from its start: `info` says which."""
-    HEARD_AGAIN = auto()
-    """After the agents of another simulation a step of this one has come."""
     STEP = auto()
     """There are new `legs`."""
     TRACKS = auto()
@@ -40,6 +45,7 @@ class FollowedSearch:
     Args:
         vehicles: Number of drones that the search must have; None for any.
         whole: Whether the tracks of the whole mission are wanted, once it is over.
+        refuse: Returns why a search of another simulation is not followed now, empty if it may be.
 
     Attributes:
         info: The mission that is followed; None before the first.
@@ -49,9 +55,16 @@ class FollowedSearch:
         foreign: Why the latest agents are not followed; empty if they are.
     """
 
-    def __init__(self, vehicles: int | None, *, whole: bool) -> None:
+    def __init__(
+        self,
+        vehicles: int | None,
+        *,
+        whole: bool,
+        refuse: Callable[[AgentsInfo], str] = lambda info: "",
+    ) -> None:
         self._vehicles = vehicles
         self._whole = whole
+        self._refuse = refuse
         self.info: AgentsInfo | None = None
         self.legs: list[Leg] = []
         self.final_legs: list[Leg] = []
@@ -60,40 +73,42 @@ class FollowedSearch:
         self._unflyable = ""
         self._followed_step: int | None = None
         self._over_since_s: float | None = None
-        # Reports may come before the agents that they belong to.
-        self._agents: AgentsInfo | None = None
-        self._report: tuple[int, NDArray[Any]] | None = None
-        self._mission_report: tuple[int, NDArray[Any]] | None = None
+        # The latest agents that are not followed yet, and reports, which may come before theirs.
+        self._other: AgentsInfo | None = None
+        self._reports: dict[Identity, tuple[int, NDArray[Any]]] = {}
+        self._mission_reports: dict[Identity, tuple[int, NDArray[Any]]] = {}
         self._look_at_step = self._look_at_tracks = False
 
     def take_agents(self, info: AgentsInfo) -> None:
         """Take who searches in which mission."""
-        count = len(info.agents)
-        if self._vehicles not in (None, count):
-            # Those of another simulation; our own goes on if its next step comes.
-            self.foreign = f"{self._vehicles} vehicles for {count} drones: nothing is flown"
-            return
-        self.foreign = ""
-        self._agents = info
         self._look_at_step = self._look_at_tracks = True
+        if self.info is not None and _identity(info) == _identity(self.info):
+            self.info, self._other, self.foreign = info, None, ""
+        else:
+            self._other = info
 
     def take_report(self, stamp_ns: int, report: NDArray[Any]) -> None:
         """Take the report (N,) of a step, with its stamp."""
-        if report.size:
-            self._report = (stamp_ns, report)
-            self._look_at_step = True
+        self._look_at_step |= _keep(self._reports, stamp_ns, report)
 
     def take_mission_report(self, stamp_ns: int, report: NDArray[Any]) -> None:
         """Take the report (steps + 1, N) of a mission that is over, with its stamp."""
-        if report.size:
-            self._mission_report = (stamp_ns, report)
-            self._look_at_tracks = True
+        self._look_at_tracks |= _keep(self._mission_reports, stamp_ns, report)
+
+    def forget_others(self) -> None:
+        """Forget agents that are not followed: their simulation may be gone."""
+        self._other, self.foreign = None, ""
 
     def fail(self, why: str) -> bool:
         """Follow the mission no further, as it cannot be flown; returns whether that is new."""
         new = why != self._unflyable
         self._unflyable = why
         return new
+
+    @property
+    def commanded(self) -> bool:
+        """Whether the drones of the search have been commanded: somebody plans it."""
+        return self.info is not None and (self.info.commanded or (self._followed_step or 0) > 0)
 
     def trouble(self, now_s: float) -> str:
         """Return why the vehicles cannot do what they are for; empty if they can."""
@@ -110,16 +125,17 @@ class FollowedSearch:
         Args:
             now_s: Time on the clock of `trouble`.
         """
-        if self._agents is not None:
-            info, self._agents = self._agents, None
-            if self.info is None or _identity(info) != _identity(self.info):
+        if self._other is not None:
+            self.foreign = self._why_not(self._other)
+            if not self.foreign:
+                info, self._other = self._other, None
                 return self._begin(info)
         if self.info is None:
             return None
         if self._look_at_step:
             news = self._news_of_step(self.info, now_s)
-            # The others are about what comes before the step itself.
-            self._look_at_step = news in (News.BEGUN, News.HEARD_AGAIN)
+            # The other one is about what comes before the step itself.
+            self._look_at_step = news is News.BEGUN
             if news is not None:
                 return news
         if self._look_at_tracks:
@@ -127,25 +143,32 @@ class FollowedSearch:
             return self._news_of_tracks(self.info)
         return None
 
+    def _why_not(self, info: AgentsInfo) -> str:
+        """Return why a search is not followed, empty if it may be."""
+        count = len(info.agents)
+        if self._vehicles not in (None, count):
+            return f"{self._vehicles} vehicles for {count} drones: nothing is flown"
+        if self.info is not None and info.run_id == self.info.run_id:
+            return ""
+        return self._refuse(info)
+
     def _begin(self, info: AgentsInfo) -> News:
         self.info, self.legs, self.final_legs, self.tracks = info, [], [], None
         self._followed_step = self._over_since_s = None
         self._unflyable = ""
+        self._look_at_step = self._look_at_tracks = True
         return News.BEGUN
 
     def _news_of_step(self, info: AgentsInfo, now_s: float) -> News | None:
-        if self._report is None or not _belongs(self._report[1], info):
+        if _identity(info) not in self._reports:
             return None
-        stamp_ns, report = self._report
-        if self.foreign:
-            self.foreign = ""
-            return News.HEARD_AGAIN
+        stamp_ns, report = self._reports[_identity(info)]
         if self._unflyable or len(report) != len(info.agents):
             return None
         step = int(report["step"][0])
         if self._followed_step is not None and step < self._followed_step:
             # A simulation with a fixed run_id was started anew.
-            self._mission_report = None
+            self._mission_reports.pop(_identity(info), None)
             return self._begin(info)
         self._followed_step = step
         self.legs = _legs(stamp_ns, report, _search_action(info))
@@ -154,9 +177,9 @@ class FollowedSearch:
         return News.STEP
 
     def _news_of_tracks(self, info: AgentsInfo) -> News | None:
-        if self._mission_report is None or not _belongs(self._mission_report[1], info):
+        if _identity(info) not in self._mission_reports:
             return None
-        stamp_ns, report = self._mission_report
+        stamp_ns, report = self._mission_reports[_identity(info)]
         if not self._whole or self.tracks is not None or self._unflyable:
             return None
         if report.shape[1] != len(info.agents):
@@ -173,14 +196,23 @@ class FollowedSearch:
         return cells, track["action"] == _search_action(self.info)
 
 
-def _identity(info: AgentsInfo) -> tuple[int, int]:
+def _identity(info: AgentsInfo) -> Identity:
     return info.run_id, info.mission
 
 
-def _belongs(report: NDArray[Any], info: AgentsInfo) -> bool:
-    """Return whether a report, of a step or of a mission, is of this search."""
+def _keep(
+    reports: dict[Identity, tuple[int, NDArray[Any]]], stamp_ns: int, report: NDArray[Any]
+) -> bool:
+    """Keep a report as the last one of its search; returns whether it is one."""
+    if not report.size:
+        return False
     first = report.flat[0]
-    return (int(first["run_id"]), int(first["mission"])) == _identity(info)
+    identity = (int(first["run_id"]), int(first["mission"]))
+    reports.pop(identity, None)
+    reports[identity] = (stamp_ns, report)
+    while len(reports) > _KEPT:
+        del reports[next(iter(reports))]
+    return True
 
 
 def _search_action(info: AgentsInfo) -> int:

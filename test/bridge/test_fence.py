@@ -11,7 +11,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from mission_strategies import ITEMS
 
-from dsse_ros.flight.fence import Fence, check_item, check_mission, check_place, check_take_off
+from dsse_ros.bridge.fence import (
+    Fence,
+    check_item,
+    check_mission,
+    check_place,
+    check_search,
+    check_take_off,
+)
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic
 from msg_adapters.mission_items import FRAME_MISSION, Home, Mission, MissionItem
@@ -285,3 +292,33 @@ def test_a_fence_that_is_too_large_is_refused_by_its_field(values, reason):
 def test_a_fence_that_holds_nothing_is_refused(values):
     with pytest.raises(ValueError, match="is not allowed"):
         Fence(FRAME, *values)
+
+
+@given(st.floats(1.0, 3e4), st.floats(-math.pi, math.pi), st.floats(500.0, 2e4))
+def test_no_place_beyond_the_circle_is_allowed_whatever_the_search_is(
+    away_m: float, bearing: float, radius_m: float
+) -> None:
+    assume(abs(away_m - radius_m) > 5.0)
+    x_m, y_m = 1300.0 + away_m * math.cos(bearing), 1300.0 + away_m * math.sin(bearing)
+    middle = map_to_geodetic(FRAME, 1300.0, 1300.0, 0.0)[:2]
+    fence = dataclasses.replace(FENCE, margin_m=1e6, center=middle, radius_m=radius_m)
+    item = waypoint(x_m, y_m)
+    assert (code(item, fence) is None) == (away_m < radius_m)
+    for check in (check_place, check_take_off):
+        checked = check(item.lat_deg, item.lon_deg, 120.0, fence)
+        assert isinstance(checked, Accepted) == (away_m < radius_m)
+
+
+@pytest.mark.parametrize(
+    ("origin", "why"),
+    [((-24.04, -46.17), ""), ((-24.045, -46.17), ""), ((-24.1, -46.17), "reaches further"),
+     ((-22.99, -43.99), "reaches further"), ((24.04, 133.83), "reaches further")],
+)  # fmt: skip
+def test_a_search_must_lie_in_the_circle_with_all_of_its_corners(
+    origin: tuple[float, float], why: str
+) -> None:
+    middle = map_to_geodetic(FRAME, 1300.0, 1300.0, 0.0)[:2]
+    frame = dataclasses.replace(FRAME, origin_lat_deg=origin[0], origin_lon_deg=origin[1])
+    trouble = check_search(Fence(frame, 500.0, 10.0, 120.0, center=middle, radius_m=2500.0))
+    assert bool(trouble) == bool(why) and why in trouble
+    assert not trouble or trouble.startswith("fence_radius: 2500 is not allowed")

@@ -1,0 +1,143 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Who has a vehicle, and what may be sent to it: one table of states.
+
+`NEXT` says which event leads from which state to which; an event that is not listed changes
+nothing. `MAY_ORDER` says which orders a state allows. Nothing else decides whether a vehicle is
+armed, takes off, moves or changes its mode. docs/flight.md prints both tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+
+from dsse_ros.flight.orders import (
+    FlyMission,
+    GoTo,
+    Hold,
+    Land,
+    MakeReady,
+    Return,
+    Search,
+    TakeOff,
+)
+from dsse_ros.flight.vehicle_controller import Order
+
+
+class Custody(Enum):
+    """Who has a vehicle; the value is its name on topics and in files."""
+
+    FREE = "free"
+    """Nobody has cleared it to fly."""
+    CLEARED = "cleared"
+    """It is cleared to fly in one search, and on the ground."""
+    FOLLOWING = "following"
+    """It flies what its drone does."""
+    HELD = "held"
+    """An operator holds it in the air."""
+    RECALLED = "recalled"
+    """An operator has it return or land."""
+    ENDING = "ending"
+    """Its search is over: it does what `at_end` says."""
+    TAKEN = "taken over"
+    """A person has it, in the air or on the ground."""
+    RELEASED = "released"
+    """A person has given it back while it was armed. It waits for a search."""
+    FAILSAFE = "failsafe"
+    """A failsafe of its autopilot has it."""
+    GROUNDED = "grounded"
+    """It has flown or dropped out, and stays on the ground."""
+
+
+class Event(Enum):
+    """What changes who has a vehicle; the value says when it happens."""
+
+    CLEAR = "it is cleared: `~/arm`, or by the parameter `arm`"
+    LIFT_OFF = "its motors turn for the take-off"
+    SEARCH_OVER = "its drone's search is over"
+    DROP_OUT = "it has dropped out of the search: link lost, order failed"
+    HOLD = "an operator calls `~/hold`"
+    COME_DOWN = "an operator calls `~/return` or `~/land`"
+    GROUND = "an operator calls `~/arm` with `false`"
+    DOWN = "it is disarmed on the ground, after it was armed"
+    TAKE_OVER = "a person changes its mode, or disarms it on the ground"
+    FAILSAFE = "a failsafe changes its mode"
+    RELEASE = "a person sets GUIDED (PX4: OFFBOARD) while it is armed"
+
+
+_FLOWN: Mapping[Event, Custody] = {
+    Event.HOLD: Custody.HELD,
+    Event.COME_DOWN: Custody.RECALLED,
+    Event.TAKE_OVER: Custody.TAKEN,
+    Event.FAILSAFE: Custody.FAILSAFE,
+}
+"""What takes any vehicle that the bridge flies."""
+
+_ON_THE_GROUND: Mapping[Event, Custody] = {
+    Event.HOLD: Custody.TAKEN,
+    Event.COME_DOWN: Custody.TAKEN,
+    Event.GROUND: Custody.TAKEN,
+}
+"""An operator keeps it there."""
+
+NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
+    Custody.FREE: {
+        Event.CLEAR: Custody.CLEARED,
+        Event.DOWN: Custody.GROUNDED,
+        **_ON_THE_GROUND,
+    },
+    Custody.CLEARED: {
+        Event.LIFT_OFF: Custody.FOLLOWING,
+        Event.SEARCH_OVER: Custody.FREE,
+        Event.DROP_OUT: Custody.GROUNDED,
+        Event.TAKE_OVER: Custody.TAKEN,
+        Event.FAILSAFE: Custody.FAILSAFE,
+        **_ON_THE_GROUND,
+    },
+    Custody.FOLLOWING: {
+        Event.SEARCH_OVER: Custody.ENDING,
+        Event.DROP_OUT: Custody.ENDING,
+        Event.DOWN: Custody.GROUNDED,
+        **_FLOWN,
+    },
+    Custody.HELD: {Event.CLEAR: Custody.FOLLOWING, Event.DOWN: Custody.TAKEN, **_FLOWN},
+    Custody.RECALLED: {Event.CLEAR: Custody.FOLLOWING, Event.DOWN: Custody.TAKEN, **_FLOWN},
+    Custody.ENDING: {Event.CLEAR: Custody.FOLLOWING, Event.DOWN: Custody.GROUNDED, **_FLOWN},
+    Custody.TAKEN: {Event.CLEAR: Custody.CLEARED, Event.RELEASE: Custody.RELEASED},
+    Custody.RELEASED: {
+        Event.CLEAR: Custody.FOLLOWING,
+        Event.DOWN: Custody.GROUNDED,
+        Event.TAKE_OVER: Custody.TAKEN,
+        Event.FAILSAFE: Custody.FAILSAFE,
+    },
+    Custody.FAILSAFE: {
+        Event.CLEAR: Custody.CLEARED,
+        Event.RELEASE: Custody.RELEASED,
+        Event.DOWN: Custody.GROUNDED,
+    },
+    Custody.GROUNDED: {Event.CLEAR: Custody.CLEARED, **_ON_THE_GROUND},
+}
+"""State and event to the next state."""
+
+MAY_ORDER: Mapping[Custody, tuple[type[Order], ...]] = {
+    Custody.FREE: (),
+    Custody.CLEARED: (MakeReady, TakeOff, FlyMission),
+    Custody.FOLLOWING: (TakeOff, GoTo, Search, Hold, FlyMission),
+    Custody.HELD: (Hold,),
+    Custody.RECALLED: (Return, Land),
+    Custody.ENDING: (GoTo, Hold, Return, Land),
+    Custody.TAKEN: (),
+    Custody.RELEASED: (),
+    Custody.FAILSAFE: (),
+    Custody.GROUNDED: (),
+}
+"""The orders that a state allows. Without one, nothing but heartbeats and requests is sent."""
+
+AIRBORNE = frozenset({Custody.FOLLOWING, Custody.HELD, Custody.RECALLED, Custody.ENDING})
+"""The bridge flies it."""
+
+
+def next_custody(custody: Custody, event: Event) -> Custody:
+    """Return who has a vehicle after an event."""
+    return NEXT[custody].get(event, custody)

@@ -1,0 +1,459 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Has the vehicles of a fleet fly what the drones of a search do, without ROS and sockets.
+
+Messages of searches, calls of operators and the passing of time go in; orders to vehicles, records
+and log lines come out.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, Protocol, TypeVar, cast
+
+from numpy.typing import NDArray
+
+from dsse_ros.bridge.airspace import Flyer, admit
+from dsse_ros.bridge.custody import AIRBORNE, Custody
+from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
+from dsse_ros.bridge.flight_records import FlightRecords
+from dsse_ros.bridge.followed_search import FollowedSearch, News
+from dsse_ros.bridge.settings import BridgeSettings
+from dsse_ros.bridge.vehicle_custody import Arm, SearchId, VehicleCustody
+from dsse_ros.bridge.vehicle_follower import Clearance, VehicleFollower
+from dsse_ros.flight.autopilots import AUTOPILOTS
+from dsse_ros.flight.mavlink_messages import StatusText
+from dsse_ros.flight.orders import FlyMission
+from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, describe
+from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.search.fields import FieldError
+from msg_adapters.agents import AgentsInfo
+
+QUIET_S = 0.5
+"""Wall time without a report after which the last one counts: latched ones come in one go."""
+_DRAINED_S = 10.0
+"""Wall time after which the last report counts, however many come."""
+_RISEN_M = 3.0
+
+Level = Literal["debug", "info", "warning", "error"]
+Log = Callable[[Level, str], None]
+T = TypeVar("T")
+
+
+class FlownVehicle(Protocol):
+    """What is needed of a vehicle: see `dsse_ros.flight.vehicle.Vehicle`."""
+
+    @property
+    def system_id(self) -> int:
+        """Its system id."""
+
+    @property
+    def state(self) -> VehicleState:
+        """What it reports."""
+
+    @property
+    def outcome(self) -> Outcome:
+        """What has become of the order given last."""
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with its link."""
+
+    def give(self, order: Order, authority: int = 0) -> int:
+        """Give an order in place of any other."""
+
+    def cancel(self) -> int:
+        """Drop the order."""
+
+    def take_texts(self) -> list[StatusText]:
+        """Return its status texts since the last call."""
+
+
+class FleetController:
+    """Follows one search after the other with the same vehicles.
+
+    Args:
+        settings: How.
+        vehicles: The vehicles, drone0's first.
+        records: Who had them before; None if that is not kept.
+        log: Takes what people should know.
+
+    Attributes:
+        names: Of the drones.
+        followers: One for each vehicle.
+        plan: What the search means for the vehicles; None before the first.
+        search: The search that is followed.
+        holding: Whether the vehicles hold, as no steps come.
+    """
+
+    def __init__(
+        self,
+        settings: BridgeSettings,
+        vehicles: Sequence[FlownVehicle],
+        records: FlightRecords | None,
+        log: Log,
+    ) -> None:
+        self._settings = settings
+        self._vehicles = vehicles
+        self._records = records
+        self._log = log
+        self._whole = settings.mode == "mission"
+        self.names = [f"drone{i}" for i in range(len(vehicles))]
+        self.followers = [
+            VehicleFollower(
+                AUTOPILOTS[settings.autopilot],
+                settings.at_end,
+                settings.join_timeout,
+                settings.lost_timeout,
+                arm=cast(Arm, settings.arm),
+                whole=self._whole,
+                record=None if records is None else records[vehicle.system_id],
+            )
+            for vehicle in vehicles
+        ]
+        self.plan: FlightPlan | None = None
+        self.search = FollowedSearch(len(vehicles), whole=self._whole, refuse=self._refuse)
+        self.holding = False
+        self._center = settings.fence_center
+        self._missions: dict[int, MissionPlan] = {}
+        self._first: SearchId | None = None
+        self._publishers = 0
+        # When this began, the first search began, and the last report came. Reports that were kept
+        # for late listeners are drained before one is followed.
+        self._now_s = 0.0
+        self._start_s: float | None = None
+        self._begun_s: float | None = None
+        self._report_s = 0.0
+        self._drained = False
+        self._idle_s: float | None = None
+        self._record_trouble = ""
+        self._defects = [Defects(name) for name in self.names]
+        # Of each vehicle what was logged last: why it is lost, refused, blocked.
+        self._logged = [("", "", "")] * len(vehicles)
+        for name, follower, _ in self._each():
+            if follower.custody.state is not Custody.FREE:
+                log("warning", f"{name}: {_shown(follower)}, from an earlier flight")
+
+    def _each(self) -> list[tuple[str, VehicleFollower, FlownVehicle]]:
+        return list(zip(self.names, self.followers, self._vehicles, strict=True))
+
+    # The search
+
+    def take_agents(self, info: AgentsInfo, now_s: float) -> None:
+        """Take who searches in which mission."""
+        self.search.take_agents(info)
+        self._follow_search(now_s)
+
+    def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
+        """Take the report (N,) of a step, with its stamp."""
+        self._report_s = now_s
+        self.search.take_report(stamp_ns, report)
+        self._follow_search(now_s)
+
+    def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
+        """Take the report (steps + 1, N) of a mission that is over, with its stamp."""
+        self.search.take_mission_report(stamp_ns, report)
+        self._follow_search(now_s)
+
+    def set_publishers(self, count: int) -> bool:
+        """Take how many nodes publish `step_report`; returns whether that is new.
+
+        After a change the latest agents have to be taken again: those that are not followed may be
+        of a simulation that is gone.
+        """
+        changed = count != self._publishers
+        self._publishers = count
+        if changed:
+            self.search.forget_others()
+        return changed
+
+    @property
+    def _contested(self) -> str:
+        if self._publishers < 2:
+            return ""
+        return f"{self._publishers} nodes publish step_report: no other search is followed"
+
+    def _refuse(self, info: AgentsInfo) -> str:
+        """Return why a search of another simulation is not followed, empty if it may be."""
+        if self._contested:
+            return self._contested
+        now_s = self._now_s
+        self._start_s = now_s if self._start_s is None else self._start_s
+        for name, follower, vehicle in self._each():
+            custody, heard_s = follower.custody, max(vehicle.state.heard_s, self._start_s)
+            silent = now_s - heard_s >= self._settings.lost_timeout
+            run_id = custody.record.search[0] if custody.record.search else info.run_id
+            if custody.airborne and run_id != info.run_id and not silent:
+                return f"{name} is in the air for run {run_id}: another one waits until it is down"
+        return ""
+
+    def _follow_search(self, now_s: float) -> None:
+        """Do what follows from what is new of the search."""
+        search, self._now_s = self.search, now_s
+        while (news := search.next_news(now_s)) is not None:
+            assert search.info is not None
+            if news is News.BEGUN:
+                self._begin(search.info, now_s)
+            elif news is News.STEP and self._drained:
+                self._follow()
+
+    def _begin(self, info: AgentsInfo, now_s: float) -> None:
+        """Prepare for a mission, and for where it is."""
+        self._missions = {}
+        self._begun_s = now_s if self._begun_s is None else self._begun_s
+        self._idle_s, self.holding = None, False
+        try:
+            plan = FlightPlan(self._settings, info, self._center)
+        except FieldError as error:
+            if self.search.fail(f"{error}: nothing is flown"):
+                self._log("error", f"{error}: nothing is flown")
+            for follower in self.followers:
+                follower.leave()
+            return
+        self.plan, self._center = plan, plan.center
+        search = (info.run_id, info.mission)
+        self._first = self._first or search
+        for i, follower in enumerate(self.followers):
+            alt_m = plan.frames[i].alt_m
+            follower.begin(search, alt_m, plan.fence(i), first=search == self._first)
+        self._log("info", f"mission {info.mission} of run {info.run_id} is followed")
+
+    def _follow(self) -> None:
+        """Have the vehicles follow the last step."""
+        self._idle_s, self.holding = None, False
+        legs = self.search.legs
+        if self._whole or self.plan is None or not legs:
+            return
+        for i, ((_, follower, vehicle), leg) in enumerate(zip(self._each(), legs, strict=True)):
+            follower.follow(leg, self.plan.leg_task(i, leg, vehicle.state))
+
+    def _plan_missions(self, plan: FlightPlan) -> None:
+        """Have the vehicles fly the whole search, once all of them have reported their homes."""
+        search = self.search
+        homes = {i: one.state.home for i, one in enumerate(self._vehicles)}
+        going = [i for i, follower in enumerate(self.followers) if not follower.lost]
+        known = {i: home for i in going if (home := homes[i]) is not None}
+        if len(known) == len(going):
+            self._missions = plan.missions({i: search.track(i) for i in going}, known)
+        for i in going:
+            task = self._missions[i].task if i in self._missions else None
+            self.followers[i].follow(search.final_legs[i], task)
+
+    # Operators
+
+    def arm(self, drone: int | None, data: bool) -> tuple[bool, str]:
+        """Clear vehicles to fly one search, or keep them on the ground; see `~/arm`.
+
+        Args:
+            drone: Number of the drone; None for all.
+            data: Whether they may fly.
+
+        Returns:
+            Whether any was, or that one, and what was done.
+        """
+
+        def act(custody: VehicleCustody) -> str:
+            return custody.clear(alone=drone is not None) if data else custody.ground()
+
+        return self._operate(drone, "cleared to fly" if data else "kept on the ground", act)
+
+    def operate(self, drone: int | None, what: str) -> tuple[bool, str]:
+        """Have vehicles `hold`, `return` or `land`, whatever the search does.
+
+        Args:
+            drone: Number of the drone; None for all.
+            what: Which.
+
+        Returns:
+            Whether any does, or that one, and what was done.
+        """
+        return self._operate(drone, f"ordered to {what}", lambda custody: custody.operate(what))
+
+    def _operate(
+        self, drone: int | None, what: str, act: Callable[[VehicleCustody], str]
+    ) -> tuple[bool, str]:
+        done, refused = [], []
+        for i, (name, follower, vehicle) in enumerate(self._each()):
+            if drone in (None, i):
+                before = follower.custody.state
+                why = act(follower.custody)
+                self._call_off(before, follower, vehicle)
+                if why:
+                    refused.append(f"{name}: {why}")
+                else:
+                    done.append(name)
+        self._keep_records()
+        text = "; ".join([*([f"{what}: {', '.join(done)}"] if done else []), *refused])
+        self._log("warning", f"operator: {text}")
+        return bool(done), text
+
+    def _call_off(self, before: Custody, follower: VehicleFollower, vehicle: FlownVehicle) -> None:
+        """Drop an order to a vehicle on the ground that is not allowed any more."""
+        now = follower.custody.state
+        stays = before is Custody.CLEARED and now is not before and now not in AIRBORNE
+        if stays and vehicle.outcome.order is not None:
+            vehicle.cancel()
+
+    # Time
+
+    def turn(self, now_s: float) -> None:
+        """Give the vehicles what orders are due."""
+        self._follow_search(now_s)
+        if self._begun_s is not None and not self._drained:
+            quiet = now_s - max(self._begun_s, self._report_s) >= QUIET_S
+            self._drained = quiet or now_s - self._begun_s >= _DRAINED_S
+            if self._drained:
+                self._follow()
+        if self.search.tracks is not None and self.plan is not None and not self._missions:
+            self._plan_missions(self.plan)
+        for i, (_, follower, vehicle) in enumerate(self._each()):
+            before = follower.custody.state
+            order = self._isolated(i, self._next_order, i, now_s)
+            self._isolated(i, self._call_off, before, follower, vehicle)
+            self._log_news(i, before)
+            # Known to a bridge that is started again before it shows in any message.
+            self._keep_records()
+            if order is not None:
+                self._isolated(i, self._give, i, vehicle, order)
+        self._watch_planner(now_s)
+
+    def _isolated(self, i: int, act: Callable[..., T], *arguments: object) -> T | None:
+        """Do something about one vehicle; where that goes wrong, the others are flown on."""
+        try:
+            return act(*arguments)
+        except Exception as error:
+            why = f"defect: {describe(error)}"
+            if self._defects[i].is_new(error):
+                self._log("error", f"{self.names[i]}: {why}")
+                self._log("debug", traceback.format_exc())
+            self.followers[i].drop_out(why)
+            return None
+
+    def _next_order(self, i: int, now_s: float) -> Order | None:
+        """Return the order that is due for a vehicle."""
+        follower, vehicle = self.followers[i], self._vehicles[i]
+        state, outcome = vehicle.state, vehicle.outcome
+        return follower.advance(state, outcome, now_s, vehicle.trouble, self._clearance(i))
+
+    def _clearance(self, i: int) -> Clearance:
+        """Return what a vehicle may do in view of the others."""
+        alive = self._publishers > 0 and not (self.search.foreign or self._contested)
+        plan = self.plan
+        if plan is None:
+            return Clearance(search_alive=alive)
+        others = [
+            self._flyer(j, plan)
+            for j, follower in enumerate(self.followers)
+            if j != i and (follower.custody.airborne or follower.takes_off)
+        ]
+        flyer = self._flyer(i, plan)
+        several = any(other.state.flying for other in others)
+        return Clearance(
+            search_alive=alive,
+            take_off=self._reason_to_wait(i, plan),
+            home=plan.way_home(i, flyer.state) if several and not self._whole else None,
+            admit=lambda order: admit(order, flyer, others),
+        )
+
+    def _flyer(self, i: int, plan: FlightPlan) -> Flyer:
+        follower, mission = self.followers[i], self._missions.get(i)
+        flies = mission is not None and (follower.mission_under_way or follower.takes_off)
+        spaces = mission.spaces if mission is not None and flies else ()
+        state, order = self._vehicles[i].state, follower.under_way
+        return Flyer(self.names[i], state, order, plan.frames[i], spaces)
+
+    def _reason_to_wait(self, i: int, plan: FlightPlan) -> str:
+        """Return why a vehicle does not take off before others, empty if it does."""
+        if not self._whole and not self.search.commanded:
+            return "waiting for the first commands of a planner"
+        for j, (name, follower, vehicle) in enumerate(self._each()):
+            if j != i and follower.holds_up:
+                return f"waiting for {name}: {follower.blocked or 'not ready'}"
+            layer_m = plan.frames[j].alt_m
+            if not self._whole or layer_m <= plan.frames[i].alt_m:
+                continue
+            # Who flies higher climbs first: a mission does not wait on its way.
+            follower.risen |= vehicle.state.alt_m > layer_m - _RISEN_M
+            climbs = follower.mission_under_way and not follower.risen
+            if climbs or follower.takes_off or follower.is_awaited:
+                return f"waiting for {name}, which takes off first"
+        return ""
+
+    def _keep_records(self) -> None:
+        """Keep what is known of the vehicles for a bridge that is started again."""
+        if self._records is None:
+            return
+        try:
+            self._records.update(
+                {one.system_id: follower.custody.record for _, follower, one in self._each()}
+            )
+            self._record_trouble = ""
+        except OSError as error:
+            trouble = f"state_directory: {error.filename!r}: {error.strerror}"
+            if trouble != self._record_trouble:
+                self._record_trouble = trouble
+                who = "a bridge that is started again would not know who has the vehicles"
+                self._log("warning", f"{trouble}; {who}")
+
+    def _give(self, i: int, vehicle: FlownVehicle, order: Order) -> None:
+        number = vehicle.give(order, self.followers[i].custody.authority)
+        self._log("info", f"{self.names[i]}: order {number}: {shown_order(order)}")
+
+    def _watch_planner(self, now_s: float) -> None:
+        """Have the vehicles hold if they have waited for the next step for too long."""
+        timeout_s = self._settings.planner_timeout
+        if self._whole or timeout_s <= 0 or self.holding:
+            return
+        going = [
+            one for one in self.followers if one.leg is not None and not (one.leg.over or one.lost)
+        ]
+        if not going or not all(follower.waiting for follower in going):
+            self._idle_s = None
+            return
+        self._idle_s = now_s if self._idle_s is None else self._idle_s
+        if now_s - self._idle_s > timeout_s:
+            self.holding = True
+            self._log("warning", f"no step within {timeout_s:g} s: the vehicles hold")
+            for follower in going:
+                follower.hold()
+
+    # What people should know
+
+    def trouble(self, now_s: float) -> str:
+        """Return why the vehicles cannot do what they are for; empty if they can."""
+        return self._contested or self.search.trouble(now_s) or self._record_trouble
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is left to do in the search."""
+        return bool(self.followers) and all(follower.finished for follower in self.followers)
+
+    def _log_news(self, i: int, before: Custody) -> None:
+        name, follower = self.names[i], self.followers[i]
+        if follower.custody.state is not before:
+            self._log("info", f"{name}: {before.value} -> {_shown(follower)}")
+        lost, refused, blocked = self._logged[i]
+        if follower.lost and follower.lost != lost:
+            self._log("error", f"{name} is lost: {follower.lost}")
+        if follower.refused and follower.refused != refused:
+            self._log("warning", f"{name}: {follower.refused}")
+        if follower.blocked and follower.blocked != blocked:
+            self._log("info", f"{name} waits: {follower.blocked}")
+        self._logged[i] = (follower.lost, follower.refused, follower.blocked)
+        for text in self._vehicles[i].take_texts():
+            self._log("info", f"{name}: STATUSTEXT {text.text}")
+
+
+def _shown(follower: VehicleFollower) -> str:
+    record = follower.custody.record
+    return record.custody.value + (f": {record.lost}" if record.lost else "")
+
+
+def shown_order(order: Order | None) -> str:
+    """Return an order on one line; a mission by its length."""
+    if order is None:
+        return ""
+    return (
+        f"FlyMission of {len(order.items)} items" if isinstance(order, FlyMission) else repr(order)
+    )

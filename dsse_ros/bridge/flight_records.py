@@ -1,0 +1,158 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Who has each vehicle, in a file for each of them: for a bridge that is started again."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from dsse_ros.bridge.custody import Custody
+from dsse_ros.bridge.vehicle_custody import FlightRecord, SearchId
+
+UNREADABLE = FlightRecord(custody=Custody.TAKEN)
+"""Of a vehicle whose file makes no sense: a person has to look at it."""
+
+
+def default_directory() -> Path:
+    """Return where ROS programs keep what is theirs: ROS_HOME, by default ~/.ros."""
+    return Path(os.environ.get("ROS_HOME") or Path.home() / ".ros") / "dsse_ros"
+
+
+class FlightRecords:
+    """The records of vehicles, by their system ids; they outlast searches and programs.
+
+    Args:
+        directory: Where the files are; made if it is not there.
+        system_ids: Of the vehicles.
+
+    Attributes:
+        unreadable: Files that make no sense.
+
+    Raises:
+        OSError: If a file cannot be read or written.
+        InUseError: If another program has one of the vehicles.
+    """
+
+    def __init__(self, directory: Path, system_ids: Iterable[int]) -> None:
+        self._directory = directory
+        self._locks: list[int] = []
+        self._records: dict[int, FlightRecord] = {}
+        self.unreadable: list[Path] = []
+        directory.mkdir(parents=True, exist_ok=True)
+        try:
+            for system_id in system_ids:
+                self._lock(system_id)
+                self._records[system_id] = self._read(system_id)
+                # That it cannot be written is known before anything flies.
+                self._write(system_id)
+        except BaseException:
+            self.close()
+            raise
+
+    def __getitem__(self, system_id: int) -> FlightRecord:
+        return self._records[system_id]
+
+    def update(self, records: Mapping[int, FlightRecord]) -> None:
+        """Keep what is new.
+
+        Raises:
+            OSError: If a file cannot be written; what is new is kept for the next time.
+        """
+        for system_id, record in records.items():
+            before = self._records[system_id]
+            if record != before:
+                self._records[system_id] = record
+                try:
+                    self._write(system_id)
+                except OSError:
+                    self._records[system_id] = before
+                    raise
+
+    def close(self) -> None:
+        """Leave the vehicles to other programs."""
+        for lock in self._locks:
+            os.close(lock)
+        self._locks.clear()
+
+    def _path(self, system_id: int) -> Path:
+        return self._directory / f"vehicle-{system_id}.json"
+
+    def _lock(self, system_id: int) -> None:
+        lock = os.open(self._path(system_id).with_suffix(".lock"), os.O_WRONLY | os.O_CREAT)
+        self._locks.append(lock)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InUseError(
+                f"state_directory: {str(self._directory)!r} is not allowed; another bridge has the "
+                f"vehicle of system id {system_id}"
+            ) from None
+
+    def _read(self, system_id: int) -> FlightRecord:
+        path = self._path(system_id)
+        with contextlib.suppress(FileNotFoundError):
+            try:
+                return _parse(json.loads(path.read_text(encoding="utf-8")))
+            except (ValueError, KeyError, TypeError, AttributeError):
+                self.unreadable.append(path)
+                return UNREADABLE
+        return FlightRecord()
+
+    def _write(self, system_id: int) -> None:
+        record = self._records[system_id]
+        text = json.dumps({**asdict(record), "custody": record.custody.value}, sort_keys=True)
+        path = self._path(system_id)
+        with tempfile.NamedTemporaryFile(
+            "w", dir=self._directory, delete=False, suffix=".part"
+        ) as file:
+            try:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+                os.replace(file.name, path)
+            except BaseException:
+                os.unlink(file.name)
+                raise
+
+
+class InUseError(ValueError):
+    """Another program has the vehicles."""
+
+
+def _parse(values: Mapping[str, Any]) -> FlightRecord:
+    return FlightRecord(
+        custody=Custody(values["custody"]),
+        search=_search(values["search"]),
+        flown=_flag(values["flown"]),
+        lost=_text(values["lost"]),
+        arm=_flag(values["arm"]),
+        any_mode=_flag(values["any_mode"]),
+        end=_text(values["end"]),
+    )
+
+
+def _search(value: Any) -> SearchId | None:
+    if value is None:
+        return None
+    run_id, mission = (int(part) for part in value)
+    return run_id, mission
+
+
+def _flag(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError(f"{value!r}")
+    return value
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r}")
+    return value

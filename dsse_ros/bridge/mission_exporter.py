@@ -1,0 +1,91 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Writes each search that is over as mission files, and flies nothing; without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from dsse_ros.bridge.flight_plan import layered
+from dsse_ros.bridge.followed_search import FollowedSearch, News
+from dsse_ros.bridge.settings import BridgeSettings
+from dsse_ros.mission.vehicle_missions import search_missions, write_missions
+from dsse_ros.search.fields import FieldError
+from msg_adapters.agents import AgentsInfo
+
+
+class MissionExporter:
+    """Takes the messages of searches as a `FleetController` does.
+
+    Args:
+        settings: Where and how the files are written.
+        log: Takes what people should know: a level and a line.
+
+    Attributes:
+        search: The search that is followed.
+        finished: Whether the files of the search are written.
+    """
+
+    def __init__(self, settings: BridgeSettings, log: Callable[[str, str], None]) -> None:
+        self._settings = settings
+        self._log = log
+        self.search = FollowedSearch(None, whole=True)
+        self.finished = False
+
+    def take_agents(self, info: AgentsInfo, now_s: float) -> None:
+        """Take who searches in which mission."""
+        self.search.take_agents(info)
+        self.turn(now_s)
+
+    def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
+        """Take the report (N,) of a step, with its stamp."""
+        self.search.take_report(stamp_ns, report)
+        self.turn(now_s)
+
+    def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
+        """Take the report (steps + 1, N) of a mission that is over, with its stamp."""
+        self.search.take_mission_report(stamp_ns, report)
+        self.turn(now_s)
+
+    def set_publishers(self, count: int) -> bool:
+        """Take how many nodes publish `step_report`, which makes no difference here."""
+        return False
+
+    def trouble(self, now_s: float) -> str:
+        """Return why no files can be written; empty if they can."""
+        return self.search.trouble(now_s)
+
+    def turn(self, now_s: float) -> None:
+        """Write what there is to be written."""
+        while (news := self.search.next_news(now_s)) is not None:
+            if news is News.BEGUN:
+                self.finished = False
+            elif news is News.TRACKS:
+                self._write()
+
+    def _write(self) -> None:
+        info, settings = self.search.info, self._settings
+        assert info is not None
+        directory = Path(settings.export_directory)
+        count = len(info.agents)
+        try:
+            frames = layered(info.frame, settings, count)
+            tracks = [self.search.track(i) for i in range(count)]
+            missions = search_missions(frames, tracks, settings, [None] * count)
+            named = dict(zip(info.agents, missions, strict=True))
+            written = write_missions(directory, named, settings.autopilot)
+        except FieldError as error:
+            self._fail(f"{error}: nothing is written")
+        except OSError as error:
+            self._fail(f"export_directory: {str(directory)!r}: {error.strerror}")
+        else:
+            self.finished = True
+            self._log("info", f"{len(written)} files in {directory.resolve()}")
+
+    def _fail(self, why: str) -> None:
+        if self.search.fail(why):
+            self._log("error", why)

@@ -1,0 +1,149 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of `mavlink_bridge`, as checked fields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dsse_ros.mission.vehicle_missions import FlightSettings
+from dsse_ros.search.fields import FieldError, check_all, field
+
+MODES = ("guided", "mission", "export")
+"""What `mavlink_bridge` does with the steps of a search."""
+ENDS = ("return", "land", "hold")
+"""What a vehicle does when its drone's search is over."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BridgeSettings(FlightSettings):
+    """Settings of `mavlink_bridge`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    mode: str = field(
+        "str", "Follow the steps with setpoints, fly the whole search as a mission once it "
+        "is over, or only write that to files.", "guided", choices=MODES,
+    )  # fmt: skip
+    num_vehicles: int | None = field(
+        "int", "Number of vehicles; by default one for each connection given, else 1.", None,
+        low=1, high=250,
+    )  # fmt: skip
+    connections: tuple[str, ...] = field(
+        "names", "Where the vehicles are, drone0's first, as udpin:HOST:PORT, udpout:HOST:PORT, "
+        "tcp:HOST:PORT, tcpin:HOST:PORT or a serial device with ,BAUD; by default "
+        "udpin:127.0.0.1 at 14550, 14560, ..., of PX4 at 14540, 14541, ...", (),
+    )  # fmt: skip
+    system_ids: tuple[int, ...] = field(
+        "ints", "System ids of the vehicles; by default 1, 2, ...", (), low=1, high=255
+    )
+    own_system_id: int = field(
+        "int", "System id of the bridge; only 255 counts for ArduPilot's ground station failsafe.",
+        245, low=1, high=255,
+    )  # fmt: skip
+    signing_key_file: str = field(
+        "str", "File with the key of MAVLink 2 signing, 32 bytes or 64 hexadecimal digits; empty "
+        "to leave messages unsigned.", "",
+    )  # fmt: skip
+    arm: str = field(
+        "str", "Which searches clear vehicles to be armed: none, so that somebody else does it; "
+        "the first one that the bridge follows; or, in simulations only, each one.", "false",
+        choices=("false", "true", "always"),
+    )  # fmt: skip
+    speed: float = field(
+        "float", "Ground speed to ask for, 0 for the vehicles' own.", 0.0,
+        low=0, high=100, unit="m/s",
+    )  # fmt: skip
+    altitudes: tuple[float, ...] = field(
+        "floats", "Flight altitudes above home, one for each vehicle, or that of the first one, "
+        "below which the others fly by altitude_step; by default the search's.", (),
+        low=1, high=20000, unit="m",
+    )  # fmt: skip
+    fence_margin: float = field(
+        "float", "How far around the search area vehicles may be, home included.", 500.0,
+        low=0, high=1e6, unit="m",
+    )  # fmt: skip
+    fence_center: tuple[float, float] | None = field(
+        "vector", "Latitude and longitude of the middle of the fence; by default that of the first "
+        "search that is followed, for as long as the bridge runs.", None,
+    )  # fmt: skip
+    fence_radius: float = field(
+        "float", "How far from the middle of the fence vehicles may be and take off, and searches "
+        "may lie.", 5000.0, low=1, high=1e6, unit="m",
+    )  # fmt: skip
+    min_altitude: float = field(
+        "float", "Lowest altitude above home to send a vehicle to.", 10.0,
+        low=0, high=20000, unit="m",
+    )  # fmt: skip
+    max_altitude: float = field(
+        "float", "Highest altitude above home to send a vehicle to.", 150.0,
+        low=1, high=20000, unit="m",
+    )  # fmt: skip
+    at_end: str = field(
+        "str", "What a vehicle does when its drone's search is over.", "return", choices=ENDS
+    )
+    planner_timeout: float = field(
+        "float", "Wall time without a step, all vehicles waiting for it, after which they hold; "
+        "0 for never.", 30.0, low=0, high=1e6, unit="s",
+    )  # fmt: skip
+    link_timeout: float = field(
+        "float", "Wall time without a heartbeat after which a vehicle is silent: nothing but "
+        "heartbeats is sent to it until they come again.", 5.0, low=1, high=3600, unit="s",
+    )  # fmt: skip
+    lost_timeout: float = field(
+        "float", "Wall time without a heartbeat after which a vehicle is lost for the rest of the "
+        "mission; at least link_timeout.", 30.0, low=1, high=3600, unit="s",
+    )  # fmt: skip
+    join_timeout: float = field(
+        "float", "Wall time in which a vehicle must be connected, know its position, be in the "
+        "fence and be ready to be armed.", 300.0, low=1, high=1e6, unit="s",
+    )  # fmt: skip
+    setpoint_rate: float = field(
+        "float", "PX4: rate of setpoints in wall time, of which the vehicle needs more than two in "
+        "a second of its own.", 5.0, above=2, high=200, unit="Hz",
+    )  # fmt: skip
+    pose_rate: float = field(
+        "float", "Rate of vehicle_pose and vehicle_fix in wall time.", 5.0,
+        above=0, high=50, unit="Hz",
+    )  # fmt: skip
+    export_directory: str = field("str", "Where mode export writes its files.", ".")
+    state_directory: str = field(
+        "str", "Where is kept, by system id, who has each vehicle, for a bridge that is started "
+        "again; by default dsse_ros in ROS_HOME, or in ~/.ros.", "",
+    )  # fmt: skip
+    exit_at_end: bool = field(
+        "bool", "Whether the bridge ends once the search is over and its vehicles have done what "
+        "at_end says, or the files are written.", False,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_all(self)
+        count = self.vehicles
+        for name, each in (("connections", True), ("system_ids", True), ("altitudes", False)):
+            given = len(getattr(self, name))
+            if given not in ({0, count} if each else {0, 1, count}):
+                raise FieldError(f"{name}: {given} are not allowed; one for each of {count}")
+        if self.fence_center is not None:
+            for value, limit in zip(self.fence_center, (90.0, 180.0), strict=True):
+                if abs(value) > limit:
+                    raise FieldError(
+                        f"fence_center: {self.fence_center} is not allowed; latitude and longitude"
+                    )
+        if self.min_altitude > self.max_altitude:
+            raise FieldError(
+                f"min_altitude: {self.min_altitude:g} is not allowed; at most max_altitude, "
+                f"{self.max_altitude:g} m"
+            )
+        if self.lost_timeout < self.link_timeout:
+            raise FieldError(
+                f"lost_timeout: {self.lost_timeout:g} is not allowed; at least link_timeout, "
+                f"{self.link_timeout:g} s"
+            )
+
+    @property
+    def vehicles(self) -> int:
+        """Number of vehicles."""
+        return self.num_vehicles or len(self.connections) or 1

@@ -1,0 +1,85 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a vehicle has to do for a leg of its drone, or for its whole track, within the fence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+from dsse_ros.bridge.fence import Fence, check_mission, check_place
+from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.mission_messages import WireItem
+from dsse_ros.flight.orders import FlyMission, GoTo, Search
+from msg_adapters.frames import GridFrame
+from msg_adapters.geodesy import cell_to_geodetic
+from msg_adapters.mavlink_items import mission_fields
+from msg_adapters.mission_items import NAV_WAYPOINT, Mission
+from msg_adapters.result import Accepted, Rejected, Result
+from msg_adapters.track_missions import Leg, acceptance_radius_m
+
+Task = GoTo | Search | FlyMission
+
+
+class LegSettings(Protocol):
+    """How legs are flown."""
+
+    @property
+    def acceptance_radius(self) -> float:
+        """Distance from the centre of a cell, m."""
+
+    @property
+    def search_altitude(self) -> float:
+        """Altitude above home of a search, m."""
+
+    @property
+    def search_hold(self) -> float:
+        """How long it holds there, s."""
+
+
+def leg_task(leg: Leg, frame: GridFrame, settings: LegSettings, fence: Fence) -> Result[Task]:
+    """Return what a vehicle has to do for a leg, or why it may not.
+
+    Args:
+        leg: The leg.
+        frame: The grid, at the vehicle's flight altitude.
+        settings: How it is flown.
+        fence: Where it may be.
+    """
+    lat_deg, lon_deg, _ = cell_to_geodetic(frame, *leg.cell, frame.alt_m)
+    search_alt_m = min(settings.search_altitude, frame.alt_m)
+    for alt_m in (frame.alt_m, search_alt_m if leg.searched else frame.alt_m):
+        checked = check_place(lat_deg, lon_deg, alt_m, fence)
+        if isinstance(checked, Rejected):
+            return checked
+    radius_m = acceptance_radius_m(frame, settings.acceptance_radius)
+    if leg.searched:
+        return Accepted(
+            Search(lat_deg, lon_deg, frame.alt_m, search_alt_m, settings.search_hold, radius_m)
+        )
+    return Accepted(GoTo(lat_deg, lon_deg, frame.alt_m, radius_m))
+
+
+def mission_task(
+    mission: Mission, fence: Fence, autopilot: Autopilot, *, holds_over_home: bool = False
+) -> Result[Task]:
+    """Return the order to fly a mission, or why it may not be flown.
+
+    Args:
+        mission: The mission.
+        fence: Where the vehicle may be.
+        autopilot: Which one it has.
+        holds_over_home: Whether the last item but one holds over home.
+    """
+    checked = check_mission(mission.numbered(autopilot.name), fence, autopilot.name)
+    if isinstance(checked, Rejected):
+        return checked
+    items = checked.value
+    if not autopilot.keeps_item_radius:
+        # It has one radius for all waypoints, and returns 0 for that of an item.
+        items = tuple(
+            replace(item, param2=0.0) if item.command == NAV_WAYPOINT else item for item in items
+        )
+    wire_items = tuple(WireItem(**fields) for fields in mission_fields(items))
+    hold_item = len(wire_items) - 2 if holds_over_home else -1
+    return Accepted(FlyMission(wire_items, hold_item=hold_item))

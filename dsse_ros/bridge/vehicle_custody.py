@@ -1,0 +1,304 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Who has one vehicle, from what it reports, from searches and from persons.
+
+The states are those of `custody`; here the events are recognised. What must outlast the program is
+the `FlightRecord`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from dsse_ros.bridge.custody import AIRBORNE, Custody, Event, next_custody
+from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.vehicle_controller import Outcome
+from dsse_ros.flight.vehicle_state import VehicleState
+
+SearchId = tuple[int, int]
+"""run_id and mission."""
+Arm = Literal["false", "true", "always"]
+"""Which searches clear a vehicle: the first one, to be armed by a person or by us, or each one."""
+
+
+@dataclass(frozen=True)
+class FlightRecord:
+    """What must be known of a vehicle when the program is started again.
+
+    Attributes:
+        custody: Who has it.
+        search: The search that this is about; None for the next one.
+        flown: Whether it has been in the air for that search.
+        lost: Why it does not follow its drone in that search any more; empty if it does.
+        arm: While it is cleared, whether it may be armed by us.
+        any_mode: While it is cleared, whether its mode may be changed whoever has set it.
+        end: While it is recalled, `return` or `land`.
+    """
+
+    custody: Custody = Custody.FREE
+    search: SearchId | None = None
+    flown: bool = False
+    lost: str = ""
+    arm: bool = False
+    any_mode: bool = False
+    end: str = ""
+
+
+_ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
+
+
+class VehicleCustody:
+    """Recognises the events of a vehicle, and keeps its record.
+
+    Args:
+        autopilot: Which autopilot it has.
+        arm: See `Arm`.
+        record: What is known of it.
+        whole: Whether searches are flown as missions, which land by themselves.
+        changed: Called after each change of state but lift-off: orders of before are void.
+
+    Attributes:
+        record: What must be known of it when the program is started again.
+        authority: Number of its latest clearance: see `VehicleController.give`.
+        search: The search that is followed; None for none.
+        over: Whether nothing is left in that search for this vehicle.
+        seen: What the vehicle reported last.
+    """
+
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        arm: Arm,
+        record: FlightRecord,
+        changed: Callable[[], None],
+        *,
+        whole: bool = False,
+    ) -> None:
+        self._autopilot = autopilot
+        self._arm = arm
+        self.record = record
+        self._changed = changed
+        self._whole = whole
+        self.authority = 0
+        self.search: SearchId | None = None
+        self.over = False
+        self.seen = VehicleState()
+        self._automatic = False
+        # Numbers of the last outcome, and of that at the latest clearance.
+        self._number = self._cleared_number = 0
+
+    @property
+    def state(self) -> Custody:
+        """Who has the vehicle."""
+        return self.record.custody
+
+    @property
+    def airborne(self) -> bool:
+        """Whether the bridge flies it."""
+        return self.state in AIRBORNE
+
+    @property
+    def lost(self) -> str:
+        """Why the vehicle does not follow its drone any more; empty if it does."""
+        return self.record.lost if self.record.search == self.search else ""
+
+    @property
+    def is_out(self) -> bool:
+        """Whether the search that is followed goes on without it, or there is none."""
+        return self.search is None or self.over or bool(self.lost)
+
+    @property
+    def holder(self) -> str:
+        """Who has the vehicle, in words."""
+        mode = self.seen.mode or "no known mode"
+        return {
+            Custody.TAKEN: f"a person has it, in {mode}",
+            Custody.FAILSAFE: f"a failsafe has it, in {mode}",
+            Custody.RELEASED: f"a person has released it, in {mode}",
+            Custody.GROUNDED: "it has flown or dropped out before",
+        }.get(self.state, f"nobody has cleared it, in {mode}")
+
+    def on(self, event: Event) -> None:
+        """Take an event."""
+        before = self.state
+        custody = next_custody(before, event)
+        if custody is before:
+            return
+        self.record = replace(self.record, custody=custody)
+        if event is Event.CLEAR:
+            self.authority += 1
+            self._cleared_number = self._number
+        if event is Event.LIFT_OFF:
+            self.record = replace(self.record, flown=True)
+        else:
+            self._changed()
+        ended = before in AIRBORNE and custody not in AIRBORNE
+        if ended and self.search is not None and self.record.search != self.search:
+            self._join(self.search)
+
+    def lose(self, why: str) -> None:
+        """Have the search go on without it, unless it is over for it."""
+        if not self.is_out and self.record.search == self.search:
+            self.record = replace(self.record, lost=why)
+
+    # Searches
+
+    def begin(self, search: SearchId, *, first: bool) -> None:
+        """Follow a search; the first one of this program may clear the vehicle."""
+        self.search, self.over = search, False
+        self._automatic = first or self._arm == "always"
+        if self.record.search == search:
+            return
+        if self.record.search is not None:
+            self.on(Event.SEARCH_OVER)
+        if not self.airborne:
+            self._join(search)
+
+    def leave(self) -> None:
+        """Follow no search."""
+        self.search = None
+        self.on(Event.SEARCH_OVER)
+
+    def _join(self, search: SearchId) -> None:
+        self.record = replace(self.record, search=search, flown=False, lost="")
+
+    # Persons
+
+    def clear(self, *, alone: bool = False) -> str:
+        """Clear it to fly, as a person has asked; returns why not, empty if it is cleared.
+
+        Args:
+            alone: Whether that is about this vehicle alone, not about all of a fleet.
+        """
+        custody, seen = self.state, self.seen
+        released = custody is Custody.RELEASED and alone and not self.is_out
+        if custody in (Custody.HELD, Custody.RECALLED) or released:
+            self._clear_in_the_air()
+            return ""
+        if custody is Custody.FOLLOWING:
+            return ""
+        if seen.problem or not seen.mode:
+            return seen.problem or "no heartbeat"
+        if custody is Custody.ENDING or seen.flying or seen.armed:
+            if custody is Custody.ENDING:
+                return "coming down: clear it once it is down"
+            self.lose(self.holder)
+            return f"in the air, {self.holder}: clear it once it is down"
+        self._clear(arm=True, any_mode=True)
+        return ""
+
+    def _clear(self, *, arm: bool, any_mode: bool) -> None:
+        self.on(Event.CLEAR)
+        # Of a search that is over for it, the next one is meant.
+        search = None if self.over else self.search
+        self.record = replace(self.record, search=search, lost="", arm=arm, any_mode=any_mode)
+
+    def _clear_in_the_air(self) -> None:
+        out = self.is_out
+        self.on(Event.CLEAR)
+        if out:
+            self.on(Event.SEARCH_OVER)
+        elif self.search is not None and self.record.search != self.search:
+            self._join(self.search)
+        self.record = replace(self.record, flown=True)
+
+    def clear_automatically(self) -> None:
+        """Clear it as the parameter says, if that counts for this search."""
+        seen, custody, always = self.seen, self.state, self._arm == "always"
+        if not self._automatic or not seen.connected or seen.problem or self.is_out:
+            return
+        flown = self.record.flown and self.record.search == self.search
+        if custody is Custody.FREE or (always and custody is Custody.GROUNDED and not flown):
+            on_the_ground = not (seen.armed or seen.flying)
+            self._automatic = always and not on_the_ground
+            if on_the_ground:
+                self._clear(arm=self._arm != "false", any_mode=always)
+        elif custody is Custody.CLEARED:
+            self._automatic = False
+            self.record = replace(self.record, arm=self.record.arm or self._arm != "false")
+        elif custody is Custody.RELEASED or (always and custody is Custody.ENDING):
+            self._automatic = False
+            self._clear_in_the_air()
+        elif always and custody in (Custody.TAKEN, Custody.FAILSAFE):
+            self._automatic = custody is Custody.FAILSAFE
+            self.lose(self.holder)
+
+    def ground(self) -> str:
+        """Keep it on the ground, as a person has asked; returns why not, empty if it stays."""
+        if self.airborne or self.seen.flying:
+            return "in the air: hold it, or have it return or land"
+        self.lose("kept on the ground by the operator")
+        self.on(Event.GROUND)
+        return ""
+
+    def operate(self, what: str) -> str:
+        """Have it `hold`, `return` or `land`; returns why it does not, empty if it does."""
+        if self.state in (Custody.TAKEN, Custody.FAILSAFE, Custody.RELEASED):
+            return self.holder
+        if self.state is Custody.CLEARED and self.seen.armed:
+            self.on(Event.LIFT_OFF)
+        if not self.airborne:
+            self.lose("kept on the ground by the operator")
+            self.on(Event.HOLD)
+            return ""
+        if what == "hold":
+            self.on(Event.HOLD)
+            return ""
+        self.lose(f"recalled by the operator: {what}")
+        if what != self.record.end:
+            self._changed()
+        self.on(Event.COME_DOWN)
+        self.record = replace(self.record, end=what)
+        return ""
+
+    # The vehicle
+
+    def observe(self, state: VehicleState, outcome: Outcome, *, takes_off: bool) -> None:
+        """See who has the vehicle.
+
+        Args:
+            state: What it reports.
+            outcome: What has become of the order given last.
+            takes_off: Whether it was ordered to take off.
+        """
+        before, self.seen = self.seen, state
+        self._number = outcome.number
+        # What became of an order before the latest clearance is known.
+        ours = self.airborne or self.state is Custody.CLEARED
+        if ours and outcome.number > self._cleared_number:
+            if outcome.status == "taken_over":
+                self.lose(f"taken over: {outcome.reason}")
+                self.on(Event.TAKE_OVER)
+            elif outcome.status == "failsafe":
+                self.lose(f"{state.failsafe or 'critical'} failsafe")
+                self.on(Event.FAILSAFE)
+        named = state.failsafe not in ("", "critical", "offboard")
+        if named and self.record.lost == "critical failsafe":
+            # Its cause is reported after its effect.
+            self.record = replace(self.record, lost=f"{state.failsafe} failsafe")
+        if state.connected and state.mode:
+            self._observe_mode(before, state)
+            self._observe_motors(before, state, takes_off=takes_off)
+
+    def _observe_mode(self, before: VehicleState, state: VehicleState) -> None:
+        guided_mode = self._autopilot.guided_mode
+        if before.armed and state.armed and before.mode != guided_mode == state.mode:
+            self.on(Event.RELEASE)
+        if self.state is Custody.RELEASED and state.mode not in self._autopilot.orderly_modes:
+            self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
+
+    def _observe_motors(
+        self, before: VehicleState, state: VehicleState, *, takes_off: bool
+    ) -> None:
+        if state.armed or state.flying:
+            if self.state is Custody.CLEARED and takes_off:
+                self.on(Event.LIFT_OFF)
+            elif self.state is Custody.CLEARED and (self.record.arm or state.flying):
+                self.lose(f"taken over: armed by somebody else, in {state.mode}")
+                self.on(Event.TAKE_OVER)
+        elif self.airborne or self.state in _ENDS_ON_THE_GROUND or before.armed:
+            if self.state is Custody.FOLLOWING and not self._whole:
+                self.lose("on the ground again before the end of the search")
+            self.on(Event.DOWN)

@@ -1,0 +1,204 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Which modes our orders bring about, and whether somebody else or a failsafe has set another."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+
+from dsse_ros.flight.commands import (
+    DO_SET_MODE,
+    EFFECT_S,
+    CommandSender,
+    Situation,
+    TakenOverError,
+)
+from dsse_ros.flight.vehicle_state import VehicleState
+
+_CONFIRMATIONS = 2
+"""Heartbeats that confirm the mode after a silence or a sign of a failsafe."""
+_MODE_RESTORED_S = 5.0
+"""How long an autopilot may take to go back to its guided mode once it gets setpoints again."""
+
+
+class ModeWatch:
+    """Compares a vehicle's mode with those that our orders bring about.
+
+    Args:
+        situation: Of the vehicle.
+        commands: What sets modes.
+        counts: Where events are counted by a short key.
+
+    Attributes:
+        allowed: Modes that our orders bring about; None before the first one.
+        yielded: Whether the vehicle was left to somebody else; nothing is sent then.
+    """
+
+    def __init__(self, situation: Situation, commands: CommandSender, counts: Counter[str]) -> None:
+        self._situation = situation
+        self._commands = commands
+        self._counts = counts
+        self.allowed: frozenset[str] | None = None
+        self.yielded = False
+        self._announced: dict[str, float] = {}
+        self._foreign = False
+        self._unconfirmed = 0
+        self._setpoint_loss_until_s: float | None = None
+        self._disarmed_s = -math.inf
+
+    @property
+    def _mode(self) -> str:
+        return self._situation.state.mode
+
+    # What orders bring about
+
+    def announce(self, mode: str) -> None:
+        """Take note that a command will make the vehicle change to a mode."""
+        self._announced[mode] = self._situation.now + EFFECT_S
+
+    @property
+    def announced(self) -> frozenset[str]:
+        """Modes that a command brings about which was sent so lately that they need not show."""
+        now = self._situation.now
+        return frozenset(mode for mode, until_s in self._announced.items() if now < until_s)
+
+    def allow(self, *modes: str) -> None:
+        """Allow these modes, and those that a command sent just now still brings about."""
+        self.allowed = frozenset(modes) | self.announced
+
+    def allow_any(self) -> None:
+        """Let others change the mode as they like, until the next `allow`."""
+        self.allowed, self._foreign = None, False
+
+    def check(self) -> None:
+        """Raise a `TakenOverError` if the mode is another than what orders bring about."""
+        if self._mode not in (self.allowed or self._situation.autopilot.orderly_modes):
+            raise TakenOverError
+
+    def change(self, mode: str, *others: str) -> str:
+        """Change the mode as `CommandSender.send` does; these others are allowed until then."""
+        self.announce(mode)
+        self.allow(self._mode, mode, *others)
+        parameters = self._situation.autopilot.mode_parameters(mode)
+        return self._commands.send_long(DO_SET_MODE, f"waiting for {mode}", *parameters)
+
+    @property
+    def resting(self) -> bool:
+        """Whether the vehicle is in the resting mode, and is not about to leave it."""
+        resting_mode = self._situation.autopilot.resting_mode
+        return self._mode == resting_mode and not self.announced - {resting_mode}
+
+    # Who has the vehicle
+
+    def give_up(self) -> None:
+        """Leave the vehicle to those who have set its mode."""
+        self.allow_any()
+        self.yielded = True
+        self._announced.clear()
+        self.end_setpoint_loss()
+
+    def resume(self) -> None:
+        """Take the vehicle back, as a person has allowed it."""
+        self.yielded, self._unconfirmed = False, 0
+        self.allow_any()
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the mode of the last heartbeats is one in which something may be sent."""
+        return not (self.yielded or self._foreign or self._unconfirmed)
+
+    @property
+    def streams_unconfirmed(self) -> bool:
+        """Whether a stream of setpoints goes on although the mode is to be confirmed.
+
+        The vehicle is in its guided mode still: without setpoints it would leave it.
+        """
+        autopilot = self._situation.autopilot
+        guided = autopilot.streams_setpoints and self._mode == autopilot.guided_mode
+        return guided and not (self.yielded or self._foreign)
+
+    def require_confirmation(self) -> None:
+        """Send nothing until heartbeats have confirmed the mode: it may be about to change."""
+        self._unconfirmed = _CONFIRMATIONS
+
+    def watch(self, before: VehicleState) -> None:
+        """Take a heartbeat.
+
+        Raises:
+            TakenOverError: If the mode is a foreign one, in two of them.
+        """
+        situation, autopilot = self._situation, self._situation.autopilot
+        state, mode = situation.state, self._mode
+        self._unconfirmed = max(self._unconfirmed - 1, 0)
+        if self.lacks_setpoints:
+            self._foreign = False
+            return
+        if self._setpoint_loss_until_s is not None and mode == autopilot.guided_mode:
+            self._counts["offboard_lost"] += 1
+        self.end_setpoint_loss()
+        if before.armed and not state.armed:
+            self._disarmed_s = situation.now
+        if self.yielded or self.allowed is None or mode in self.allowed:
+            self._foreign = False
+            return
+        just_disarmed = situation.now - self._disarmed_s < autopilot.disarming_s
+        if not state.armed and (just_disarmed or mode in autopilot.disarmed_modes):
+            self.allowed |= {mode}
+            return
+        if self._foreign:
+            raise TakenOverError
+        self._foreign = True
+
+    # Loss of setpoints
+
+    def with_setpoint_loss(self, state: VehicleState, *, wanted: bool) -> VehicleState:
+        """Return the state with the failsafe `offboard` where it may be missing setpoints.
+
+        PX4 does not report that in a message that pymavlink knows. It has left OFFBOARD, or
+        whatever it was in before we connected, is critical, and reports no reason: so it has missed
+        ours, because we were late, they were lost or we have been restarted.
+
+        Args:
+            state: What the vehicle reports.
+            wanted: Whether the order that is carried out has the vehicle fly to setpoints. Only
+                then may they pull it out of a return that it has begun.
+        """
+        if state.failsafe not in ("critical", "offboard"):
+            return state
+        situation, autopilot = self._situation, self._situation.autopilot
+        elsewhere = state.mode not in (self.allowed or ())
+        missed = (
+            wanted
+            and not self.yielded
+            and state.flying
+            and state.alt_m >= situation.settings.recovery_alt_m
+            and state.mode in autopilot.setpoint_loss_modes
+            and (elsewhere or self.lacks_setpoints)
+            and (self.allowed is None or autopilot.guided_mode in self.allowed)
+        )
+        return replace(state, failsafe="offboard" if missed else "critical")
+
+    @property
+    def lacks_setpoints(self) -> bool:
+        """Whether the vehicle has left the guided mode for lack of setpoints."""
+        return self._situation.state.failsafe == "offboard"
+
+    def await_guided_mode(self) -> None:
+        """Wait until the autopilot goes back to its guided mode by itself, as setpoints come.
+
+        Raises:
+            TakenOverError: If it has not for too long.
+        """
+        now = self._situation.now
+        if self._setpoint_loss_until_s is None:
+            self._setpoint_loss_until_s = now + _MODE_RESTORED_S
+            if self.allowed is not None:
+                self.allowed |= {self._situation.autopilot.guided_mode}
+        if now > self._setpoint_loss_until_s:
+            raise TakenOverError
+
+    def end_setpoint_loss(self) -> None:
+        """Take note that setpoints are not missing, or that this cannot be known."""
+        self._setpoint_loss_until_s = None

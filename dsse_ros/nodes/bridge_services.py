@@ -1,0 +1,44 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The services of `mavlink_bridge`: an operator clears, holds, recalls and lands vehicles."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+from dsse_ros.bridge.fleet_controller import FleetController
+
+OPERATIONS = ("hold", "return", "land")
+
+
+def serve(node: Node, fleet: FleetController) -> None:
+    """Create the services for all vehicles, `~/arm`, and for each, `drone<i>/arm`."""
+    for drone, prefix in [(None, "~"), *enumerate(fleet.names)]:
+        node.create_service(SetBool, f"{prefix}/arm", partial(_arm, fleet, drone))
+        for what in OPERATIONS:
+            callback = partial(_operate, fleet, drone, what)
+            node.create_service(Trigger, f"{prefix}/{what}", callback)
+
+
+def _arm(
+    fleet: FleetController,
+    drone: int | None,
+    request: SetBool.Request,
+    response: SetBool.Response,
+) -> SetBool.Response:
+    response.success, response.message = fleet.arm(drone, bool(request.data))
+    return response
+
+
+def _operate(
+    fleet: FleetController,
+    drone: int | None,
+    what: str,
+    _: Trigger.Request,
+    response: Trigger.Response,
+) -> Trigger.Response:
+    response.success, response.message = fleet.operate(drone, what)
+    return response

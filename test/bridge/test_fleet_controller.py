@@ -1,0 +1,433 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Vehicles follow searches for which a person has cleared them, and nothing else."""
+
+from __future__ import annotations
+
+import pytest
+from virtual_fleet import SEARCH, VirtualFleet, pilots_mode, with_settings
+
+from dsse_ros.flight.mavlink_messages import CommandLong, SetPositionTarget
+
+ARM, SET_MODE = 400, 176
+both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+
+
+def commands(fleet: VirtualFleet, number: int, since_s: float = 0.0, i: int = 0) -> int:
+    return sum(
+        isinstance(message, CommandLong) and message.command == number
+        for now_s, message in fleet.flights[i].sent
+        if now_s > since_s
+    )
+
+
+def moved(fleet: VirtualFleet, since_s: float) -> bool:
+    """Whether anything was sent that moves a vehicle or may."""
+    return any(
+        isinstance(message, SetPositionTarget)
+        or (isinstance(message, CommandLong) and message.command in (ARM, SET_MODE, 22, 300))
+        for flight in fleet.flights
+        for now_s, message in flight.sent
+        if now_s > since_s
+    )
+
+
+def flown(autopilot: str = "ardupilot", vehicles: int = 1, **options: object) -> VirtualFleet:
+    """Return a fleet whose search is over and whose vehicles are down again."""
+    fleet = VirtualFleet(vehicles, autopilot, **options)  # type: ignore[arg-type]
+    search = fleet.simulate(7)
+    fleet.fly(search, 2)
+    fleet.until(lambda: fleet.arrived(search))
+    fleet.finish(search)
+    fleet.until(fleet.down)
+    fleet.wait(10.0)
+    assert fleet.controller.finished
+    return fleet
+
+
+@both
+def test_a_search_is_flown_to_its_end_and_the_vehicles_land(autopilot: str) -> None:
+    fleet = flown(autopilot, 2)
+    assert [fleet.custody(i) for i in range(2)] == ["grounded"] * 2
+    assert not any(one.lost for one in fleet.controller.followers)
+
+
+@both
+@pytest.mark.parametrize("restart", ["sim", "reset", "bridge", "both"])
+def test_a_second_search_waits_for_a_person(autopilot: str, restart: str) -> None:
+    fleet = flown(autopilot)
+    since_s = fleet.now
+    (search,) = fleet.searches
+    if restart in ("sim", "both"):
+        fleet.end(search)
+        fleet.wait(1.0)
+    if restart in ("bridge", "both"):
+        fleet.start()
+    if restart in ("sim", "both"):
+        search = fleet.simulate(8)
+    elif restart == "reset":
+        search.reset()
+        fleet.publish(search)
+    fleet.wait(40.0)
+    assert not moved(fleet, since_s)
+    assert fleet.down()
+    if restart == "bridge":
+        return
+    assert "~/arm" in fleet.controller.followers[0].blocked
+    done, text = fleet.controller.arm(None, True)
+    assert done and text == "cleared to fly: drone0"
+    fleet.fly(search, 1)
+    fleet.until(lambda: fleet.arrived(search))
+
+
+@both
+def test_with_arm_always_each_search_is_flown(autopilot: str) -> None:
+    fleet = flown(autopilot, arm="always")
+    (search,) = fleet.searches
+    search.reset()
+    fleet.publish(search)
+    fleet.fly(search, 1)
+    fleet.until(lambda: fleet.arrived(search))
+
+
+@both
+@pytest.mark.parametrize("restart", ["sim", "bridge", "both", ""])
+@pytest.mark.parametrize("arm", ["true", "always"])
+def test_who_was_landed_by_a_pilot_stays_down(autopilot: str, restart: str, arm: str) -> None:
+    fleet = VirtualFleet(1, autopilot, arm=arm)
+    search = fleet.simulate(7)
+    fleet.fly(search, 1)
+    fleet.until(lambda: fleet.arrived(search))
+    fleet.flights[0].vehicle.pilot_takes_over("LAND")
+    fleet.until(lambda: fleet.controller.followers[0].lost, 5.0)
+    assert fleet.controller.followers[0].lost.startswith("taken over: in LAND")
+    fleet.until(fleet.down)
+    fleet.wait(5.0)
+    since_s = fleet.now
+    if restart in ("sim", "both"):
+        fleet.end(search)
+        fleet.wait(1.0)
+    if restart in ("bridge", "both"):
+        fleet.start()
+    if restart in ("sim", "both"):
+        fleet.simulate(8)
+    else:
+        search.reset()
+        fleet.publish(search)
+    fleet.wait(40.0)
+    assert not moved(fleet, since_s) and fleet.custody() == "taken over"
+
+
+@both
+def test_a_disarm_by_a_person_before_the_take_off_is_theirs(autopilot: str) -> None:
+    fleet = VirtualFleet(1, autopilot)
+    fleet.simulate(7)
+    vehicle = fleet.flights[0].vehicle
+    fleet.until(lambda: vehicle.armed)
+    vehicle.disarm()
+    armings = commands(fleet, ARM)
+    fleet.wait(60.0)
+    assert commands(fleet, ARM) == armings and fleet.down()
+    assert fleet.custody() == "taken over"
+    assert "disarmed on the ground" in fleet.controller.followers[0].lost
+
+
+@both
+@pytest.mark.parametrize("found", [True, False])
+def test_a_mode_that_a_pilot_holds_on_the_ground_is_kept(autopilot: str, found: bool) -> None:
+    fleet = VirtualFleet(1, autopilot, vehicle={"ready_s": 20.0})
+    vehicle = fleet.flights[0].vehicle
+    mode = pilots_mode(fleet.flights[0])
+    if found:
+        vehicle.pilot_takes_over(mode)
+    fleet.simulate(7)
+    fleet.wait(12.0)
+    vehicle.pilot_takes_over(mode)
+    fleet.wait(60.0)
+    assert vehicle.mode.name == mode and not vehicle.armed
+    assert not commands(fleet, ARM)
+
+
+@both
+def test_a_flight_of_somebody_else_after_the_end_is_left_alone(autopilot: str) -> None:
+    for again in (False, True):
+        fleet = flown(autopilot)
+        if again:
+            fleet.start()
+            fleet.wait(5.0)
+        vehicle, since_s = fleet.flights[0].vehicle, fleet.now
+        if autopilot == "px4":
+            vehicle.request_mode(4, 3)
+        else:
+            vehicle.request_mode(4, 0)
+        assert vehicle.arm(force=False) == 0
+        vehicle.maneuver = vehicle.take_off(30.0)
+        fleet.wait(60.0)
+        assert vehicle.craft.up_m > 25.0
+        assert not moved(fleet, since_s)
+
+
+@both
+def test_a_pilots_hold_in_the_climb_is_his(autopilot: str) -> None:
+    if autopilot == "ardupilot":
+        pytest.skip("ArduCopter climbs in the mode in which it waits")
+    fleet = VirtualFleet(1, autopilot)
+    fleet.simulate(7)
+    vehicle = fleet.flights[0].vehicle
+    fleet.until(lambda: vehicle.craft.up_m > 15.0)
+    vehicle.pilot_takes_over("HOLD")
+    fleet.until(lambda: fleet.custody() == "taken over", 5.0)
+    since_s = fleet.now
+    fleet.wait(60.0)
+    assert not moved(fleet, since_s) and vehicle.mode.name == "HOLD"
+
+
+@both
+@pytest.mark.parametrize("seconds", [4.0, 12.0, 40.0])
+def test_after_a_silence_a_vehicle_goes_on_or_is_left_on_its_own_way_home(
+    autopilot: str, seconds: float
+) -> None:
+    fleet = VirtualFleet(1, autopilot, lost_timeout=30.0)
+    search = fleet.simulate(7)
+    fleet.fly(search, 2)
+    fleet.until(lambda: fleet.arrived(search))
+    flight = fleet.flights[0]
+    put = flight._put
+    flight._put = lambda data, *, to_vehicle: None  # type: ignore[method-assign]
+    fleet.wait(seconds)
+    flight._put = put  # type: ignore[method-assign]
+    since_s, up_m = fleet.now, [flight.vehicle.craft.up_m]
+    for _ in range(900):
+        fleet.step()
+        up_m.append(flight.vehicle.craft.up_m)
+    lost = fleet.controller.followers[0].lost
+    if seconds > 30.0:
+        assert lost == "link lost: no heartbeat for 30 s"
+        assert not flight.setpoints() or all(
+            now_s < since_s or not isinstance(message, SetPositionTarget)
+            for now_s, message in flight.sent
+        )
+        # It only ever comes down.
+        assert max(up_m) < up_m[0] + 5.0 or autopilot == "px4"
+        fleet.until(fleet.down)
+    else:
+        assert not lost
+        fleet.fly(search, 1)
+        fleet.until(lambda: fleet.arrived(search))
+
+
+def test_a_battery_failsafe_of_px4_is_left_alone_and_named() -> None:
+    faults = (fault("battery", 30.0),)
+    fleet = VirtualFleet(1, "px4", vehicle={"faults": faults})
+    search = fleet.simulate(7)
+    fleet.until(lambda: fleet.flights[0].vehicle.failsafes)
+    since_s = fleet.now
+    fleet.until(lambda: fleet.controller.followers[0].lost, 20.0)
+    fleet.until(lambda: fleet.controller.followers[0].lost == "battery failsafe", 5.0)
+    fleet.until(fleet.down)
+    assert not commands(fleet, SET_MODE, since_s) and search.over
+
+
+def fault(kind: str, at_s: float, value: str = "") -> object:
+    from autopilot.faults import Fault
+
+    return Fault(kind, at_s, value=value, since_airborne=True)
+
+
+@both
+@pytest.mark.parametrize("what", ["hold", "return", "land"])
+def test_an_operator_is_obeyed_also_when_the_search_is_gone(autopilot: str, what: str) -> None:
+    fleet = VirtualFleet(1, autopilot)
+    search = fleet.simulate(7)
+    fleet.fly(search, 1)
+    fleet.wait(3.0)
+    fleet.end(search)
+    done, text = fleet.controller.operate(0, what)
+    assert done and text == f"ordered to {what}: drone0"
+    if what == "hold":
+        fleet.wait(30.0)
+        vehicle = fleet.flights[0].vehicle
+        assert vehicle.craft.ground_speed_mps < 0.5 and vehicle.armed
+        assert fleet.custody() == "held"
+        return
+    fleet.until(fleet.down)
+    fleet.wait(5.0)
+    since_s = fleet.now
+    fleet.simulate(8)
+    fleet.wait(30.0)
+    assert not moved(fleet, since_s) and fleet.custody() == "taken over"
+
+
+@both
+def test_a_search_of_another_simulation_is_not_followed_in_the_air(autopilot: str) -> None:
+    fleet = VirtualFleet(1, autopilot)
+    search = fleet.simulate(7)
+    fleet.fly(search, 1)
+    fleet.until(lambda: fleet.arrived(search))
+    other = fleet.simulate(8, [(0, 0)])
+    fleet.wait(20.0)
+    assert fleet.controller.trouble(fleet.now).startswith("2 nodes publish step_report")
+    assert fleet.controller.search.info.run_id == 7
+    fleet.end(search)
+    fleet.wait(60.0)
+    assert "in the air for run 7" in fleet.controller.trouble(fleet.now)
+    assert fleet.controller.search.info.run_id == 7
+    assert fleet.controller.holding
+    fleet.controller.operate(None, "land")
+    fleet.until(fleet.down)
+    fleet.until(lambda: fleet.controller.search.info.run_id == 8)
+    assert fleet.controller.arm(None, True)[0]
+    fleet.fly(other, 1)
+    fleet.until(lambda: fleet.arrived(other))
+
+
+@both
+@pytest.mark.parametrize("restarted", [False, True])
+def test_a_search_far_away_is_never_flown_to(autopilot: str, restarted: bool) -> None:
+    from dataclasses import replace
+
+    fleet = VirtualFleet(1, autopilot)
+    search = fleet.simulate(7)
+    fleet.fly(search, 1)
+    fleet.until(lambda: fleet.arrived(search))
+    fleet.end(search)
+    if restarted:
+        fleet.start()
+        fleet.records.clear()
+        fleet.start()
+    far = replace(fleet.frame, origin_lat_deg=-22.99, origin_lon_deg=-43.99)
+    fleet.simulate(8, frame=far)
+    fleet.controller.arm(0, True)
+    since_s = fleet.now
+    fleet.wait(60.0)
+    north_m = fleet.flights[0].vehicle.craft.north_m
+    assert abs(north_m) < 500.0
+    assert all(
+        abs(message.lat_deg + 24.04) < 0.1
+        for now_s, message in fleet.flights[0].sent
+        if now_s > since_s and isinstance(message, SetPositionTarget)
+    )
+
+
+@both
+@pytest.mark.parametrize("up_m", [12.0, 40.0])
+def test_a_bridge_started_again_in_the_climb_goes_on_straight_up(
+    autopilot: str, up_m: float
+) -> None:
+    fleet = VirtualFleet(1, autopilot)
+    search = fleet.simulate(7, [(3, 0)])
+    vehicle = fleet.flights[0].vehicle
+    fleet.until(lambda: vehicle.craft.up_m > up_m)
+    fleet.start()
+    while not fleet.arrived(search):
+        fleet.step()
+        craft = vehicle.craft
+        away_m = (craft.north_m**2 + craft.east_m**2) ** 0.5
+        assert away_m < 3.0 or craft.up_m > 55.0
+        assert fleet.now < 300.0
+
+
+def test_nothing_takes_off_before_everything_can_fly() -> None:
+    fleet = VirtualFleet(2)
+    fleet.flights[1].vehicle.settings = fleet.flights[1].vehicle.settings.__class__(
+        **{**vars(fleet.flights[1].vehicle.settings), "ready_s": 40.0}
+    )
+    search = fleet.simulate(7)
+    search.commanded = False
+    fleet.publish(search)
+    fleet.wait(30.0)
+    assert not any(commands(fleet, ARM, i=i) for i in range(2))
+    assert "waiting for drone1" in fleet.controller.followers[0].blocked or (
+        "planner" in fleet.controller.followers[0].blocked
+    )
+    fleet.wait(30.0)
+    assert not any(commands(fleet, ARM, i=i) for i in range(2))
+    assert fleet.controller.followers[0].blocked == "waiting for the first commands of a planner"
+    search.commanded = True
+    fleet.publish(search)
+    fleet.until(lambda: all(one.vehicle.armed for one in fleet.flights), 10.0)
+
+
+def test_latched_reports_are_drained_before_one_is_followed() -> None:
+    fleet = VirtualFleet(2)
+    search = fleet.simulate(7)
+    fleet.fly(search, 3)
+    fleet.until(lambda: fleet.arrived(search))
+    fleet.start()
+    controller = fleet.controller
+    # A thousand steps that were kept, a few in each turn.
+    for step in range(300):
+        search.advance()
+        controller.take_report(search.stamp_ns, search.last, fleet.now)
+        if step % 3 == 0:
+            fleet.step()
+    fleet.log.clear()
+    fleet.until(lambda: fleet.arrived(search))
+    assert sum(": order " in line for line in fleet.log) == 2
+
+
+def test_on_a_mission_each_starts_when_those_above_are_up_and_lands_after_those_below() -> None:
+    fleet = VirtualFleet(3, mode="mission")
+    search = fleet.simulate(7)
+    for _ in range(4):
+        search.advance()
+    search.advance([SEARCH] * 3)
+    fleet.finish(search)
+    armed: list[int] = []
+    landed: list[int] = []
+    fleet.until(lambda: fleet.flights[0].vehicle.armed)
+    while len(landed) < 3:
+        fleet.step()
+        for i, flight in enumerate(fleet.flights):
+            if flight.vehicle.armed and i not in armed:
+                armed.append(i)
+                above = [other.vehicle.craft.up_m for other in fleet.flights[:i]]
+                assert all(up_m > 50.0 for up_m in above)
+            if i in armed and not flight.vehicle.armed and i not in landed:
+                landed.append(i)
+        assert fleet.now < 900.0, fleet.shown()
+    assert armed == [0, 1, 2]
+    fleet.wait(2.0)
+    assert fleet.controller.finished
+    assert not any(one.lost for one in fleet.controller.followers)
+
+
+def test_a_search_that_cannot_be_flown_ends_the_flights_of_the_one_before() -> None:
+    fleet = VirtualFleet(1)
+    search = fleet.simulate(7)
+    fleet.fly(search, 1)
+    fleet.until(lambda: fleet.arrived(search))
+    search.reset()
+    from dataclasses import replace
+
+    search.frame = replace(search.frame, grid_size=500)
+    fleet.publish(search)
+    fleet.wait(2.0)
+    assert "fence_radius" in fleet.controller.trouble(fleet.now)
+    fleet.until(fleet.down)
+
+
+def test_a_defect_about_one_vehicle_leaves_the_others_flying() -> None:
+    fleet = VirtualFleet(2)
+    search = fleet.simulate(7)
+    fleet.until(lambda: fleet.arrived(search))
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    fleet.controller.followers[0]._wanted = fail  # type: ignore[method-assign, assignment]
+    fleet.until(lambda: search.terminated[0], 5.0)
+    assert fleet.controller.followers[0].lost == "defect: RuntimeError: broken"
+    fleet.fly(search, 1)
+    fleet.until(lambda: fleet.arrived(search))
+    assert sum("broken" in line for line in fleet.log if line.startswith("error")) <= 2
+
+
+def test_parameters_of_the_next_program_count() -> None:
+    fleet = VirtualFleet(1, arm="false")
+    search = fleet.simulate(7)
+    fleet.wait(30.0)
+    assert not commands(fleet, ARM) and not commands(fleet, SET_MODE)
+    with_settings(fleet, arm="true")
+    fleet.start()
+    fleet.until(lambda: fleet.arrived(search))

@@ -1,0 +1,980 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Which order a vehicle gets next."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsse_ros.bridge.custody import MAY_ORDER, Custody
+from dsse_ros.bridge.fence import Fence
+from dsse_ros.bridge.settings import BridgeSettings
+from dsse_ros.bridge.tasks import leg_task, mission_task
+from dsse_ros.bridge.vehicle_custody import FlightRecord
+from dsse_ros.bridge.vehicle_follower import (
+    CRITICAL_S,
+    RETRY_S,
+    TRIES,
+    Clearance,
+    VehicleFollower,
+)
+from dsse_ros.flight.autopilots import ARDUPILOT, PX4
+from dsse_ros.flight.orders import (
+    FlyMission,
+    GoTo,
+    Hold,
+    Land,
+    MakeReady,
+    Order,
+    Return,
+    Search,
+    TakeOff,
+)
+from dsse_ros.flight.vehicle_controller import Outcome
+from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.mission.vehicle_missions import search_missions
+from msg_adapters.frames import GridFrame
+from msg_adapters.geodesy import cell_to_geodetic
+from msg_adapters.mission_files import Home
+from msg_adapters.result import Accepted, Rejected
+from msg_adapters.track_missions import Leg
+
+FRAME = GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0)
+SETTINGS = BridgeSettings()
+FENCE = Fence(FRAME, 500.0, 10.0, 150.0)
+SEARCH, NEXT_SEARCH = (7, 1), (7, 2)
+ON_GROUND = VehicleState(
+    connected=True, ready=True, mode="GUIDED", lat_deg=-23.999, lon_deg=-45.999, alt_m=0.0
+)
+FLYING = replace(ON_GROUND, armed=True, flying=True, alt_m=120.0)
+FLOWN = FlightRecord(Custody.FOLLOWING, SEARCH, flown=True)
+
+
+class Vehicle:
+    """Carries out its order when asked to, and remembers it."""
+
+    def __init__(self, follower: VehicleFollower, state: VehicleState = ON_GROUND) -> None:
+        self.follower, self.state = follower, state
+        self.outcome = Outcome()
+        self.orders: list[Order] = []
+        self.clearance = Clearance()
+        self.now_s = 0.0
+
+    def turn(self, **changes: Any) -> Order | None:
+        """Let the follower look once; changes are of the outcome."""
+        self.now_s += 0.1
+        self.outcome = replace(self.outcome, **changes)
+        led = self.follower
+        order = led.advance(self.state, self.outcome, self.now_s, "", self.clearance)
+        if order is not None:
+            assert isinstance(order, MAY_ORDER[led.custody.state])
+            self.orders.append(order)
+            number = self.outcome.number + 1
+            self.outcome = Outcome(order, number, "under_way", "")
+        return order
+
+    def obey(self) -> None:
+        """Carry out the last order."""
+        order = self.outcome.order
+        if isinstance(order, TakeOff):
+            self.state = FLYING
+        elif isinstance(order, Return | Land | FlyMission):
+            self.state = ON_GROUND
+        self.turn(status="done")
+
+    def take_off(self) -> None:
+        """Get it into the air, from the ground."""
+        assert isinstance(self.turn(), TakeOff)
+        self.obey()
+
+    def fall_silent(self, seconds: float) -> Order | None:
+        """Have no heartbeat come for some time, and return the orders it gets then."""
+        ready = self.state.ready
+        self.state = replace(self.state, connected=False, ready=False, heard_s=self.now_s)
+        self.now_s += seconds
+        order = self.turn(status="silent", reason="no heartbeat")
+        self.state = replace(self.state, connected=False, ready=ready)
+        return order
+
+    def speak(self) -> None:
+        """Have heartbeats come again."""
+        self.state = replace(self.state, connected=True)
+        self.outcome = replace(self.outcome, status="under_way")
+
+
+def follower(**changes: Any) -> VehicleFollower:
+    options = {
+        "autopilot": ARDUPILOT, "at_end": "return", "join_timeout_s": 100.0,
+        "lost_timeout_s": 30.0, "arm": "true",
+    }  # fmt: skip
+    search = changes.pop("search", SEARCH)
+    led = VehicleFollower(**(options | changes))
+    led.begin(search, 120.0, FENCE, first=True)
+    return led
+
+
+def aloft(led: VehicleFollower | None = None, **changes: Any) -> Vehicle:
+    """Return a vehicle that is in the air for the search."""
+    return Vehicle(led or follower(record=FLOWN, **changes), FLYING)
+
+
+def follow(led: VehicleFollower, stamp: int, *cell: int, **changes: Any) -> None:
+    leg = Leg(stamp, (cell[0], cell[1]), **changes)
+    led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE))
+
+
+def place(*cell: int) -> tuple[float, float]:
+    return cell_to_geodetic(FRAME, cell[0], cell[1], 120.0)[:2]
+
+
+def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
+    led = follower()
+    vehicle = Vehicle(led)
+    assert vehicle.turn() is None
+    follow(led, 0, 3, 4)
+    vehicle.state = replace(ON_GROUND, ready=False)
+    assert vehicle.turn() == MakeReady()
+    vehicle.state = ON_GROUND
+    vehicle.obey()
+    assert vehicle.orders[-1] == TakeOff(120.0)
+    # In the air, but not there yet.
+    vehicle.state = replace(FLYING, alt_m=40.0)
+    follow(led, 13, 3, 5)
+    assert vehicle.turn() is None
+    vehicle.obey()
+    assert vehicle.orders[-1] == GoTo(*place(3, 5), 120.0, 10.0)
+    assert not led.arrived and led.arrived_stamp_ns == -1
+    vehicle.obey()
+    assert led.arrived_stamp_ns == 13 and vehicle.turn() is None
+
+
+def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
+    vehicle = aloft()
+    for stamp in (13, 26):
+        follow(vehicle.follower, stamp, 2, 2, searched=True)
+        vehicle.turn()
+        assert vehicle.orders[-1] == Search(*place(2, 2), 120.0, 30.0, 5.0, 10.0)
+        assert not vehicle.follower.arrived
+        vehicle.obey()
+        assert vehicle.follower.arrived_stamp_ns == stamp
+    assert len(vehicle.orders) == 2
+
+
+@given(st.lists(st.sampled_from([(1, 0), (-1, 0), (0, 1), (0, -1), (0, 0)]), max_size=12))
+def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
+    moves: list[tuple[int, int]],
+) -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    col = row = 5
+    wanted = []
+    for step, (dx, dy) in enumerate([(0, 0), *moves]):
+        col, row = min(max(col + dx, 0), 9), min(max(row + dy, 0), 9)
+        searched = bool(step) and not dx and not dy
+        follow(led, 13 * step, col, row, searched=searched)
+        wanted.append((place(col, row), searched))
+        while not led.arrived:
+            vehicle.turn()
+            vehicle.obey()
+    flown = [
+        ((order.lat_deg, order.lon_deg), isinstance(order, Search))
+        for order in vehicle.orders
+        if isinstance(order, GoTo | Search)
+    ]
+    without_repeats = [w for w, before in zip(wanted, [None, *wanted], strict=False)
+                       if w != before or w[1]]  # fmt: skip
+    assert flown == without_repeats
+
+
+@pytest.mark.parametrize(
+    ("at_end", "order"), [("return", Return()), ("land", Land()), ("hold", Hold())]
+)
+def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: Order) -> None:
+    vehicle = aloft(at_end=at_end)
+    led = vehicle.follower
+    follow(led, 0, 1, 1)
+    vehicle.turn()
+    follow(led, 13, 1, 1, searched=True, over=True)
+    assert isinstance(vehicle.turn(), Search)
+    assert vehicle.turn() is None
+    vehicle.obey()
+    assert vehicle.orders[-1] == order
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+    assert not led.lost
+    vehicle.obey()
+    assert led.finished
+
+
+def test_on_its_way_home_it_goes_there_in_its_layer_first_if_others_fly() -> None:
+    vehicle = aloft()
+    home = GoTo(-23.999, -45.999, 120.0, 10.0)
+    vehicle.clearance = Clearance(home=home)
+    follow(vehicle.follower, 13, 1, 1, over=True, crashed=True)
+    assert vehicle.turn() == home
+    assert vehicle.turn() is None
+    vehicle.obey()
+    assert vehicle.orders == [home, Return()]
+    # From then on it comes down, whether others are left or not.
+    vehicle.clearance = Clearance()
+    assert vehicle.turn() is None
+
+
+def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
+    vehicle = aloft()
+    vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
+    follow(vehicle.follower, 13, 1, 1, searched=True)
+    assert vehicle.turn() is None
+    assert vehicle.follower.blocked == "waiting for drone1 to be out of the way"
+    level = Search(*place(1, 1), 120.0, 120.0, 5.0, 10.0)
+    vehicle.clearance = Clearance(admit=lambda order: level)
+    assert vehicle.turn() == level
+    vehicle.obey()
+    assert vehicle.follower.arrived and not vehicle.follower.blocked
+
+
+def test_nobody_is_sent_where_two_drones_have_crashed() -> None:
+    vehicle = aloft()
+    follow(vehicle.follower, 13, 1, 1, over=True, crashed=True)
+    assert vehicle.turn() == Return()
+
+
+def test_a_step_that_is_reported_again_changes_nothing_but_its_end() -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.obey()
+    follow(led, 13, 1, 1)
+    assert led.arrived and vehicle.turn() is None
+    follow(led, 13, 1, 1, over=True)
+    assert vehicle.turn() == Return()
+
+
+def test_a_silent_vehicle_goes_on_when_it_is_connected_again_in_time() -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    assert isinstance(vehicle.turn(), GoTo)
+    assert vehicle.fall_silent(29.0) is None
+    vehicle.speak()
+    assert vehicle.turn() is None and not led.lost
+    vehicle.obey()
+    assert led.arrived_stamp_ns == 13
+
+
+def test_a_vehicle_silent_for_too_long_is_lost_returns_when_connected_and_stays_lost() -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    assert vehicle.fall_silent(30.0) is None
+    assert led.lost == "link lost: no heartbeat for 30 s"
+    vehicle.speak()
+    assert vehicle.turn() == Return()
+    follow(led, 26, 1, 2)
+    vehicle.obey()
+    assert led.lost and [vehicle.turn() for _ in range(3)] == [None] * 3
+    assert led.custody.state is Custody.GROUNDED
+
+
+@pytest.mark.parametrize("at_end", ["return", "land", "hold"])
+def test_who_is_lost_before_take_off_stays_on_the_ground(at_end: str) -> None:
+    vehicle = Vehicle(follower(at_end=at_end))
+    led = vehicle.follower
+    follow(led, 0, 1, 1)
+    assert isinstance(vehicle.turn(), TakeOff)
+    assert vehicle.fall_silent(30.0) is None
+    assert led.lost and led.custody.state is Custody.GROUNDED
+    vehicle.speak()
+    follow(led, 13, 1, 2, over=True)
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+
+
+def fly_mission(led: VehicleFollower, *, holds: bool = False) -> FlyMission:
+    home = Home(-23.999, -45.999, 0.0)
+    track = (st_array([(0, 9), (1, 9)]), st_array([0, 0], bool))
+    (mission,) = search_missions([FRAME], [track], SETTINGS, [home], 600.0 if holds else 0.0)
+    task = mission_task(mission, FENCE, PX4, holds_over_home=holds)
+    led.follow(Leg(13, (1, 9), over=True), task)
+    assert isinstance(task, Accepted) and isinstance(task.value, FlyMission)
+    return task.value
+
+
+def st_array(values: list[Any], kind: type = int) -> Any:
+    import numpy as np
+
+    return np.array(values, dtype=kind)
+
+
+ENDINGS = {
+    "cleared": FlightRecord(Custody.CLEARED, SEARCH, arm=True),
+    "following": FLOWN,
+    "held": replace(FLOWN, custody=Custody.HELD),
+    "recalled": replace(FLOWN, custody=Custody.RECALLED, lost="recalled", end="land"),
+    "ending": replace(FLOWN, custody=Custody.ENDING),
+    "link lost": replace(FLOWN, custody=Custody.ENDING, lost="link lost: no heartbeat for 30 s"),
+    "lost before take-off": FlightRecord(Custody.GROUNDED, SEARCH, lost="no heartbeat"),
+    "taken over": replace(FLOWN, custody=Custody.TAKEN, lost="taken over: in LOITER"),
+    "released": replace(FLOWN, custody=Custody.RELEASED, lost="taken over: in LOITER"),
+    "failsafe": replace(FLOWN, custody=Custody.FAILSAFE, lost="battery failsafe"),
+    "grounded": replace(FLOWN, custody=Custody.GROUNDED),
+}
+
+
+@pytest.mark.parametrize("over", [False, True], ids=["going on", "over"])
+@pytest.mark.parametrize("record", ENDINGS.values(), ids=ENDINGS)
+@pytest.mark.parametrize("landed", [True, False], ids=["on the ground", "in the air"])
+@pytest.mark.parametrize("arm", ["false", "true", "always"])
+def test_a_bridge_started_again_flies_on_only_what_was_its_own(
+    over: bool, record: FlightRecord, landed: bool, arm: str
+) -> None:
+    led = follower(record=record, arm=arm)
+    vehicle = Vehicle(led, ON_GROUND if landed else FLYING)
+    follow(led, 13, 1, 1, over=over)
+    for _ in range(3):
+        vehicle.turn()
+        vehicle.obey()
+    kinds = {type(order) for order in vehicle.orders}
+    custody, lost = record.custody, bool(record.lost)
+    if landed:
+        # Once in a search, whatever the parameter says.
+        may_fly = custody is Custody.CLEARED
+        assert (TakeOff in kinds) == (may_fly and not over and not lost)
+        assert not kinds - {MakeReady, TakeOff, GoTo}
+    elif custody in (Custody.TAKEN, Custody.FAILSAFE, Custody.GROUNDED, Custody.RELEASED):
+        assert kinds == set()
+    elif custody is Custody.CLEARED:
+        # Somebody else has flown it up.
+        assert kinds == set()
+        assert over or led.custody.state is Custody.TAKEN
+    elif custody is Custody.HELD:
+        assert kinds == {Hold}
+    elif custody is Custody.RECALLED:
+        assert kinds == {Land}
+    elif custody is Custody.ENDING or over:
+        assert kinds == ({GoTo} if arm == "always" and not (over or lost) else {Return})
+    else:
+        assert kinds == {GoTo}
+
+
+@pytest.mark.parametrize("record", ENDINGS.values(), ids=ENDINGS)
+@pytest.mark.parametrize("landed", [True, False], ids=["on the ground", "in the air"])
+@pytest.mark.parametrize("same_program", [True, False])
+def test_without_a_persons_word_nothing_takes_off_for_a_second_search(
+    record: FlightRecord, landed: bool, same_program: bool
+) -> None:
+    led = VehicleFollower(ARDUPILOT, "return", 100.0, 30.0, arm="true", record=record)
+    if same_program:
+        led.begin(SEARCH, 120.0, FENCE, first=True)
+        led.advance(VehicleState(), Outcome(), 0.0)
+    led.begin(NEXT_SEARCH, 120.0, FENCE, first=not same_program)
+    vehicle = Vehicle(led, ON_GROUND if landed else FLYING)
+    follow(led, 13, 1, 1)
+    for _ in range(4):
+        vehicle.turn()
+        vehicle.obey()
+    kinds = {type(order) for order in vehicle.orders}
+    # One that was cleared for the first search and has not flown is free again.
+    fresh = record.custody is Custody.CLEARED and not same_program
+    if landed:
+        assert (TakeOff in kinds) == fresh
+        assert fresh or led.blocked.endswith("~/arm clears it to fly")
+        # A person has all the time in the world.
+        vehicle.now_s += 1000.0
+        vehicle.turn()
+        assert not led.lost
+    else:
+        released = record.custody is Custody.RELEASED and not same_program
+        assert (GoTo in kinds) == released
+        assert not kinds & {TakeOff, MakeReady}
+
+
+def test_a_person_clears_what_has_landed_for_one_search() -> None:
+    led = follower(record=replace(FLOWN, custody=Custody.GROUNDED), search=NEXT_SEARCH)
+    vehicle = Vehicle(led, replace(ON_GROUND, mode="RTL"))
+    follow(led, 13, 1, 1)
+    assert vehicle.turn() is None
+    assert led.custody.clear() == ""
+    # In whatever mode it stands there: the person has seen that.
+    assert vehicle.turn() == TakeOff(120.0, arm=True, any_mode=True)
+    vehicle.obey()
+    follow(led, 26, 1, 1, over=True)
+    vehicle.turn()
+    vehicle.obey()
+    vehicle.obey()
+    assert led.custody.state is Custody.GROUNDED and not led.lost
+    led.begin((7, 3), 120.0, FENCE)
+    follow(led, 39, 1, 1)
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+
+
+def test_a_clearance_after_the_search_is_for_the_next_one() -> None:
+    led = follower(record=replace(FLOWN, custody=Custody.GROUNDED))
+    vehicle = Vehicle(led)
+    follow(led, 13, 1, 1, over=True)
+    vehicle.turn()
+    assert led.custody.clear() == ""
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+    led.begin(NEXT_SEARCH, 120.0, FENCE)
+    follow(led, 13, 1, 1)
+    vehicle.take_off()
+
+
+def test_what_somebody_else_arms_while_it_waits_is_theirs() -> None:
+    led = follower()
+    vehicle = Vehicle(led)
+    follow(led, 0, 1, 1)
+    vehicle.clearance = Clearance(take_off="waiting for drone1: not ready")
+    assert isinstance(vehicle.turn(), MakeReady)
+    vehicle.turn(status="done")
+    vehicle.state = replace(ON_GROUND, armed=True)
+    assert vehicle.turn() is None
+    assert led.lost == "taken over: armed by somebody else, in GUIDED"
+    vehicle.state = FLYING
+    vehicle.clearance = Clearance()
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+
+
+def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.turn(status="taken_over", reason="in LOITER")
+    assert led.lost == "taken over: in LOITER"
+    vehicle.state = replace(FLYING, mode="LOITER")
+    vehicle.turn()
+    follow(led, 26, 1, 2, over=True)
+    # Given back in the air it waits for a search for which it is cleared.
+    vehicle.state = FLYING
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+    assert led.custody.state is Custody.RELEASED
+    led.begin(NEXT_SEARCH, 120.0, FENCE)
+    follow(led, 39, 4, 4)
+    assert vehicle.turn() is None and not led.lost
+    assert not led.custody.clear(alone=True)
+    assert isinstance(vehicle.turn(), GoTo)
+
+
+def test_a_mode_that_is_set_at_disarming_releases_nothing() -> None:
+    vehicle = aloft(autopilot=PX4)
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.turn(status="taken_over", reason="in LAND")
+    vehicle.state = replace(FLYING, mode="LAND")
+    vehicle.turn()
+    # PX4 restores the mode of before the landing.
+    for mode in ("OFFBOARD", "HOLD"):
+        vehicle.state = replace(ON_GROUND, mode=mode)
+        vehicle.turn()
+    assert led.custody.state is Custody.TAKEN
+    led.begin(NEXT_SEARCH, 120.0, FENCE)
+    follow(led, 39, 4, 4)
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+
+
+@pytest.mark.parametrize("failsafe", ["battery", "gps", "ekf", "fence", "motors"])
+def test_a_failsafe_that_leaves_the_mode_takes_the_vehicle_out_and_home(failsafe: str) -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.state = replace(FLYING, failsafe=failsafe)
+    assert vehicle.turn() == Return()
+    assert led.lost == f"{failsafe} failsafe"
+
+
+@pytest.mark.parametrize("failsafe", ["radio", "gcs", "offboard"])
+def test_after_which_failsafes_an_autopilot_goes_on(failsafe: str) -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.state = replace(FLYING, failsafe=failsafe)
+    assert vehicle.turn() is None and not led.lost
+
+
+def test_a_failsafe_that_has_the_vehicle_is_left_alone_and_named_even_late() -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.state = replace(FLYING, mode="HOLD", failsafe="critical")
+    vehicle.turn(status="failsafe", reason="in HOLD, critical failsafe")
+    assert led.lost == "critical failsafe"
+    vehicle.state = replace(vehicle.state, failsafe="battery")
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+    assert led.lost == "battery failsafe"
+
+
+def test_who_is_critical_without_a_reason_may_be_well_again_in_time() -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    for failsafe in ("critical", "offboard", "", "critical"):
+        vehicle.state = replace(FLYING, failsafe=failsafe)
+        vehicle.now_s += CRITICAL_S - 0.5
+        assert vehicle.turn() is None and not led.lost
+    vehicle.now_s += CRITICAL_S
+    assert vehicle.turn() == Return()
+    assert led.lost == "critical failsafe"
+
+
+OPERATIONS = {"hold": Hold(), "return": Return(), "land": Land()}
+
+
+@pytest.mark.parametrize("what", OPERATIONS)
+def test_an_operator_is_obeyed_whatever_the_search_does_until_a_clearance(what: str) -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    assert led.custody.operate(what) == ""
+    assert vehicle.turn() == OPERATIONS[what]
+    assert bool(led.lost) == (what != "hold")
+    for stamp, over in ((26, False), (39, True)):
+        follow(led, stamp, 1, 2, over=over)
+        assert vehicle.turn() is None
+    led.begin(NEXT_SEARCH, 120.0, FENCE)
+    follow(led, 0, 3, 3)
+    assert vehicle.turn() in (None, OPERATIONS[what])
+    if what == "hold":
+        assert led.custody.clear() == ""
+        assert vehicle.turn() == GoTo(*place(3, 3), 120.0, 10.0)
+        return
+    vehicle.obey()
+    assert led.custody.state is Custody.TAKEN
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+
+
+def test_on_the_ground_an_operator_keeps_it_there_also_with_arm_always() -> None:
+    for act in (lambda one: one.ground(), lambda one: one.operate("hold")):
+        led = follower(arm="always")
+        vehicle = Vehicle(led)
+        follow(led, 0, 1, 1)
+        assert isinstance(vehicle.turn(), TakeOff)
+        assert act(led.custody) == ""
+        assert led.lost == "kept on the ground by the operator"
+        led.begin(NEXT_SEARCH, 120.0, FENCE)
+        follow(led, 0, 1, 1)
+        assert [vehicle.turn() for _ in range(3)] == [None] * 3
+        assert led.custody.clear() == ""
+        led.begin((7, 3), 120.0, FENCE)
+        follow(led, 0, 1, 1)
+        vehicle.take_off()
+
+
+@pytest.mark.parametrize("custody", [Custody.TAKEN, Custody.FAILSAFE, Custody.RELEASED])
+@pytest.mark.parametrize("what", OPERATIONS)
+def test_an_operator_at_the_bridge_does_not_take_what_a_person_or_a_failsafe_has(
+    custody: Custody, what: str
+) -> None:
+    vehicle = aloft(replace_record(custody))
+    follow(vehicle.follower, 13, 1, 1)
+    vehicle.turn()
+    assert " has " in vehicle.follower.custody.operate(what)
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+
+
+def replace_record(custody: Custody) -> VehicleFollower:
+    return follower(record=replace(FLOWN, custody=custody, lost="taken over: in LOITER"))
+
+
+@pytest.mark.parametrize("state", [ON_GROUND, FLYING], ids=["on the ground", "in the air"])
+def test_of_the_steps_that_come_late_in_one_go_the_last_one_counts(state: VehicleState) -> None:
+    led = follower(record=FLOWN if state.flying else None)
+    vehicle = Vehicle(led, state)
+    for step in range(5):
+        follow(led, 13 * step, step, 1, over=step == 4)
+    vehicle.turn()
+    vehicle.obey()
+    assert [type(order) for order in vehicle.orders][:1] == ([GoTo] if state.flying else [])
+
+
+def test_a_mission_that_was_begun_is_not_begun_again_by_a_bridge_started_anew() -> None:
+    for state, custody in ((ON_GROUND, Custody.FOLLOWING), (FLYING, Custody.FOLLOWING),
+                           (ON_GROUND, Custody.GROUNDED)):  # fmt: skip
+        led = follower(whole=True, record=replace(FLOWN, custody=custody), arm="always")
+        vehicle = Vehicle(led, state)
+        fly_mission(led)
+        assert [vehicle.turn() for _ in range(3)] == [None] * 3
+        assert led.finished == (not state.flying) and not led.lost
+    led = follower(whole=True)
+    vehicle = Vehicle(led)
+    fly_mission(led)
+    assert isinstance(vehicle.turn(), FlyMission) and not led.finished
+
+
+def ready_for_mission(led: VehicleFollower) -> Vehicle:
+    vehicle = Vehicle(led)
+    assert isinstance(vehicle.turn(), FlyMission)
+    return vehicle
+
+
+def test_a_mission_that_fails_in_the_air_is_not_begun_again() -> None:
+    led = follower(whole=True)
+    fly_mission(led)
+    vehicle = ready_for_mission(led)
+    vehicle.state = FLYING
+    vehicle.turn()
+    assert vehicle.turn(status="failed", reason="no progress for 60 s") == Return()
+    assert led.lost == "failed: no progress for 60 s"
+
+
+def test_who_came_down_by_itself_does_not_take_off_again() -> None:
+    led = follower()
+    vehicle = Vehicle(led)
+    follow(led, 0, 1, 1)
+    vehicle.take_off()
+    assert isinstance(vehicle.orders[-1], GoTo)
+    vehicle.state = ON_GROUND
+    vehicle.turn(status="failed", reason="the vehicle is not in the air")
+    assert led.lost == "on the ground again before the end of the search"
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+
+
+def test_nothing_takes_off_for_a_search_that_is_gone() -> None:
+    led = follower()
+    vehicle = Vehicle(led)
+    follow(led, 0, 1, 1)
+    vehicle.clearance = Clearance(search_alive=False)
+    assert isinstance(vehicle.turn(), MakeReady)
+    assert vehicle.turn(status="done") is None
+    vehicle.clearance = Clearance()
+    assert vehicle.turn() == TakeOff(120.0)
+    vehicle.clearance = Clearance(search_alive=False)
+    # The take-off that has not begun is called off.
+    assert vehicle.turn(reason="arming") == MakeReady()
+
+
+EVENTS = [
+    "step", "over", "obey", "fail", "silent", "land", "pilot", "failsafe", "restart", "reset",
+    "clear", "withdraw", "hold", "return", "guided",
+]  # fmt: skip
+
+
+@given(st.lists(st.sampled_from(EVENTS), max_size=25), st.sampled_from(["false", "true"]))
+def test_a_vehicle_takes_off_once_for_each_clearance_whatever_happens(
+    events: list[str], arm: str
+) -> None:
+    led = follower(arm=arm)
+    vehicle = Vehicle(led)
+    stamp, over, mission, consents, take_offs = 0, False, 1, 1, 0
+    for event in events:
+        before = len(vehicle.orders)
+        if event in ("step", "over"):
+            stamp, over = stamp + 13, over or event == "over"
+            follow(led, stamp, stamp % 10, 5, over=over)
+        elif event == "obey" and vehicle.outcome.order is not None:
+            if vehicle.outcome.status == "under_way":
+                vehicle.obey()
+        elif event == "fail":
+            vehicle.now_s += RETRY_S
+            vehicle.turn(status="failed", reason="no progress")
+        elif event == "silent":
+            vehicle.fall_silent(31.0)
+            vehicle.speak()
+        elif event == "land":
+            vehicle.state = ON_GROUND
+        elif event in ("pilot", "failsafe") and vehicle.outcome.order is not None:
+            status = "taken_over" if event == "pilot" else "failsafe"
+            vehicle.state = replace(vehicle.state, mode="LOITER")
+            vehicle.turn(status=status, reason="in LOITER")
+        elif event == "guided":
+            vehicle.state = replace(vehicle.state, mode="GUIDED")
+        elif event == "restart":
+            record, leg = led.custody.record, led.leg
+            led = vehicle.follower = VehicleFollower(
+                ARDUPILOT, "return", 100.0, 30.0, arm="false", record=record
+            )
+            led.begin((7, mission), 120.0, FENCE, first=True)
+            consents += 1
+            vehicle.outcome = Outcome()
+            if leg is not None:
+                led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE))
+        elif event == "reset":
+            mission, over = mission + 1, False
+            led.begin((7, mission), 120.0, FENCE)
+        elif event == "clear":
+            led.custody.clear()
+            consents += 1
+        elif event == "withdraw":
+            led.custody.ground()
+        elif event in ("hold", "return"):
+            led.custody.operate(event)
+        vehicle.turn()
+        for order in vehicle.orders[before:]:
+            if isinstance(order, TakeOff) and not vehicle.state.flying:
+                assert not (over or led.lost)
+        lifted = [o for o in vehicle.orders[before:] if isinstance(o, TakeOff)]
+        # The same take-off may be called off, retried and given again.
+        take_offs += bool(lifted) and vehicle.state.flying
+    assert take_offs <= consents
+
+
+def test_a_take_off_that_has_not_begun_is_called_off_once_it_is_not_wanted() -> None:
+    def waiting() -> Vehicle:
+        vehicle = Vehicle(follower())
+        follow(vehicle.follower, 0, 1, 1)
+        assert vehicle.turn() == TakeOff(120.0)
+        return vehicle
+
+    crashed = waiting()
+    follow(crashed.follower, 13, 1, 1, over=True, crashed=True)
+    assert crashed.turn() is None
+    assert crashed.follower.custody.state is Custody.FREE
+    refused = waiting()
+    follow(refused.follower, 13, 19, 5)
+    assert refused.follower.refused and refused.turn() == MakeReady()
+    moved = waiting()
+    moved.state = replace(ON_GROUND, lat_deg=-35.0)
+    assert moved.turn() == MakeReady() and moved.follower.refused
+    moved.turn(status="done")
+    moved.state = ON_GROUND
+    assert moved.turn() == TakeOff(120.0)
+
+
+def test_a_leg_with_the_same_stamp_but_another_cell_is_of_another_search() -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 0, 1, 1)
+    vehicle.turn()
+    vehicle.obey()
+    follow(led, 0, 3, 3)
+    assert not led.arrived
+    assert vehicle.turn() == GoTo(*place(3, 3), 120.0, 10.0)
+
+
+def test_an_order_that_fails_is_given_again_and_then_the_vehicle_is_lost() -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    for _ in range(TRIES - 1):
+        vehicle.turn(status="failed", reason="no progress")
+        assert not led.lost
+        assert vehicle.turn() is None
+        vehicle.now_s += RETRY_S
+        assert isinstance(vehicle.turn(), GoTo)
+    assert vehicle.turn(status="failed", reason="no progress") == Return()
+    assert led.lost == "failed: no progress"
+
+
+def test_a_vehicle_that_is_never_connected_is_lost_in_the_end() -> None:
+    led = follower(join_timeout_s=3.0)
+    vehicle = Vehicle(led, VehicleState())
+    follow(led, 0, 0, 0)
+    vehicle.turn()
+    assert not led.lost
+    vehicle.now_s += 3.1
+    assert vehicle.turn() is None
+    assert led.lost == "no heartbeat within 3 s"
+
+
+def test_another_kind_of_vehicle_is_lost_at_once_and_gets_no_order() -> None:
+    led = follower()
+    problem = "HEARTBEAT.type must be a multicopter, got FIXED_WING"
+    vehicle = Vehicle(led, replace(ON_GROUND, problem=problem))
+    follow(led, 0, 1, 1)
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+    assert problem in (led.lost, led.blocked) and led.custody.clear() == problem
+    airborne = aloft()
+    airborne.state = replace(FLYING, problem=problem)
+    follow(airborne.follower, 0, 1, 1)
+    airborne.turn()
+    assert airborne.follower.lost == problem
+
+
+def test_what_is_wrong_with_the_link_is_reported_of_who_is_lost() -> None:
+    led = follower(join_timeout_s=3.0)
+    follow(led, 0, 0, 0)
+    for now_s in (0.0, 3.1):
+        led.advance(VehicleState(), Outcome(), now_s, "/dev/nope: No such file or directory")
+    assert led.lost == "no heartbeat within 3 s: /dev/nope: No such file or directory"
+
+
+@pytest.mark.parametrize(
+    ("state", "lost"),
+    [
+        (
+            VehicleState(connected=True, ready=True, mode="GUIDED"),
+            "no position within 3 s: unsigned",
+        ),
+        (replace(ON_GROUND, ready=False), "not ready within 3 s: PreArm: Compass not healthy"),
+        (
+            replace(ON_GROUND, lat_deg=-35.0),
+            "no take-off within 3 s: take-off: (-35.0000000, -45.9990000) is not allowed; "
+            "within 500 m of the search area",
+        ),
+    ],
+)
+def test_who_cannot_take_off_is_lost_after_the_join_timeout_once_with_the_reason(
+    state: VehicleState, lost: str
+) -> None:
+    led = follower(join_timeout_s=3.0)
+    follow(led, 0, 0, 0)
+    outcome = Outcome()
+    trouble = "unsigned" if not state.has_position else ""
+    for turn in range(40):
+        order = led.advance(state, outcome, 0.1 * turn, trouble)
+        if order is not None:
+            reason = "PreArm: Compass not healthy"
+            outcome = Outcome(order, outcome.number + 1, "under_way", reason)
+        if turn in (2, 29):
+            assert led.blocked and not led.lost
+    assert led.lost == lost and led.finished
+
+
+def test_somebody_who_may_arm_later_has_all_the_time_in_the_world() -> None:
+    led = follower(join_timeout_s=3.0, arm="false")
+    vehicle = Vehicle(led)
+    follow(led, 0, 0, 0)
+    assert vehicle.turn() == TakeOff(120.0, arm=False)
+    vehicle.now_s += 1000.0
+    vehicle.turn(reason="waiting for somebody to arm it")
+    assert not led.lost and not led.blocked
+    vehicle.obey()
+    assert isinstance(vehicle.orders[-1], GoTo)
+
+
+def test_a_held_vehicle_goes_on_with_the_next_step() -> None:
+    vehicle = aloft()
+    led = vehicle.follower
+    follow(led, 13, 1, 1)
+    vehicle.turn()
+    vehicle.obey()
+    led.hold()
+    assert vehicle.turn() == Hold()
+    assert led.waiting and led.arrived
+    follow(led, 26, 1, 2)
+    assert isinstance(vehicle.turn(), GoTo)
+
+
+@pytest.mark.parametrize(
+    ("cell", "changes", "code"),
+    [((15, 5), {}, "outside_fence"), ((5, 5), {"altitude": 200.0}, "altitude")],
+)
+def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
+    cell: tuple[int, int], changes: dict[str, float], code: str
+) -> None:
+    frame = replace(FRAME, alt_m=changes.get("altitude", 120.0))
+    leg = Leg(13, cell)
+    task = leg_task(leg, frame, SETTINGS, FENCE)
+    assert isinstance(task, Rejected) and task.code == code
+    vehicle = aloft()
+    led = vehicle.follower
+    led.follow(leg, task)
+    assert vehicle.turn() == Hold()
+    assert led.refused == task.reason and not led.lost and not led.arrived
+    follow(led, 26, 5, 5)
+    assert isinstance(vehicle.turn(), GoTo) and not led.refused
+
+
+def test_a_search_below_the_fence_is_refused() -> None:
+    settings = replace(SETTINGS, search_altitude=5.0)
+    task = leg_task(Leg(13, (5, 5), searched=True), FRAME, settings, FENCE)
+    assert isinstance(task, Rejected) and task.code == "altitude"
+    assert isinstance(leg_task(Leg(13, (5, 5)), FRAME, settings, FENCE), Accepted)
+
+
+def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> None:
+    led = follower()
+    vehicle = Vehicle(led, replace(ON_GROUND, lat_deg=-35.0, lon_deg=149.0))
+    follow(led, 0, 0, 0)
+    for _ in range(3):
+        vehicle.turn(status="done")
+    assert led.refused.startswith("take-off: ") and not led.lost
+    vehicle.state = VehicleState(connected=True, ready=True, mode="GUIDED")
+    assert vehicle.turn() is None
+    assert TakeOff(120.0) not in vehicle.orders
+    vehicle.state = ON_GROUND
+    assert vehicle.turn() == TakeOff(120.0)
+    assert not led.refused
+
+
+def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
+    led = follower(whole=True)
+    mission = fly_mission(led)
+    vehicle = ready_for_mission(led)
+    assert vehicle.orders[-1] == mission
+    vehicle.state = FLYING
+    assert vehicle.turn() is None
+    vehicle.obey()
+    assert led.arrived_stamp_ns == 13 and vehicle.turn() is None
+    assert led.finished and not led.lost
+
+
+def test_a_mission_that_holds_over_home_is_landed_from_there_when_the_others_allow() -> None:
+    led = follower(whole=True)
+    mission = fly_mission(led, holds=True)
+    vehicle = ready_for_mission(led)
+    vehicle.state = replace(FLYING, item_current=mission.hold_item, lat_deg=-23.99)
+    # On its way there.
+    assert vehicle.turn() is None and not led.arrived
+    vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
+    vehicle.state = replace(vehicle.state, lat_deg=-23.999)
+    assert vehicle.turn() is None and led.arrived
+    vehicle.clearance = Clearance()
+    assert vehicle.turn() == Return()
+    vehicle.obey()
+    assert led.finished and not led.lost and led.custody.state is Custody.GROUNDED
+
+
+def test_a_mission_whose_vehicle_is_down_but_armed_is_let_end_by_itself() -> None:
+    led = follower(whole=True)
+    fly_mission(led)
+    vehicle = ready_for_mission(led)
+    vehicle.state = FLYING
+    vehicle.turn()
+    vehicle.state = replace(ON_GROUND, armed=True)
+    assert vehicle.turn() is None and not led.finished
+    vehicle.state = ON_GROUND
+    vehicle.turn(status="done")
+    assert led.arrived and led.finished and len(vehicle.orders) == 1
+
+
+def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> None:
+    led = follower(whole=True, join_timeout_s=3.0)
+    vehicle = Vehicle(led)
+    leg = Leg(13, (1, 9), over=True)
+    led.follow(leg, None)
+    vehicle.turn()
+    assert led.blocked == "no home position" and not led.has_task
+    fly_mission(led)
+    assert isinstance(vehicle.turn(status="done"), FlyMission) and not led.blocked
+    other = follower(whole=True, join_timeout_s=3.0)
+    other.follow(leg, None)
+    for now_s in (0.0, 3.1):
+        other.advance(ON_GROUND, Outcome(), now_s)
+    assert other.lost == "no home position within 3 s"
+
+
+def test_an_order_that_would_fail_again_is_given_once() -> None:
+    led = follower()
+    vehicle = Vehicle(led)
+    follow(led, 0, 3, 4)
+    assert vehicle.turn() == TakeOff(120.0)
+    vehicle.turn(status="failed", reason="taking off: UNSUPPORTED", final=True)
+    assert led.lost == "failed: taking off: UNSUPPORTED"
+    assert vehicle.orders.count(TakeOff(120.0)) == 1
+
+
+@pytest.mark.parametrize("where", [{}, {"lat_deg": math.nan, "lon_deg": math.nan}])
+def test_what_a_vehicle_reports_of_its_checks_is_why_it_cannot_take_off(where: Any) -> None:
+    led = follower()
+    complaints = (("PreArm: GPS 1: Bad fix", 0.0),)
+    vehicle = Vehicle(led, replace(ON_GROUND, ready=False, _complaints=complaints, **where))
+    follow(led, 0, 3, 4)
+    vehicle.turn()
+    vehicle.turn(reason="")
+    assert led.blocked.startswith("no position" if where else "not ready")
+    if where:
+        assert led.blocked == "no position: PreArm: GPS 1: Bad fix"

@@ -1,0 +1,374 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A fleet controller, simulated autopilots and searches, without sockets and real time."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from autopilot.local_frame import Place
+from numpy.typing import NDArray
+from virtual_flight import STEP_S, VirtualFlight
+
+from dsse_ros.bridge.fleet_controller import FleetController
+from dsse_ros.bridge.settings import BridgeSettings
+from dsse_ros.bridge.vehicle_custody import FlightRecord
+from dsse_ros.flight.mavlink_messages import StatusText
+from dsse_ros.flight.vehicle_controller import Order, Outcome
+from dsse_ros.flight.vehicle_state import VehicleState
+from msg_adapters.agents import AgentsInfo, Origin
+from msg_adapters.frames import GridFrame
+from msg_adapters.geodesy import map_to_geodetic
+from msg_adapters.mission_report import MISSION_REPORT_DTYPE
+from msg_adapters.step_report import step_report_dtype
+
+ACTIONS = ("left", "right", "up", "down", "search")
+MOVES = ((-1, 0), (1, 0), (0, -1), (0, 1), (0, 0))
+SEARCH = 4
+FRAME = GridFrame(4, 60.0, -24.04, -46.17, 0.0, 60.0)
+TURN_STEPS = 2
+
+
+class Records(dict[int, FlightRecord]):
+    """Records that outlive the programs of a test; of others there is one that says nothing."""
+
+    def __missing__(self, system_id: int) -> FlightRecord:
+        return FlightRecord()
+
+    def update(self, records: Any) -> None:
+        """Keep them."""
+        super().update(records)
+
+
+class VirtualSearch:
+    """What a simulation that waits for its vehicles publishes.
+
+    Args:
+        run_id: Of the simulation.
+        cells: Where the drones start.
+        frame: Where the grid lies.
+        seed: Of the moves.
+
+    Attributes:
+        cells: Where the drones are.
+        over: Whether the mission is.
+    """
+
+    def __init__(
+        self,
+        run_id: int,
+        cells: Sequence[tuple[int, int]],
+        frame: GridFrame = FRAME,
+        seed: int = 0,
+    ) -> None:
+        self.run_id, self.frame = run_id, frame
+        self._starts = list(cells)
+        self._random = random.Random(seed)
+        self.mission = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Start another mission."""
+        self.mission += 1
+        self.step, self.over, self.commanded = 0, False, True
+        self.cells = list(self._starts)
+        self.terminated = [False] * len(self.cells)
+        self._reports = [self.report()]
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the last step."""
+        return self.step * 10**9
+
+    def agents(self) -> AgentsInfo:
+        """Return what `agents` says."""
+        frame = self.frame
+        return AgentsInfo(
+            agents=tuple(f"drone{i}" for i in range(len(self.cells))),
+            actions=ACTIONS,
+            rules="paper",
+            seed=0,
+            grid_size=frame.grid_size,
+            cell_size_m=frame.cell_size_m,
+            timestep_limit=1000,
+            step_duration_s=1.0,
+            map_frame="map",
+            frame_prefix="",
+            origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, 0.0),
+            alt_m=frame.alt_m,
+            mission=self.mission,
+            run_id=self.run_id,
+            commanded=self.commanded,
+        )
+
+    def report(self, actions: Sequence[int] | None = None) -> NDArray[Any]:
+        """Return what `step_report` says."""
+        made = np.zeros(len(self.cells), step_report_dtype(len(ACTIONS)))
+        made["run_id"], made["mission"], made["step"] = self.run_id, self.mission, self.step
+        made["col"], made["row"] = np.array(self.cells).T
+        made["action"] = -1 if actions is None else actions
+        made["terminated"] = self.terminated
+        made["truncated"] = self.over
+        return made
+
+    @property
+    def last(self) -> NDArray[Any]:
+        """The last report."""
+        return self._reports[-1]
+
+    def mission_report(self) -> NDArray[Any]:
+        """Return what `mission_report` says."""
+        made = np.zeros((len(self._reports), len(self.cells)), MISSION_REPORT_DTYPE)
+        for name in ("run_id", "mission", "step", "col", "row", "action"):
+            made[name] = np.stack([one[name] for one in self._reports])
+        return made
+
+    def lose(self, drone: int) -> None:
+        """Go on without a drone."""
+        self.terminated[drone] = True
+        self.over = self.over or all(self.terminated)
+        self._reports[-1] = self.report(self._reports[-1]["action"].tolist())
+
+    def advance(self, actions: Sequence[int] | None = None) -> None:
+        """Do a step, with random actions that stay on the grid."""
+        chosen = list(actions or [])
+        size = self.frame.grid_size
+        for i, (col, row) in enumerate(self.cells):
+            allowed = [
+                a for a, (dx, dy) in enumerate(MOVES)
+                if 0 <= col + dx < size and 0 <= row + dy < size
+            ]  # fmt: skip
+            if actions is None:
+                chosen.append(self._random.choice(allowed))
+            if not self.terminated[i]:
+                dx, dy = MOVES[chosen[i]]
+                self.cells[i] = (col + dx, row + dy)
+        self.step += 1
+        self._reports.append(self.report(chosen))
+
+    def end(self) -> None:
+        """Be over."""
+        self.over = True
+        self._reports[-1] = self.report(self._reports[-1]["action"].tolist())
+
+
+class VirtualVehicle:
+    """A vehicle as a fleet controller has it."""
+
+    def __init__(self, flight: VirtualFlight, system_id: int) -> None:
+        self.flight, self.system_id, self.trouble = flight, system_id, ""
+
+    @property
+    def state(self) -> VehicleState:
+        """What it reports."""
+        return self.flight.state
+
+    @property
+    def outcome(self) -> Outcome:
+        """What has become of its order."""
+        return self.flight.outcome
+
+    def give(self, order: Order, authority: int = 0) -> int:
+        """Give an order."""
+        self.flight.give(order, authority)
+        return self.outcome.number
+
+    def cancel(self) -> int:
+        """Drop the order."""
+        self.flight._send(self.flight.controller.cancel(self.flight.now))
+        return self.outcome.number
+
+    def take_texts(self) -> list[StatusText]:
+        """Return none: nobody reads them."""
+        return []
+
+
+class VirtualFleet:
+    """Vehicles, the program that flies them, and the simulations that they may follow.
+
+    Args:
+        vehicles: How many.
+        autopilot: Which autopilots they have.
+        homes_m: Where they stand, east and north of the grid's corner; 20 m apart by default.
+        vehicle: Fields of the vehicles' `Settings`, also by vehicle.
+        frame: Where the grid lies.
+        seed: Of links and vehicles.
+        settings: Fields of `BridgeSettings`.
+
+    Attributes:
+        flights: Links, controllers and vehicles.
+        controller: The fleet controller.
+        searches: The simulations that are there.
+        log: Lines of the program.
+    """
+
+    def __init__(
+        self,
+        vehicles: int = 1,
+        autopilot: str = "ardupilot",
+        *,
+        homes_m: Sequence[tuple[float, float]] | None = None,
+        vehicle: Mapping[str, Any] | None = None,
+        frame: GridFrame = FRAME,
+        seed: int = 0,
+        **settings: Any,
+    ) -> None:
+        homes_m = homes_m or [(20.0 + 20.0 * i, 20.0) for i in range(vehicles)]
+        options = {"arm": "true", "autopilot": autopilot, "num_vehicles": vehicles}
+        self.settings = BridgeSettings(**{**options, **settings})
+        self.frame = frame
+        self.flights = [
+            VirtualFlight(
+                autopilot,
+                seed=seed + i,
+                delay_s=0.05,
+                vehicle={
+                    "home": Place(*map_to_geodetic(frame, *home, 0.0)),
+                    "ready_s": 3.0,
+                    **(vehicle or {}),
+                },
+            )
+            for i, home in enumerate(homes_m)
+        ]  # fmt: skip
+        self.records = Records()
+        self.searches: list[VirtualSearch] = []
+        self.log: list[str] = []
+        self.steps = 0
+        self.start()
+
+    # Programs
+
+    def start(self) -> None:
+        """Start the program, again if there is one."""
+        vehicles = []
+        for i, flight in enumerate(self.flights):
+            flight.restart()
+            vehicles.append(VirtualVehicle(flight, i + 1))
+        self.controller = FleetController(
+            self.settings,
+            vehicles,
+            self.records,  # type: ignore[arg-type]
+            lambda level, text: self.log.append(f"{level}: {text}"),
+        )
+        for search in self.searches:
+            self.publish(search)
+
+    def simulate(
+        self, run_id: int, cells: Sequence[tuple[int, int]] | None = None, **options: Any
+    ) -> VirtualSearch:
+        """Start a simulation."""
+        starts = cells or [(i % self.frame.grid_size, 3) for i in range(len(self.flights))]
+        search = VirtualSearch(run_id, starts, options.pop("frame", self.frame), **options)
+        self.searches.append(search)
+        self.publish(search)
+        return search
+
+    def end(self, search: VirtualSearch) -> None:
+        """End a simulation."""
+        self.searches.remove(search)
+
+    def publish(self, search: VirtualSearch) -> None:
+        """Publish all that a late listener gets of a simulation."""
+        controller, now_s = self.controller, self.now
+        controller.take_agents(search.agents(), now_s)
+        controller.take_report(search.stamp_ns, search.last, now_s)
+        if search.over:
+            controller.take_mission_report(search.stamp_ns, search.mission_report(), now_s)
+
+    # Time
+
+    @property
+    def now(self) -> float:
+        """The time of all."""
+        return self.flights[0].now
+
+    def step(self) -> None:
+        """Let a moment pass."""
+        for flight in self.flights:
+            flight.step()
+        self.steps += 1
+        if self.steps % TURN_STEPS == 0:
+            if self.controller.set_publishers(len(self.searches)):
+                for search in self.searches:
+                    self.controller.take_agents(search.agents(), self.now)
+            self.controller.turn(self.now)
+            self._simulate()
+
+    def _simulate(self) -> None:
+        """Do what simulations do that wait for their vehicles."""
+        for search in self.searches:
+            info = self.controller.search.info
+            if info is None or (info.run_id, info.mission) != (search.run_id, search.mission):
+                continue
+            followers = self.controller.followers
+            lost = [i for i, one in enumerate(followers) if one.lost and not search.terminated[i]]
+            for i in lost:
+                search.lose(i)
+            if lost:
+                self.publish(search)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass."""
+        for _ in range(math.ceil(seconds / STEP_S)):
+            self.step()
+
+    def until(self, condition: Any, limit_s: float = 600.0) -> None:
+        """Let time pass until something is true."""
+        end_s = self.now + limit_s
+        while not condition():
+            assert self.now < end_s, f"not within {limit_s:g} s: {self.shown()}\n" + "\n".join(
+                self.log[-20:]
+            )
+            self.step()
+
+    def arrived(self, search: VirtualSearch) -> bool:
+        """Whether all vehicles have done the last step."""
+        return all(
+            one.arrived_stamp_ns == search.stamp_ns or search.terminated[i]
+            for i, one in enumerate(self.controller.followers)
+        )
+
+    def fly(self, search: VirtualSearch, steps: int, actions: Sequence[int] | None = None) -> None:
+        """Do steps of the search, each once the vehicles have done the one before."""
+        for _ in range(steps):
+            self.until(lambda: self.arrived(search))
+            search.advance(actions)
+            self.publish(search)
+
+    def finish(self, search: VirtualSearch) -> None:
+        """End the mission of a search."""
+        search.end()
+        self.publish(search)
+
+    def shown(self) -> str:
+        """Return what is known of the vehicles."""
+        return "; ".join(
+            f"{name}: {one.custody.state.value} {one.lost!r} {one.blocked!r} "
+            f"{flight.vehicle.mode.name} {flight.vehicle.craft.up_m:.1f} m {flight.outcome}"
+            for name, one, flight in zip(
+                self.controller.names, self.controller.followers, self.flights, strict=True
+            )
+        )
+
+    def custody(self, i: int = 0) -> str:
+        """Return who has a vehicle."""
+        return self.controller.followers[i].custody.state.value
+
+    def down(self) -> bool:
+        """Whether all vehicles stand on the ground, disarmed."""
+        return all(not one.vehicle.armed and one.vehicle.landed for one in self.flights)
+
+
+def pilots_mode(flight: VirtualFlight) -> str:
+    """Return a mode that only a pilot sets."""
+    return "POSCTL" if flight.vehicle.settings.autopilot == "px4" else "LOITER"
+
+
+def with_settings(fleet: VirtualFleet, **changes: Any) -> None:
+    """Change the parameters that the next program is started with."""
+    fleet.settings = replace(fleet.settings, **changes)
