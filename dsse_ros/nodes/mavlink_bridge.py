@@ -37,6 +37,8 @@ from msg_adapters.step_report import step_report_from_message
 TURN_S = 0.1
 """Wall time between looks at the vehicles."""
 DIAGNOSTICS_S = 1.0
+ALT_TOLERANCE_M = 1.0
+"""Of several vehicles none leaves its place before it is as near as that to its layer."""
 _ALWAYS = (
     "arm:=always: vehicles are armed and take off for EVERY search, whoever starts it. "
     "For simulations only"
@@ -233,6 +235,7 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
                     own_system_id=settings.own_system_id,
                     autopilot=settings.autopilot,
                     speed_mps=settings.speed,
+                    alt_tolerance_m=ALT_TOLERANCE_M if settings.vehicles > 1 else 3.0,
                     setpoint_hz=settings.setpoint_rate,
                     link_timeout_s=settings.link_timeout,
                     recovery_alt_m=settings.min_altitude,

@@ -227,6 +227,7 @@ class VirtualFleet:
                 autopilot,
                 seed=seed + i,
                 delay_s=0.05,
+                alt_tolerance_m=1.0 if vehicles > 1 else 3.0,
                 vehicle={
                     "home": Place(*map_to_geodetic(frame, *home, 0.0)),
                     "ready_s": 3.0,

@@ -1,0 +1,239 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Vehicles of a search keep apart, from the first take-off to the last landing."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from virtual_fleet import FRAME, SEARCH, VirtualFleet, VirtualSearch
+
+from dsse_ros.bridge.airspace import Flyer, admit
+from dsse_ros.flight.orders import GoTo, Hold, Land, Order, Return, Search, TakeOff
+from dsse_ros.flight.vehicle_state import VehicleState
+from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.geodesy import map_to_geodetic
+from msg_adapters.separation import separation_m
+
+# To find a shorter one that fails takes too many flights.
+AS_DRAWN = (Phase.explicit, Phase.reuse, Phase.generate)
+GAP_M = 3.0
+"""Difference in altitude that layers of 5 m leave at least while vehicles fly."""
+SLACK_M = 6.0
+"""How far two vehicles may be off their lines together."""
+
+
+class Watch:
+    """Looks at how near the vehicles of a fleet come to each other."""
+
+    def __init__(self, fleet: VirtualFleet) -> None:
+        self.fleet = fleet
+        self.nearest: dict[tuple[int, int], tuple[float, float, float]] = {}
+        self.limit_m = separation_m(fleet.frame) - SLACK_M
+        self.homes = [one.vehicle.frame.home for one in fleet.flights]
+
+    def places(self) -> list[tuple[float, float, float]]:
+        """Return where the vehicles are, in metres about the first home."""
+        found = []
+        for home, flight in zip(self.homes, self.fleet.flights, strict=True):
+            craft, first = flight.vehicle.craft, self.homes[0]
+            north_m = (home.lat_deg - first.lat_deg) * 110_769.0
+            east_m = (home.lon_deg - first.lon_deg) * 111_320.0 * math.cos(math.radians(24.04))
+            found.append((craft.north_m + north_m, craft.east_m + east_m, craft.up_m))
+        return found
+
+    def look(self) -> None:
+        """Compare all pairs that fly."""
+        places = self.places()
+        for i, j in itertools.combinations(range(len(places)), 2):
+            if any(self.fleet.flights[k].vehicle.landed for k in (i, j)):
+                continue
+            apart_m = math.dist(places[i][:2], places[j][:2])
+            gap_m = abs(places[i][2] - places[j][2])
+            homes_m = self.homes_apart_m(i, j)
+            limit_m = min(self.limit_m, homes_m - 2.0)
+            assert apart_m >= limit_m or gap_m >= GAP_M, (
+                f"{i} and {j}: {apart_m:.1f} m and {gap_m:.1f} m apart at {self.fleet.now:.1f} s, "
+                f"{places}: {self.fleet.shown()}\n" + "\n".join(self.fleet.log[-30:])
+            )
+
+    def homes_apart_m(self, i: int, j: int) -> float:
+        """Return how far apart two vehicles stand."""
+        a, b = self.homes[i], self.homes[j]
+        east_m = (a.lon_deg - b.lon_deg) * 111_320.0 * math.cos(math.radians(24.04))
+        return math.hypot((a.lat_deg - b.lat_deg) * 110_769.0, east_m)
+
+
+def watched(fleet: VirtualFleet) -> Watch:
+    """Have each step of a fleet be watched."""
+    watch, step = Watch(fleet), fleet.step
+
+    def both() -> None:
+        step()
+        watch.look()
+
+    fleet.step = both  # type: ignore[method-assign]
+    return watch
+
+
+HOMES = st.lists(
+    st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size=4, max_size=4, unique=True
+).map(lambda places: [(10.0 + 18.0 * x, 10.0 + 18.0 * y) for x, y in places])
+CELLS = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=4, max_size=4)
+
+
+def play(search: VirtualSearch, steps: int, actions: Any) -> None:
+    """Move the drones without vehicles, into one cell too."""
+    for _ in range(steps):
+        search.advance(actions())
+
+
+@pytest.mark.slow
+@settings(max_examples=6, phases=AS_DRAWN)
+@given(
+    autopilot=st.sampled_from(["ardupilot", "px4"]),
+    homes=HOMES,
+    cells=CELLS,
+    seed=st.integers(0, 2**32),
+    data=st.data(),
+)
+def test_vehicles_that_follow_steps_keep_apart(
+    autopilot: str,
+    homes: list[tuple[float, float]],
+    cells: list[tuple[int, int]],
+    seed: int,
+    data: st.DataObject,
+) -> None:
+    fleet = VirtualFleet(4, autopilot, homes_m=homes, seed=seed, search_altitude=15.0)
+    watched(fleet)
+    search = fleet.simulate(7, cells, seed=seed)
+    ending = data.draw(st.integers(3, 8))
+    for step in range(ending):
+        fleet.until(lambda: fleet.arrived(search), 2000.0)
+        # One whose search ends early flies home among the others.
+        if step == ending // 2:
+            search.lose(data.draw(st.integers(0, 3)))
+        search.advance()
+        fleet.publish(search)
+    fleet.until(lambda: fleet.arrived(search), 2000.0)
+    fleet.finish(search)
+    fleet.until(fleet.down, 2000.0)
+    fleet.wait(2.0)
+    assert fleet.controller.finished
+
+
+@pytest.mark.slow
+@settings(max_examples=6, phases=AS_DRAWN)
+@given(
+    autopilot=st.sampled_from(["ardupilot", "px4"]),
+    homes=HOMES,
+    cells=CELLS,
+    seed=st.integers(0, 2**32),
+    steps=st.integers(1, 12),
+)
+def test_vehicles_on_missions_keep_apart(
+    autopilot: str,
+    homes: list[tuple[float, float]],
+    cells: list[tuple[int, int]],
+    seed: int,
+    steps: int,
+) -> None:
+    fleet = VirtualFleet(
+        4, autopilot, homes_m=homes, seed=seed, mode="mission", search_altitude=15.0
+    )
+    watched(fleet)
+    search = fleet.simulate(7, cells, seed=seed)
+    for _ in range(steps):
+        search.advance()
+    fleet.finish(search)
+    fleet.until(lambda: fleet.controller.finished, 4000.0)
+    assert fleet.down()
+    assert not any(one.lost for one in fleet.controller.followers)
+
+
+def flyer(
+    name: str,
+    place: tuple[float, float],
+    alt_m: float,
+    order: Order | None = None,
+    *,
+    layer_m: float = 0.0,
+    flying: bool = True,
+) -> Flyer:
+    lat_deg, lon_deg, _ = map_to_geodetic(FRAME, *place, 0.0)
+    state = VehicleState(
+        connected=True, flying=flying, armed=flying, lat_deg=lat_deg, lon_deg=lon_deg,
+        alt_m=alt_m, home=(lat_deg + (0.0 if name == "drone0" else 0.01), lon_deg, 0.0),
+    )  # fmt: skip
+    return Flyer(name, state, order, replace(FRAME, alt_m=layer_m or alt_m))
+
+
+def to(kind: type[GoTo] | type[Search], cell: tuple[int, int], alt_m: float) -> Order:
+    lat_deg, lon_deg, _ = map_to_geodetic(FRAME, *cell_to_map(FRAME, *cell), 0.0)
+    if kind is GoTo:
+        return GoTo(lat_deg, lon_deg, alt_m, 10.0)
+    return Search(lat_deg, lon_deg, alt_m, 15.0, 5.0, 10.0)
+
+
+def at(*cell: int) -> tuple[float, float]:
+    return cell_to_map(FRAME, *cell)
+
+
+def test_over_a_cell_where_a_lower_one_stays_it_is_searched_from_the_layer() -> None:
+    high = flyer("drone0", at(1, 1), 60.0)
+    search = to(Search, (1, 1), 60.0)
+    low = flyer("drone1", at(1, 1), 55.0)
+    assert admit(search, high, [low]) == replace(search, search_alt_m=60.0)  # type: ignore[type-var]
+    assert admit(search, high, [flyer("drone1", at(2, 1), 55.0)]) == search
+    # The lower one searches below.
+    below = to(Search, (1, 1), 55.0)
+    assert admit(below, low, [high]) == below
+
+
+def test_a_search_waits_for_one_that_passes_and_one_that_passes_for_a_search() -> None:
+    high, search = flyer("drone0", at(1, 1), 60.0), to(Search, (1, 1), 60.0)
+    passing = flyer("drone1", at(0, 1), 55.0, to(GoTo, (3, 1), 55.0))
+    waits = "waiting for {} to be out of the way"
+    assert admit(search, high, [passing]) == waits.format("drone1")
+    searching = flyer("drone0", at(1, 1), 30.0, search, layer_m=60.0)
+    assert admit(passing.order, replace(passing, order=None), [searching]) == (
+        waits.format("drone0")
+    )
+    beside = to(GoTo, (0, 3), 55.0)
+    assert admit(beside, replace(passing, order=None), [searching]) == beside
+
+
+@pytest.mark.parametrize("order", [Return(), Land()])
+def test_who_comes_down_waits_for_those_below_and_not_for_those_above(order: Order) -> None:
+    high, low = flyer("drone0", at(1, 1), 60.0), flyer("drone1", at(1, 1), 55.0)
+    assert isinstance(admit(order, high, [low]), str)
+    assert admit(order, low, [high]) == order
+
+
+def test_nobody_takes_off_through_one_that_is_there() -> None:
+    ground = flyer("drone0", at(1, 1), 0.0, flying=False, layer_m=60.0)
+    assert isinstance(admit(TakeOff(60.0), ground, [flyer("drone1", at(1, 1), 55.0)]), str)
+    assert admit(TakeOff(60.0), ground, [flyer("drone1", at(2, 1), 55.0)]) == TakeOff(60.0)
+    assert admit(TakeOff(60.0), ground, [flyer("drone1", at(1, 1), 65.0)]) == TakeOff(60.0)
+
+
+def test_at_one_altitude_nothing_keeps_vehicles_apart_and_nothing_waits() -> None:
+    here, there = flyer("drone0", at(1, 1), 60.0), flyer("drone1", at(1, 1), 60.0)
+    for order in (to(Search, (1, 1), 60.0), Return(), Hold()):
+        assert admit(order, here, [there]) == order
+
+
+def test_neighbouring_cells_are_far_enough_apart() -> None:
+    for cell_m in (5.0, 20.0, 60.0, 130.0, 1000.0):
+        frame = GridFrame(4, cell_m, -24.0, -46.0, 0.0, 60.0)
+        assert separation_m(frame) <= cell_m / 2 and separation_m(frame) <= 30.0
+
+
+def test_the_search_is_an_action_of_the_simulations_here() -> None:
+    assert VirtualSearch(1, [(0, 0)]).agents().actions[SEARCH] == "search"
