@@ -85,6 +85,7 @@ NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
     Custody.FREE: {
         Event.CLEAR: Custody.CLEARED,
         Event.DOWN: Custody.GROUNDED,
+        Event.TAKE_OVER: Custody.TAKEN,
         **_ON_THE_GROUND,
     },
     Custody.CLEARED: {
@@ -116,7 +117,11 @@ NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
         Event.RELEASE: Custody.RELEASED,
         Event.DOWN: Custody.GROUNDED,
     },
-    Custody.GROUNDED: {Event.CLEAR: Custody.CLEARED, **_ON_THE_GROUND},
+    Custody.GROUNDED: {
+        Event.CLEAR: Custody.CLEARED,
+        Event.TAKE_OVER: Custody.TAKEN,
+        **_ON_THE_GROUND,
+    },
 }
 """State and event to the next state."""
 

@@ -15,7 +15,7 @@ from typing import Any, Literal, Protocol, TypeVar, cast
 from numpy.typing import NDArray
 
 from dsse_ros.bridge.airspace import Flyer, admit
-from dsse_ros.bridge.custody import AIRBORNE, Custody
+from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
 from dsse_ros.bridge.flight_records import FlightRecords
 from dsse_ros.bridge.followed_search import FollowedSearch, News
@@ -35,6 +35,7 @@ QUIET_S = 0.5
 _DRAINED_S = 10.0
 """Wall time after which the last report counts, however many come."""
 _RISEN_M = 3.0
+_NOT_ENDED = ("under_way", "silent", "done", "failed")
 
 Level = Literal["debug", "info", "warning", "error"]
 Log = Callable[[Level, str], None]
@@ -195,6 +196,8 @@ class FleetController:
             assert search.info is not None
             if news is News.BEGUN:
                 self._begin(search.info, now_s)
+                for _, follower, vehicle in self._each():
+                    self._call_off(follower, vehicle)
             elif news is News.STEP and self._drained:
                 self._follow()
 
@@ -274,25 +277,24 @@ class FleetController:
         self, drone: int | None, what: str, act: Callable[[VehicleCustody], str]
     ) -> tuple[bool, str]:
         done, refused = [], []
-        for i, (name, follower, vehicle) in enumerate(self._each()):
+        for i, (name, follower, _) in enumerate(self._each()):
             if drone in (None, i):
-                before = follower.custody.state
                 why = act(follower.custody)
-                self._call_off(before, follower, vehicle)
+                self._serve(i, self._now_s)
                 if why:
                     refused.append(f"{name}: {why}")
                 else:
                     done.append(name)
-        self._keep_records()
         text = "; ".join([*([f"{what}: {', '.join(done)}"] if done else []), *refused])
         self._log("warning", f"operator: {text}")
         return bool(done), text
 
-    def _call_off(self, before: Custody, follower: VehicleFollower, vehicle: FlownVehicle) -> None:
-        """Drop an order to a vehicle on the ground that is not allowed any more."""
-        now = follower.custody.state
-        stays = before is Custody.CLEARED and now is not before and now not in AIRBORNE
-        if stays and vehicle.outcome.order is not None:
+    def _call_off(self, follower: VehicleFollower, vehicle: FlownVehicle) -> None:
+        """Drop an order that is not allowed any more."""
+        custody, outcome = follower.custody.state, vehicle.outcome
+        # What is done may go on as a stream of setpoints; on the ground it is just done.
+        ends = ("under_way", "silent") if custody is Custody.GROUNDED else _NOT_ENDED
+        if not MAY_ORDER[custody] and outcome.order is not None and outcome.status in ends:
             vehicle.cancel()
 
     # Time
@@ -307,16 +309,21 @@ class FleetController:
                 self._follow()
         if self.search.tracks is not None and self.plan is not None and not self._missions:
             self._plan_missions(self.plan)
-        for i, (_, follower, vehicle) in enumerate(self._each()):
-            before = follower.custody.state
-            order = self._isolated(i, self._next_order, i, now_s)
-            self._isolated(i, self._call_off, before, follower, vehicle)
-            self._log_news(i, before)
-            # Known to a bridge that is started again before it shows in any message.
-            self._keep_records()
-            if order is not None:
-                self._isolated(i, self._give, i, vehicle, order)
+        for i in range(len(self.followers)):
+            self._serve(i, now_s)
         self._watch_planner(now_s)
+
+    def _serve(self, i: int, now_s: float) -> None:
+        """Give a vehicle the order that is due, if there is one."""
+        follower, vehicle = self.followers[i], self._vehicles[i]
+        before = follower.custody.state
+        order = self._isolated(i, self._next_order, i, now_s)
+        self._isolated(i, self._call_off, follower, vehicle)
+        self._log_news(i, before)
+        # Known to a bridge that is started again before it shows in any message.
+        self._keep_records()
+        if order is not None:
+            self._isolated(i, self._give, i, vehicle, order)
 
     def _isolated(self, i: int, act: Callable[..., T], *arguments: object) -> T | None:
         """Do something about one vehicle; where that goes wrong, the others are flown on."""

@@ -134,7 +134,7 @@ def _parse(values: Mapping[str, Any]) -> FlightRecord:
         flown=_flag(values["flown"]),
         lost=_text(values["lost"]),
         arm=_flag(values["arm"]),
-        any_mode=_flag(values["any_mode"]),
+        modes=tuple(_text(mode) for mode in values["modes"]),
         end=_text(values["end"]),
     )
 

@@ -8,7 +8,7 @@ the `FlightRecord`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -33,7 +33,7 @@ class FlightRecord:
         flown: Whether it has been in the air for that search.
         lost: Why it does not follow its drone in that search any more; empty if it does.
         arm: While it is cleared, whether it may be armed by us.
-        any_mode: While it is cleared, whether its mode may be changed whoever has set it.
+        modes: While it is cleared, modes that may be changed on the ground: see `TakeOff`.
         end: While it is recalled, `return` or `land`.
     """
 
@@ -42,11 +42,15 @@ class FlightRecord:
     flown: bool = False
     lost: str = ""
     arm: bool = False
-    any_mode: bool = False
+    modes: tuple[str, ...] = ()
     end: str = ""
 
 
 _ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
+CONTINUES = ("", "offboard", "radio", "gcs")
+"""Failsafes after which an autopilot that stays in our mode goes on, or is brought back to it."""
+FOREIGN_S = 5.0
+"""How long a vehicle without an order may be in a mode that is not one of its state."""
 
 
 class VehicleCustody:
@@ -88,6 +92,7 @@ class VehicleCustody:
         self._automatic = False
         # Numbers of the last outcome, and of that at the latest clearance.
         self._number = self._cleared_number = 0
+        self._foreign_since_s: float | None = None
 
     @property
     def state(self) -> Custody:
@@ -186,14 +191,15 @@ class VehicleCustody:
                 return "coming down: clear it once it is down"
             self.lose(self.holder)
             return f"in the air, {self.holder}: clear it once it is down"
-        self._clear(arm=True, any_mode=True)
+        # The person has seen in which mode it is.
+        self._clear(arm=True, modes=(seen.mode,))
         return ""
 
-    def _clear(self, *, arm: bool, any_mode: bool) -> None:
+    def _clear(self, *, arm: bool, modes: Iterable[str] = ()) -> None:
         self.on(Event.CLEAR)
         # Of a search that is over for it, the next one is meant.
         search = None if self.over else self.search
-        self.record = replace(self.record, search=search, lost="", arm=arm, any_mode=any_mode)
+        self.record = replace(self.record, search=search, lost="", arm=arm, modes=tuple(modes))
 
     def _clear_in_the_air(self) -> None:
         out = self.is_out
@@ -214,11 +220,12 @@ class VehicleCustody:
             on_the_ground = not (seen.armed or seen.flying)
             self._automatic = always and not on_the_ground
             if on_the_ground:
-                self._clear(arm=self._arm != "false", any_mode=always)
+                modes = sorted(self._autopilot.landed_modes) if always else ()
+                self._clear(arm=self._arm != "false", modes=modes)
         elif custody is Custody.CLEARED:
             self._automatic = False
             self.record = replace(self.record, arm=self.record.arm or self._arm != "false")
-        elif custody is Custody.RELEASED or (always and custody is Custody.ENDING):
+        elif always and custody in (Custody.RELEASED, Custody.ENDING):
             self._automatic = False
             self._clear_in_the_air()
         elif always and custody in (Custody.TAKEN, Custody.FAILSAFE):
@@ -274,6 +281,7 @@ class VehicleCustody:
             elif outcome.status == "failsafe":
                 self.lose(f"{state.failsafe or 'critical'} failsafe")
                 self.on(Event.FAILSAFE)
+        self._observe_without_order(state, outcome)
         named = state.failsafe not in ("", "critical", "offboard")
         if named and self.record.lost == "critical failsafe":
             # Its cause is reported after its effect.
@@ -282,11 +290,33 @@ class VehicleCustody:
             self._observe_mode(before, state)
             self._observe_motors(before, state, takes_off=takes_off)
 
+    def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
+        """See whether somebody else has what an earlier program has flown."""
+        usual = self._autopilot.take_off_modes
+        if self.state in (Custody.ENDING, Custody.RECALLED) or self._whole:
+            usual |= self._autopilot.landed_modes
+        ordered = outcome.order is not None or not (self.airborne and state.connected)
+        orderly = state.mode in usual and state.failsafe in CONTINUES
+        if ordered or orderly or not (state.armed or state.flying):
+            self._foreign_since_s = None
+            return
+        if self._foreign_since_s is None:
+            self._foreign_since_s = state.heard_s
+        if state.heard_s - self._foreign_since_s >= FOREIGN_S:
+            self.lose(f"taken over: in {state.mode}")
+            self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
+
     def _observe_mode(self, before: VehicleState, state: VehicleState) -> None:
-        guided_mode = self._autopilot.guided_mode
+        autopilot = self._autopilot
+        guided_mode = autopilot.guided_mode
+        on_the_ground = not (before.armed or state.armed) and bool(before.mode)
+        usual_modes = autopilot.boot_modes | autopilot.orderly_modes
+        if on_the_ground and before.mode != state.mode and state.mode not in usual_modes:
+            self.lose(f"taken over: in {state.mode}")
+            self.on(Event.TAKE_OVER)
         if before.armed and state.armed and before.mode != guided_mode == state.mode:
             self.on(Event.RELEASE)
-        if self.state is Custody.RELEASED and state.mode not in self._autopilot.orderly_modes:
+        if self.state is Custody.RELEASED and state.mode not in autopilot.orderly_modes:
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
 
     def _observe_motors(

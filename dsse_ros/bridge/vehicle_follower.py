@@ -14,7 +14,13 @@ from dataclasses import dataclass, replace
 from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
 from dsse_ros.bridge.fence import Fence, check_take_off
 from dsse_ros.bridge.tasks import Task
-from dsse_ros.bridge.vehicle_custody import Arm, FlightRecord, SearchId, VehicleCustody
+from dsse_ros.bridge.vehicle_custody import (
+    CONTINUES,
+    Arm,
+    FlightRecord,
+    SearchId,
+    VehicleCustody,
+)
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import (
     FlyMission,
@@ -40,8 +46,6 @@ CRITICAL_S = 5.0
 
 _OVER_HOME_M = 15.0
 _ENDS: dict[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
-_CONTINUES = ("", "offboard", "radio", "gcs")
-"""Failsafes after which an autopilot that stays in our mode goes on, or is brought back to it."""
 
 
 def _admit(order: Order) -> Order | str:
@@ -99,6 +103,7 @@ class VehicleFollower:
         whole: bool = False,
         record: FlightRecord | None = None,
     ) -> None:
+        self._acts_when_critical = autopilot.acts_when_critical
         self._at_end = at_end
         self._join_timeout_s = join_timeout_s
         self._lost_timeout_s = lost_timeout_s
@@ -230,8 +235,7 @@ class VehicleFollower:
     def is_awaited(self) -> bool:
         """Whether it should take off for the search that is followed."""
         custody = self.custody
-        elsewhere = custody.airborne or custody.state is Custody.RELEASED
-        return self.leg is not None and not elsewhere and not custody.is_out
+        return self.leg is not None and not custody.airborne and not custody.is_out
 
     # Time
 
@@ -305,12 +309,14 @@ class VehicleFollower:
             self.drop_out(f"link lost: no heartbeat for {self._lost_timeout_s:g} s{because}")
         elif self._given is not None and self._has_failsafe(state, now_s):
             self.drop_out(f"{state.failsafe} failsafe")
+            if self._acts_when_critical:
+                custody.on(Event.FAILSAFE)
 
     def _has_failsafe(self, state: VehicleState, now_s: float) -> bool:
         """Whether a failsafe has struck that does not end in time."""
         if state.failsafe != "critical":
             self._critical_since_s = None
-            return state.failsafe not in _CONTINUES
+            return state.failsafe not in CONTINUES
         # Without a name it may be about to become one of those.
         if self._critical_since_s is None:
             self._critical_since_s = now_s
@@ -446,15 +452,15 @@ class VehicleFollower:
     def _wanted_on_the_ground(self, state: VehicleState, clearance: Clearance) -> Order | None:
         if not self.is_awaited or not state.has_position:
             return None
-        arm, any_mode = self.custody.record.arm, self.custody.record.any_mode
+        arm, modes = self.custody.record.arm, self.custody.record.modes
         refused = bool(self.refused) or not clearance.search_alive
         if refused or clearance.take_off or not (self.ready or self.takes_off):
             # This also calls off a take-off that has not begun.
-            return MakeReady(arm, any_mode)
+            return MakeReady(arm, modes)
         if not self._whole:
-            return TakeOff(self._take_off_alt_m, arm, any_mode)
+            return TakeOff(self._take_off_alt_m, arm, modes)
         if isinstance(self._task, FlyMission):
-            return replace(self._task, arm=arm, any_mode=any_mode)
+            return replace(self._task, arm=arm, from_modes=modes)
         return None
 
     def _wanted_in_the_air(self, state: VehicleState) -> Order | None:

@@ -57,6 +57,7 @@ class Autopilot:
         take_off_mode: Mode of a commanded take-off; empty if that does not change the mode. It
             ends in `resting_mode`.
         boot_modes: Modes that it may be in after its start without anybody having chosen them.
+        landed_modes: Modes in which it may be left on the ground after a flight for us.
         item_modes: Modes that mission items bring about, by their MAV_CMD.
         disarmed_modes: Modes that it enters by itself while it is disarmed.
         disarming_s: Time after disarming in which it may fall back into any mode.
@@ -64,6 +65,7 @@ class Autopilot:
         position_is_checked: Whether its pre-arm check covers its position estimate. If not,
             EKF_STATUS_REPORT has to report a good estimate.
         texts_prove_failsafe: Whether a STATUSTEXT about a failsafe is sent only if one is active.
+        acts_when_critical: Whether it is critical only while a failsafe has it, whatever its mode.
         mode_is_checked: Whether the pre-arm check depends on the mode, and passes in
             `resting_mode` alone.
         streams_setpoints: Whether it needs setpoints all the time in `guided_mode`. If not, each is
@@ -94,12 +96,14 @@ class Autopilot:
     mission_mode: str
     take_off_mode: str = ""
     boot_modes: frozenset[str]
+    landed_modes: frozenset[str]
     item_modes: Mapping[int, str] = field(default_factory=dict)
     disarmed_modes: frozenset[str] = _NO_MODES
     disarming_s: float = 0.0
     messages: Mapping[type, int]
     position_is_checked: bool
     texts_prove_failsafe: bool
+    acts_when_critical: bool
     mode_is_checked: bool
     streams_setpoints: bool
     setpoint_loss_modes: frozenset[str] = _NO_MODES
@@ -201,6 +205,7 @@ ARDUPILOT = Autopilot(
     resting_mode="GUIDED",
     mission_mode="AUTO",
     boot_modes=frozenset({"STABILIZE"}),
+    landed_modes=frozenset({"RTL", "LAND", "AUTO"}),
     messages={
         **_MESSAGES,
         EkfStatus: mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
@@ -208,6 +213,7 @@ ARDUPILOT = Autopilot(
     },
     position_is_checked=False,
     texts_prove_failsafe=True,
+    acts_when_critical=False,
     mode_is_checked=False,
     streams_setpoints=False,
     paced_setpoints=False,
@@ -255,6 +261,7 @@ PX4 = Autopilot(
     mission_mode="MISSION",
     take_off_mode="TAKEOFF",
     boot_modes=frozenset({"MANUAL"}),
+    landed_modes=frozenset({"RTL", "LAND", "MISSION"}),
     item_modes={
         mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",
         mavlink.MAV_CMD_NAV_LAND: "LAND",
@@ -266,6 +273,7 @@ PX4 = Autopilot(
     position_is_checked=True,
     # It sends the same texts as a mere warning.
     texts_prove_failsafe=False,
+    acts_when_critical=True,
     # In OFFBOARD the check fails as long as no setpoints come.
     mode_is_checked=True,
     streams_setpoints=True,

@@ -42,6 +42,8 @@ class ModeWatch:
         self._counts = counts
         self.allowed: frozenset[str] | None = None
         self.yielded = False
+        # Modes that orders have brought about, in which it was found before not included.
+        self._ours: set[str] = set()
         self._announced: dict[str, float] = {}
         self._foreign = False
         self._unconfirmed = 0
@@ -67,6 +69,11 @@ class ModeWatch:
     def allow(self, *modes: str) -> None:
         """Allow these modes, and those that a command sent just now still brings about."""
         self.allowed = frozenset(modes) | self.announced
+        self._ours |= self.allowed
+
+    def tolerate(self, mode: str) -> None:
+        """Allow a mode in which the vehicle may have been found: who has set it is not known."""
+        self.allowed = frozenset({mode}) | self.announced
 
     def allow_any(self) -> None:
         """Let others change the mode as they like, until the next `allow`."""
@@ -74,7 +81,9 @@ class ModeWatch:
 
     def check(self) -> None:
         """Raise a `TakenOverError` if the mode is another than what orders bring about."""
-        if self._mode not in (self.allowed or self._situation.autopilot.orderly_modes):
+        orderly_modes = self._situation.autopilot.orderly_modes
+        allowed = self._mode in (self.allowed or orderly_modes)
+        if not (allowed and (self._mode in orderly_modes or self._mode in self._ours)):
             raise TakenOverError
 
     def change(self, mode: str, *others: str) -> str:
@@ -97,6 +106,7 @@ class ModeWatch:
         self.allow_any()
         self.yielded = True
         self._announced.clear()
+        self._ours.clear()
         self.end_setpoint_loss()
 
     def resume(self) -> None:
@@ -127,7 +137,8 @@ class ModeWatch:
         """Take a heartbeat.
 
         Raises:
-            TakenOverError: If the mode is a foreign one, in two of them.
+            TakenOverError: If the mode is a foreign one; in two of them where it may be an old one
+                of ours that has been overtaken, or come of missing setpoints.
         """
         situation, autopilot = self._situation, self._situation.autopilot
         state, mode = situation.state, self._mode
@@ -147,30 +158,38 @@ class ModeWatch:
         if not state.armed and (just_disarmed or mode in autopilot.disarmed_modes):
             self.allowed |= {mode}
             return
-        if self._foreign:
+        may_be_ours = mode in self._ours or state.failsafe == "critical"
+        if self._foreign or not may_be_ours:
             raise TakenOverError
         self._foreign = True
 
     # Loss of setpoints
 
-    def with_setpoint_loss(self, state: VehicleState, *, wanted: bool) -> VehicleState:
+    def with_setpoint_loss(
+        self, state: VehicleState, *, wanted: bool, heartbeat: bool = False
+    ) -> VehicleState:
         """Return the state with the failsafe `offboard` where it may be missing setpoints.
 
         PX4 does not report that in a message that pymavlink knows. It has left OFFBOARD, or
         whatever it was in before we connected, is critical, and reports no reason: so it has missed
-        ours, because we were late, they were lost or we have been restarted.
+        ours, because we were late, they were lost or we have been restarted. Another reason is
+        reported until the second heartbeat.
 
         Args:
             state: What the vehicle reports.
             wanted: Whether the order that is carried out has the vehicle fly to setpoints. Only
                 then may they pull it out of a return that it has begun.
+            heartbeat: Whether that is news of a heartbeat.
         """
         if state.failsafe not in ("critical", "offboard"):
             return state
+        critical = self._situation.state.failsafe == "critical"
+        confirmed = critical and self._unconfirmed <= int(heartbeat)
         situation, autopilot = self._situation, self._situation.autopilot
         elsewhere = state.mode not in (self.allowed or ())
         missed = (
             wanted
+            and (confirmed or self.lacks_setpoints)
             and not self.yielded
             and state.flying
             and state.alt_m >= situation.settings.recovery_alt_m

@@ -40,8 +40,8 @@ class ArmingOrder(Protocol):
         """Whether to arm the vehicle."""
 
     @property
-    def any_mode(self) -> bool:
-        """Whether the mode that it is in may be changed, whoever has set it."""
+    def from_modes(self) -> tuple[str, ...]:
+        """Modes that may be changed on the ground, whoever has set them."""
 
 
 def fly_to(
@@ -126,7 +126,7 @@ def come_down(controller: VehicleController, mode: str, reason: str) -> Iterator
             controller.modes.check()
             yield controller.modes.change(mode)
             continue
-        controller.modes.allow(mode)
+        controller.modes.tolerate(mode)
         if state.has_position:
             # It climbs, flies, waits and descends: nothing but standing still is no progress.
             place = (round(state.lat_deg, 5), round(state.lon_deg, 5), round(state.alt_m))
@@ -176,7 +176,11 @@ def follow_mission(controller: VehicleController, items: tuple[WireItem, ...]) -
                 return
         elif down:
             raise OrderFailedError(f"disarmed at item {state.item_current} of {last}")
-        controller.modes.allow(*mission_modes(controller, items))
+        modes = mission_modes(controller, items)
+        for mode in modes:
+            # One that an item brings about may still show under the next order.
+            controller.modes.announce(mode)
+        controller.modes.allow(*modes)
         if flown and state.mode == controller.situation.autopilot.mission_mode:
             controller.commands.request_speed()
         place = (round(state.lat_deg, 5), round(state.lon_deg, 5), round(state.alt_m))
@@ -222,7 +226,8 @@ def allow_present_mode(controller: VehicleController, order: ArmingOrder) -> Non
     autopilot, mode = controller.situation.autopilot, controller.state.mode
     if controller.state.flying or controller.state.armed:
         return
-    if order.arm and (order.any_mode or mode in autopilot.boot_modes | autopilot.take_off_modes):
+    usual_modes = autopilot.boot_modes | autopilot.take_off_modes
+    if order.arm and (mode in usual_modes or mode in order.from_modes):
         controller.modes.allow(mode)
     else:
         controller.modes.allow_any()

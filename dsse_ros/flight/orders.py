@@ -52,12 +52,12 @@ class MakeReady(Order):
 
     Attributes:
         arm: Whether it will be armed by us. If not, its mode is somebody else's too.
-        any_mode: Whether the mode that it is in may be changed, whoever has set it; otherwise it
-            must be one of its start or one that orders bring about.
+        from_modes: Modes that may be changed on the ground, whoever has set them, besides those of
+            its start and those from which it takes off.
     """
 
     arm: bool = True
-    any_mode: bool = False
+    from_modes: tuple[str, ...] = ()
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
@@ -75,7 +75,7 @@ class TakeOff(Order):
     Attributes:
         alt_m: Altitude above home.
         arm: Whether to arm the vehicle; if not, somebody else does.
-        any_mode: See `MakeReady`.
+        from_modes: See `MakeReady`.
 
     Raises:
         ValueError: If the altitude is not above home.
@@ -83,7 +83,7 @@ class TakeOff(Order):
 
     alt_m: float
     arm: bool = True
-    any_mode: bool = False
+    from_modes: tuple[str, ...] = ()
     finishes_alone: ClassVar[bool] = True
     flies_to_setpoints: ClassVar[bool] = True
 
@@ -258,7 +258,7 @@ class FlyMission(Order):
     Attributes:
         items: The mission, numbered as the vehicle does: with ArduPilot item 0 is home.
         arm: See `TakeOff`.
-        any_mode: See `MakeReady`.
+        from_modes: See `MakeReady`.
         hold_item: Number of an item over home in which it may be ordered to land; -1 for none.
 
     Raises:
@@ -267,7 +267,7 @@ class FlyMission(Order):
 
     items: tuple[WireItem, ...]
     arm: bool = True
-    any_mode: bool = False
+    from_modes: tuple[str, ...] = ()
     hold_item: int = -1
 
     def __post_init__(self) -> None:

@@ -200,7 +200,8 @@ class VehicleController:
     def _receive(self, message: Incoming, now: float) -> None:
         situation, before, was_silent = self.situation, self.state, self._silent
         state = observe(before, message, now, situation.autopilot)
-        situation.state = self._with_setpoint_loss(state)
+        heartbeat = isinstance(message, Heartbeat)
+        situation.state = self._with_setpoint_loss(state, heartbeat=heartbeat)
         self._requests.receive(message, now)
         if situation.state.failsafe not in ("", "offboard", before.failsafe):
             self.modes.require_confirmation()
@@ -334,11 +335,11 @@ class VehicleController:
         reason = (what or self._elsewhere()) + self.situation.recent_texts()
         self._end("failsafe" if failsafe else "taken_over", reason)
 
-    def _with_setpoint_loss(self, state: VehicleState) -> VehicleState:
+    def _with_setpoint_loss(self, state: VehicleState, *, heartbeat: bool = False) -> VehicleState:
         order = self._outcome.order
         given = self._outcome.status in ("under_way", "done", "failed")
         wanted = given and order is not None and order.flies_to_setpoints
-        return self.modes.with_setpoint_loss(state, wanted=wanted)
+        return self.modes.with_setpoint_loss(state, wanted=wanted, heartbeat=heartbeat)
 
     def _restore_setpoints(self) -> None:
         """Send setpoints and command no mode: the autopilot goes back by itself, or it is lost."""

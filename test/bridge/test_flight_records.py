@@ -33,7 +33,7 @@ RECORDS = st.dictionaries(
         st.booleans(),
         st.text(max_size=30),
         st.booleans(),
-        st.booleans(),
+        st.lists(st.text(max_size=9), max_size=3).map(tuple),
         st.sampled_from(["", "return", "land"]),
     ),
 )

@@ -38,9 +38,7 @@ def flying_fleet(number: int, **options: Any) -> Iterator[tuple[Fleet, list[Runn
             for index in range(number)
         ]
         settings = [
-            VehicleSettings(
-                connection=autopilot.connection, system_id=index + 1, **options
-            )
+            VehicleSettings(connection=autopilot.connection, system_id=index + 1, **options)
             for index, autopilot in enumerate(autopilots)
         ]
         yield stack.enter_context(Fleet(settings)), autopilots

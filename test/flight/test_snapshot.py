@@ -78,7 +78,13 @@ def test_what_became_of_the_order_before_is_not_taken_for_the_new_ones() -> None
         vehicle_on(autopilot.connection) as vehicle,
     ):
         vehicle.give(TakeOff(10.0))
-        for order in (Land(), TakeOff(10.0, any_mode=True), Hold(), Hold(), Land()):
+        for order in (
+            Land(),
+            TakeOff(10.0, from_modes=("RTL", "LAND", "AUTO")),
+            Hold(),
+            Hold(),
+            Land(),
+        ):
             end_s = time.monotonic() + TIMEOUT_S
             while vehicle.outcome.status != "done":
                 assert time.monotonic() < end_s, vehicle.outcome

@@ -79,7 +79,7 @@ def test_it_flies_all_orders_over_a_real_link(name: Any, link: Any) -> None:
         Search(*HOME, 15.0, 5.0, 3.0, 4.0),
         Hold(),
         Return() if link == "udp" else Land(),
-        FlyMission(a_mission(name), any_mode=True),
+        FlyMission(a_mission(name), from_modes=("RTL", "LAND", "AUTO")),
     ]
     # A busy machine may keep the setpoints from being sent for a while.
     patient = ("--param", "COM_OF_LOSS_T=300") if name == "px4" else ()

@@ -121,7 +121,7 @@ def test_a_return_and_a_landing_are_done_when_the_motors_stand(autopilot: str, o
     assert flight.fly(order).status == "done"
     assert flight.vehicle.landed and not flight.vehicle.armed
     assert flight.off_m(*((0.0, 0.0) if order == Return() else (30.0, 0.0))) < 4.0
-    assert flight.fly(TakeOff(15.0, any_mode=True)).status == "done"
+    assert flight.fly(TakeOff(15.0, from_modes=("RTL", "LAND", "AUTO"))).status == "done"
 
 
 @both
@@ -155,7 +155,7 @@ def test_a_mission_flown_before_starts_at_its_first_item_again(autopilot: str) -
     flight = VirtualFlight(autopilot)
     items = mission(flight, (40.0, 0.0, 20.0))
     for _ in range(2):
-        flight.give(FlyMission(items, any_mode=True))
+        flight.give(FlyMission(items, from_modes=("RTL", "LAND", "AUTO")))
         near_m = 99.0
         while flight.outcome.status == "under_way":
             flight.step()
@@ -518,7 +518,7 @@ def px4_without_setpoints(action: int, seconds: float) -> VirtualFlight:
     ("action", "mode"), [(0, "RTL"), (3, "RTL"), (4, "LAND"), (5, "HOLD")], ids=str
 )
 def test_px4_that_missed_setpoints_gets_them_and_flies_on(action: int, mode: str) -> None:
-    flight = px4_without_setpoints(action, 2.5)
+    flight = px4_without_setpoints(action, 4.0)
     assert flight.state.mode == mode
     assert (flight.state.failsafe, flight.outcome.status) == ("offboard", "under_way")
     assert not [m for m in flight.received if isinstance(m, StatusText)]
@@ -583,7 +583,7 @@ def test_px4_that_falls_into_offboard_by_disarming_has_done_its_order(order: Any
         assert flight.state.mode == "OFFBOARD" and not flight.state.ready
         assert flight.outcome.status == "done"
         # A second search.
-        assert flight.fly(TakeOff(20.0, any_mode=True)).status == "done"
+        assert flight.fly(TakeOff(20.0, from_modes=("RTL", "LAND", "AUTO"))).status == "done"
 
 
 def test_px4_on_the_ground_is_ready_although_its_position_is_constant() -> None:

@@ -47,6 +47,7 @@ class VirtualFlight:
 
     Attributes:
         sent: What the controller has sent, with the time.
+        heard: How many messages it had received before it sent each of these.
         received: What it has received.
         seen: What became of its orders, in turn.
     """
@@ -69,6 +70,7 @@ class VirtualFlight:
         self.now = 0.0
         self.loss, self.duplicate, self.delay_s = loss, duplicate, delay_s
         self.sent: list[tuple[float, Outgoing]] = []
+        self.heard: list[int] = []
         self.received: list[Incoming] = []
         self.seen: list[Outcome] = []
         self._random = random.Random(seed)
@@ -172,6 +174,7 @@ class VirtualFlight:
     def _send(self, messages: list[Outgoing]) -> None:
         for message in messages:
             self.sent.append((self.now, message))
+            self.heard.append(len(self.received))
             self._put(self._codec.encode(message), to_vehicle=True)
 
     def _put(self, data: bytes, *, to_vehicle: bool) -> None:

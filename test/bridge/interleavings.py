@@ -1,0 +1,447 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Random interleavings of searches, restarts, persons, failsafes and links, held to plain rules.
+
+The rules know nothing of the table of states. They look at what is true of the simulated vehicles,
+at what persons have done, and at each message that is sent.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from virtual_fleet import VirtualFleet, VirtualSearch, pilots_mode
+from virtual_flight import VirtualFlight
+
+from dsse_ros.flight.mavlink_messages import CommandLong, Heartbeat, SetPositionTarget
+from msg_adapters.frames import cell_to_map
+from msg_adapters.geodesy import geodetic_to_map
+
+ARM, TAKE_OFF, SET_MODE, START = 400, 22, 176, 300
+STARTS = (ARM, TAKE_OFF, START)
+HERE_M = 25.0
+"""How far from a vehicle a setpoint is that has it stay, hold or climb where it is."""
+
+
+@dataclass
+class Facts:
+    """What is true of one vehicle.
+
+    Attributes:
+        may_start: Whether a person has cleared it to take off, and nothing has happened since.
+        may_move: Whether it is in the air by that.
+        recalled: Whether it was ordered to return or land.
+        held_since: Since which received message somebody else has had it; None if nobody has.
+        shows: Whether a heartbeat shows that.
+        by_failsafe: Whether a failsafe has.
+        released: Whether a person has given it back while it was armed.
+        fresh: Whether it has never been flown, taken, lost or grounded.
+        was_up: Whether it has been armed since it was cleared.
+    """
+
+    may_start: bool = False
+    may_move: bool = False
+    recalled: bool = False
+    held_since: int | None = None
+    shows: Callable[[Heartbeat], bool] = bool
+    by_failsafe: bool = False
+    released: bool = False
+    fresh: bool = True
+    was_up: bool = False
+
+    def taken(self, flight: VirtualFlight, *, by_motors: bool = False) -> None:
+        """Somebody else has it; that shows in a later heartbeat, by its mode or its motors."""
+        mode, armed = flight.vehicle.custom_mode, flight.vehicle.armed
+        self.held_since = len(flight.received)
+        if by_motors:
+            self.shows = lambda one: bool(one.base_mode & 128) == armed
+        else:
+            self.shows = lambda one: one.custom_mode == mode
+        self.fresh = self.released = self.by_failsafe = False
+
+    def lose_all(self) -> None:
+        """Nothing may be sent that starts or moves it."""
+        self.may_start = self.may_move = self.recalled = False
+
+
+@dataclass
+class Interleaving:
+    """One run.
+
+    Args:
+        seed: Draws everything.
+
+    Attributes:
+        events: What has happened, for the message of a failure.
+    """
+
+    seed: int
+    events: list[str] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        draw = self.random = random.Random(self.seed)
+        self.autopilot = draw.choice(["ardupilot", "px4"])
+        self.arm = draw.choice(["true", "true", "always", "false"])
+        vehicles = draw.choice([1, 1, 2])
+        self.fleet = VirtualFleet(
+            vehicles,
+            self.autopilot,
+            arm=self.arm,
+            seed=self.seed,
+            at_end=draw.choice(["return", "land", "hold"]),
+            planner_timeout=draw.choice([5.0, 30.0]),
+            lost_timeout=15.0,
+        )
+        self.facts = [Facts() for _ in range(vehicles)]
+        self.sent = [0] * vehicles
+        self.run_id = 7
+        self.search: VirtualSearch | None = None
+        self.other: VirtualSearch | None = None
+        self.first_search: tuple[int, int] | None = None
+        self.followed: tuple[int, int] | None = None
+        self.cut_until_s = [0.0] * vehicles
+
+    # What happens
+
+    def run(self, length: int) -> Interleaving:
+        """Let so many things happen.
+
+        Raises:
+            AssertionError: If something was sent that must not be.
+        """
+        self.start_simulation()
+        self.wait(self.random.uniform(0.0, 40.0))
+        events: list[tuple[Callable[[], None], int]] = [
+            (self.step, 8), (self.finish, 2), (self.reset, 2), (self.restart_bridge, 3),
+            (self.restart_simulation, 3), (self.restart_both, 1), (self.end_simulation, 1),
+            (self.start_other, 1), (self.pilot, 4), (self.foreign_mode, 3), (self.foreign_arm, 2),
+            (self.foreign_disarm, 2), (self.failsafe, 2), (self.cut, 2), (self.clear, 4),
+            (self.withdraw, 1), (self.operate, 2),
+        ]  # fmt: skip
+        kinds, weights = zip(*events, strict=True)
+        for _ in range(length):
+            (event,) = self.random.choices(kinds, weights)
+            event()
+            self.wait(self.random.choice([0.1, 1.0, 3.0, 10.0, 40.0]) * self.random.random())
+        return self
+
+    def note(self, what: str) -> None:
+        """Remember what has happened."""
+        self.events.append(f"{self.fleet.now:.1f} s: {what}")
+        self.counts[what.split()[0]] += 1
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, and look at all that is sent."""
+        end_s = self.fleet.now + seconds
+        while self.fleet.now < end_s:
+            self.fleet.step()
+            self.follow()
+            for i in range(len(self.facts)):
+                self.look(i)
+
+    def start_simulation(self) -> None:
+        """Start a simulation."""
+        self.run_id += 1
+        self.search = self.fleet.simulate(self.run_id, seed=self.seed)
+        self.note(f"simulation {self.run_id}")
+
+    def end_simulation(self) -> None:
+        """Kill the simulation, if there is one."""
+        if self.search is not None:
+            self.fleet.end(self.search)
+            self.search = None
+            self.note("simulation_killed")
+
+    def restart_simulation(self) -> None:
+        """Kill the simulation and start it again."""
+        self.end_simulation()
+        self.wait(self.random.choice([0.0, 2.0]))
+        self.start_simulation()
+
+    def start_other(self) -> None:
+        """Start another simulation beside it, or end that."""
+        if self.other is None:
+            self.run_id += 100
+            self.other = self.fleet.simulate(self.run_id, [(1, 1)] * len(self.facts))
+            self.note(f"other_simulation {self.run_id}")
+        else:
+            self.fleet.end(self.other)
+            self.other = None
+            self.note("other_simulation_killed")
+
+    def restart_bridge(self) -> None:
+        """Kill the bridge and start it again."""
+        self.fleet.start()
+        self.first_search = self.followed = None
+        self.sent = [len(flight.sent) for flight in self.fleet.flights]
+        self.note("bridge_restarted")
+
+    def restart_both(self) -> None:
+        """Start both again."""
+        self.end_simulation()
+        self.restart_bridge()
+        self.start_simulation()
+
+    def step(self) -> None:
+        """Do a step, if the vehicles have done the last one."""
+        search = self.search
+        if search is not None and not search.over and self.fleet.arrived(search):
+            search.advance()
+            self.fleet.publish(search)
+            self.note("step")
+
+    def finish(self) -> None:
+        """End the mission."""
+        if self.search is not None:
+            self.fleet.finish(self.search)
+            self.note("finish")
+
+    def reset(self) -> None:
+        """Start another mission of the same simulation."""
+        if self.search is not None:
+            self.search.reset()
+            self.fleet.publish(self.search)
+            self.note("reset")
+
+    def any_vehicle(self) -> tuple[int, VirtualFlight, Facts]:
+        """Return one of the vehicles."""
+        i = self.random.randrange(len(self.facts))
+        return i, self.fleet.flights[i], self.facts[i]
+
+    def pilot(self) -> None:
+        """Have a pilot choose a mode."""
+        i, flight, facts = self.any_vehicle()
+        mode = self.random.choice([pilots_mode(flight), "LAND", "RTL"])
+        before = flight.vehicle.mode.name
+        flight.vehicle.pilot_takes_over(mode)
+        # Of one that is in that mode anyway nobody can see it.
+        if flight.vehicle.mode.name == mode != before:
+            facts.taken(flight)
+            self.note(f"pilot {i} {mode}")
+
+    def foreign_mode(self) -> None:
+        """Have another ground station set the mode in which vehicles wait for orders."""
+        i, flight, facts = self.any_vehicle()
+        if self.waits_for_a_hand(i):
+            return
+        before = flight.vehicle.mode.name
+        mode = "HOLD" if self.autopilot == "px4" else "GUIDED"
+        flight.vehicle.request_mode(*((4, 3) if self.autopilot == "px4" else (4, 0)))
+        if flight.vehicle.mode.name == mode != before:
+            facts.taken(flight)
+            facts.released = flight.vehicle.armed and mode == "GUIDED"
+            self.note(f"station {i} {mode}")
+
+    def waits_for_a_hand(self, i: int) -> bool:
+        """Whether a person is waited for to arm a vehicle, in the mode that is named."""
+        custody = self.fleet.controller.followers[i].custody
+        return custody.state.value == "cleared" and not custody.record.arm
+
+    def foreign_arm(self) -> None:
+        """Have another ground station arm it and take off."""
+        i, flight, facts = self.any_vehicle()
+        vehicle = flight.vehicle
+        if vehicle.armed or vehicle.arm(force=False) != 0:
+            return
+        self.note(f"armed {i}")
+        # With arm:=false that is what is waited for.
+        if self.waits_for_a_hand(i):
+            facts.held_since, facts.may_start = None, True
+        else:
+            facts.taken(flight, by_motors=True)
+            if self.random.random() < 0.5:
+                vehicle.maneuver = vehicle.take_off(20.0)
+
+    def foreign_disarm(self) -> None:
+        """Have another ground station disarm it on the ground."""
+        i, flight, facts = self.any_vehicle()
+        if flight.vehicle.armed and flight.vehicle.landed:
+            flight.vehicle.disarm()
+            facts.taken(flight, by_motors=True)
+            self.note(f"disarmed {i}")
+
+    def failsafe(self) -> None:
+        """Have the battery run low."""
+        i, flight, facts = self.any_vehicle()
+        vehicle = flight.vehicle
+        if vehicle.landed or vehicle.failsafes:
+            return
+        vehicle.failsafes.add("battery")
+        vehicle.battery = min(vehicle.battery, 0.1)
+        vehicle.battery_failsafe()
+        facts.taken(flight)
+        facts.by_failsafe = True
+        self.note(f"battery {i}")
+
+    def cut(self) -> None:
+        """Cut a link for some time."""
+        i, flight, _ = self.any_vehicle()
+        if self.cut_until_s[i] > self.fleet.now:
+            return
+        seconds = self.random.choice([3.0, 10.0, 30.0])
+        put = flight._put
+        self.cut_until_s[i] = self.fleet.now + seconds
+
+        def cut_off(data: bytes, *, to_vehicle: bool) -> None:
+            if self.fleet.now >= self.cut_until_s[i]:
+                put(data, to_vehicle=to_vehicle)
+
+        flight._put = cut_off  # type: ignore[method-assign]
+        self.note(f"cut {i} {seconds:g}")
+
+    def clear(self) -> None:
+        """Have a person clear the vehicles, or one of them."""
+        i = self.random.choice([None, *range(len(self.facts))])
+        followers = self.fleet.controller.followers
+        _, text = self.fleet.controller.arm(i, True)
+        cleared = text.partition(";")[0].partition("cleared to fly: ")[2].split(", ")
+        for k, facts in enumerate(self.facts):
+            if f"drone{k}" not in cleared:
+                continue
+            flight = self.fleet.flights[k]
+            if flight.vehicle.landed and not flight.vehicle.armed:
+                facts.may_start, facts.may_move, facts.was_up = True, False, False
+            elif followers[k].custody.airborne:
+                facts.may_move, facts.recalled = True, False
+            facts.held_since = None
+        self.note(f"clear {text}")
+
+    def withdraw(self) -> None:
+        """Have a person keep the vehicles on the ground."""
+        _, text = self.fleet.controller.arm(None, False)
+        for k, facts in enumerate(self.facts):
+            if f"drone{k}" in text.partition(";")[0]:
+                facts.may_start = facts.fresh = False
+        self.note(f"withdraw {text}")
+
+    def operate(self) -> None:
+        """Have a person hold, return or land the vehicles, or one of them."""
+        what = self.random.choice(["hold", "return", "land"])
+        i = self.random.choice([None, *range(len(self.facts))])
+        _, text = self.fleet.controller.operate(i, what)
+        for k, facts in enumerate(self.facts):
+            if f"drone{k}" in text.partition(";")[0]:
+                if not facts.may_move:
+                    facts.may_start = False
+                facts.recalled, facts.fresh = what != "hold", False
+        self.note(f"operate {what} {text}")
+
+    # What may be sent
+
+    def follow(self) -> None:
+        """See which search is followed: what was cleared for another one may not start."""
+        info = self.fleet.controller.search.info
+        followed = None if info is None else (info.run_id, info.mission)
+        if followed == self.followed or followed is None:
+            return
+        self.followed = followed
+        self.first_search = self.first_search or followed
+        for follower, facts in zip(self.fleet.controller.followers, self.facts, strict=True):
+            record = follower.custody.record
+            if follower.custody.state.value != "cleared" or record.search != followed:
+                facts.may_start = False
+            if facts.released and self.arm == "always":
+                # What a person has given back is cleared as one that nobody has had.
+                facts.held_since, facts.may_move = None, True
+
+    def look(self, i: int) -> None:
+        """Look at what was sent to a vehicle since the last time, and at what is true of it."""
+        flight, facts = self.fleet.flights[i], self.facts[i]
+        self.clear_by_parameter(i)
+        for k in range(self.sent[i], len(flight.sent)):
+            self.check(i, flight.sent[k][1], flight.heard[k])
+        self.sent[i] = len(flight.sent)
+        vehicle = flight.vehicle
+        if vehicle.armed and facts.may_start and facts.held_since is None:
+            facts.may_move, facts.may_start, facts.was_up = True, False, True
+        if facts.may_move and vehicle.landed and not vehicle.armed:
+            facts.lose_all()
+            facts.fresh = False
+            if facts.by_failsafe:
+                # It has ended with the flight.
+                facts.held_since, facts.by_failsafe = None, False
+
+    def clear_by_parameter(self, i: int) -> None:
+        """See whether the parameter clears a vehicle now."""
+        follower, facts = self.fleet.controller.followers[i], self.facts[i]
+        first = self.followed is not None and self.followed == self.first_search
+        state = follower.custody.state.value
+        fresh = facts.fresh and facts.held_since is None and first
+        person = facts.held_since is not None
+        again = self.arm == "always" and not person
+        vehicle = self.fleet.flights[i].vehicle
+        if (fresh or again) and vehicle.landed and not vehicle.armed and state == "cleared":
+            facts.may_start = True
+        if again and follower.custody.airborne and facts.may_move:
+            facts.recalled = facts.recalled and state == "recalled"
+
+    def known(self, i: int, heard: int) -> bool:
+        """Whether it was among the first messages received that somebody else has a vehicle."""
+        flight, facts = self.fleet.flights[i], self.facts[i]
+        if facts.held_since is None:
+            return False
+        return any(
+            isinstance(one, Heartbeat) and facts.shows(one)
+            for one in flight.received[facts.held_since : heard]
+        )
+
+    def check(self, i: int, message: object, heard: int) -> None:
+        """Hold a message to the rules; so many were received before it was sent.
+
+        Raises:
+            AssertionError: If it must not be sent.
+        """
+        facts, flight = self.facts[i], self.fleet.flights[i]
+        number = message.command if isinstance(message, CommandLong) else 0
+        moves = isinstance(message, SetPositionTarget)
+        if not (moves or number in (SET_MODE, *STARTS)):
+            return
+        if self.known(i, heard):
+            self.fail(i, f"{message} though somebody else has it")
+        if facts.held_since is not None:
+            # It was on its way before anybody could know.
+            return
+        if number in STARTS and not (facts.may_start or facts.may_move):
+            self.fail(i, f"{message} though nobody has cleared it")
+        if number == ARM and self.arm == "false" and not facts.may_start:
+            self.fail(i, f"{message} though a person should arm it")
+        if number == SET_MODE and not (facts.may_start or facts.may_move):
+            self.fail(i, f"{message} though nobody has cleared it")
+        if moves and (not facts.may_move or facts.recalled):
+            self.fail(i, f"{message} though it must not fly anywhere")
+        if moves:
+            assert isinstance(message, SetPositionTarget)
+            self.check_place(i, flight, message)
+
+    def check_place(self, i: int, flight: VirtualFlight, message: SetPositionTarget) -> None:
+        """Hold a setpoint to where its drone is, the vehicle is, or its home."""
+        frame = self.fleet.frame
+        place = geodetic_to_map(frame, message.lat_deg, message.lon_deg, 0.0)[:2]
+        craft, home = flight.vehicle.craft, flight.vehicle.frame.home
+        home_m = geodetic_to_map(frame, home.lat_deg, home.lon_deg, 0.0)[:2]
+        here_m = (home_m[0] + craft.east_m, home_m[1] + craft.north_m)
+        near = [here_m, home_m]
+        legs = self.fleet.controller.search.legs
+        if legs:
+            near.append(cell_to_map(frame, *legs[i].cell))
+        away_m = min(((x - place[0]) ** 2 + (y - place[1]) ** 2) ** 0.5 for x, y in near)
+        if away_m > HERE_M:
+            self.fail(i, f"{message} is {away_m:.0f} m from where it should be")
+
+    def fail(self, i: int, what: str) -> None:
+        """Raise.
+
+        Raises:
+            AssertionError: Always.
+        """
+        raise AssertionError(
+            f"seed {self.seed}, {self.autopilot}, arm:={self.arm}, vehicle {i}: {what}\n"
+            f"{self.facts[i]}\n{self.fleet.shown()}\n"
+            + "\n".join(self.events[-15:])
+            + "\n"
+            + "\n".join(self.fleet.log[-15:])
+        )
