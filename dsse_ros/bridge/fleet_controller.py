@@ -34,7 +34,6 @@ QUIET_S = 0.5
 """Wall time without a report after which the last one counts: latched ones come in one go."""
 _DRAINED_S = 10.0
 """Wall time after which the last report counts, however many come."""
-_RISEN_M = 3.0
 _NOT_ENDED = ("under_way", "silent", "done", "failed")
 
 Level = Literal["debug", "info", "warning", "error"]
@@ -60,6 +59,9 @@ class FlownVehicle(Protocol):
     @property
     def trouble(self) -> str:
         """What is wrong with its link."""
+
+    def adopt(self, mode: str) -> None:
+        """Take it over from an earlier program, which saw it in this mode."""
 
     def give(self, order: Order, authority: int = 0) -> int:
         """Give an order in place of any other."""
@@ -113,6 +115,9 @@ class FleetController:
             )
             for vehicle in vehicles
         ]
+        for _, follower, vehicle in self._each():
+            if follower.custody.record.mode:
+                vehicle.adopt(follower.custody.record.mode)
         self.plan: FlightPlan | None = None
         self.search = FollowedSearch(len(vehicles), whole=self._whole, refuse=self._refuse)
         self.holding = False
@@ -374,14 +379,12 @@ class FleetController:
         """Return why a vehicle does not take off before others, empty if it does."""
         if not self._whole and not self.search.commanded:
             return "waiting for the first commands of a planner"
-        for j, (name, follower, vehicle) in enumerate(self._each()):
+        for j, (name, follower, _) in enumerate(self._each()):
             if j != i and follower.holds_up:
                 return f"waiting for {name}: {follower.blocked or 'not ready'}"
-            layer_m = plan.frames[j].alt_m
-            if not self._whole or layer_m <= plan.frames[i].alt_m:
+            if not self._whole or plan.frames[j].alt_m <= plan.frames[i].alt_m:
                 continue
             # Who flies higher climbs first: a mission does not wait on its way.
-            follower.risen |= vehicle.state.alt_m > layer_m - _RISEN_M
             climbs = follower.mission_under_way and not follower.risen
             if climbs or follower.takes_off or follower.is_awaited:
                 return f"waiting for {name}, which takes off first"

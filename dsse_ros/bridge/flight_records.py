@@ -136,6 +136,8 @@ def _parse(values: Mapping[str, Any]) -> FlightRecord:
         arm=_flag(values["arm"]),
         modes=tuple(_text(mode) for mode in values["modes"]),
         end=_text(values["end"]),
+        mode=_text(values["mode"]),
+        alt_m=float(values["alt_m"]),
     )
 
 

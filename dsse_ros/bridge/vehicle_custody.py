@@ -8,7 +8,7 @@ the `FlightRecord`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -35,6 +35,8 @@ class FlightRecord:
         arm: While it is cleared, whether it may be armed by us.
         modes: While it is cleared, modes that may be changed on the ground: see `TakeOff`.
         end: While it is recalled, `return` or `land`.
+        mode: While we fly it, the mode in which it was seen last.
+        alt_m: Altitude above home to which it takes off for that search.
     """
 
     custody: Custody = Custody.FREE
@@ -44,13 +46,19 @@ class FlightRecord:
     arm: bool = False
     modes: tuple[str, ...] = ()
     end: str = ""
+    mode: str = ""
+    alt_m: float = 0.0
 
 
+_COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
+"""Modes in which a vehicle comes down by itself, by what an operator calls that."""
 _ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
 CONTINUES = ("", "offboard", "radio", "gcs")
 """Failsafes after which an autopilot that stays in our mode goes on, or is brought back to it."""
 FOREIGN_S = 5.0
 """How long a vehicle without an order may be in a mode that is not one of its state."""
+RISEN_M = 3.0
+"""How far below the altitude of its take-off a vehicle has taken off."""
 
 
 class VehicleCustody:
@@ -68,6 +76,7 @@ class VehicleCustody:
         authority: Number of its latest clearance: see `VehicleController.give`.
         search: The search that is followed; None for none.
         over: Whether nothing is left in that search for this vehicle.
+        alt_m: Altitude above home to which it takes off in that search.
         seen: What the vehicle reported last.
     """
 
@@ -88,6 +97,7 @@ class VehicleCustody:
         self.authority = 0
         self.search: SearchId | None = None
         self.over = False
+        self.alt_m = 0.0
         self.seen = VehicleState()
         self._automatic = False
         # Numbers of the last outcome, and of that at the latest clearance.
@@ -150,9 +160,9 @@ class VehicleCustody:
 
     # Searches
 
-    def begin(self, search: SearchId, *, first: bool) -> None:
+    def begin(self, search: SearchId, alt_m: float, *, first: bool) -> None:
         """Follow a search; the first one of this program may clear the vehicle."""
-        self.search, self.over = search, False
+        self.search, self.alt_m, self.over = search, alt_m, False
         self._automatic = first or self._arm == "always"
         if self.record.search == search:
             return
@@ -167,7 +177,7 @@ class VehicleCustody:
         self.on(Event.SEARCH_OVER)
 
     def _join(self, search: SearchId) -> None:
-        self.record = replace(self.record, search=search, flown=False, lost="")
+        self.record = replace(self.record, search=search, alt_m=self.alt_m, flown=False, lost="")
 
     # Persons
 
@@ -199,7 +209,9 @@ class VehicleCustody:
         self.on(Event.CLEAR)
         # Of a search that is over for it, the next one is meant.
         search = None if self.over else self.search
-        self.record = replace(self.record, search=search, lost="", arm=arm, modes=tuple(modes))
+        self.record = replace(
+            self.record, search=search, alt_m=self.alt_m, lost="", arm=arm, modes=tuple(modes)
+        )
 
     def _clear_in_the_air(self) -> None:
         out = self.is_out
@@ -287,8 +299,13 @@ class VehicleCustody:
             # Its cause is reported after its effect.
             self.record = replace(self.record, lost=f"{state.failsafe} failsafe")
         if state.connected and state.mode:
+            ordered = outcome.order is not None or not self.airborne
+            known = ordered or self._observe_since_record(state)
             self._observe_mode(before, state)
             self._observe_motors(before, state, takes_off=takes_off)
+            mode = state.mode if self.airborne else ""
+            if known and mode != self.record.mode:
+                self.record = replace(self.record, mode=mode)
 
     def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
         """See whether somebody else has what an earlier program has flown."""
@@ -305,6 +322,37 @@ class VehicleCustody:
         if state.heard_s - self._foreign_since_s >= FOREIGN_S:
             self.lose(f"taken over: in {state.mode}")
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
+
+    def _observe_since_record(self, state: VehicleState) -> bool:
+        """See whether somebody else has changed the mode that an earlier program saw last.
+
+        Returns:
+            Whether that is known.
+        """
+        autopilot, record = self._autopilot, self.record
+        if self._whole or not state.armed or record.mode in ("", state.mode):
+            return True
+        brought_about: frozenset[str] = autopilot.orderly_modes
+        if record.mode in autopilot.take_off_modes - {autopilot.resting_mode}:
+            # One that has missed setpoints may have left the guided mode for any of these.
+            brought_about |= autopilot.setpoint_loss_modes | set(_COMING_DOWN.values())
+            if record.mode == autopilot.take_off_mode and state.mode == autopilot.resting_mode:
+                if not state.has_position:
+                    return False
+                if state.alt_m < record.alt_m - RISEN_M:
+                    brought_about = frozenset()
+        elif self.state is Custody.RECALLED:
+            brought_about = frozenset({_COMING_DOWN[record.end or "return"]})
+        elif self.state is Custody.ENDING:
+            comes_down = record.mode in _COMING_DOWN.values()
+            brought_about |= set(_COMING_DOWN.values())
+            brought_about = frozenset() if comes_down else brought_about
+        elif self.state is Custody.HELD:
+            brought_about = frozenset({autopilot.resting_mode})
+        if state.mode not in brought_about:
+            self.lose(f"taken over: in {state.mode}")
+            self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
+        return True
 
     def _observe_mode(self, before: VehicleState, state: VehicleState) -> None:
         autopilot = self._autopilot

@@ -16,6 +16,7 @@ from dsse_ros.bridge.fence import Fence, check_take_off
 from dsse_ros.bridge.tasks import Task
 from dsse_ros.bridge.vehicle_custody import (
     CONTINUES,
+    RISEN_M,
     Arm,
     FlightRecord,
     SearchId,
@@ -88,7 +89,7 @@ class VehicleFollower:
         refused: Why the task, or the take-off, is refused; empty if it is not.
         blocked: What keeps it from doing what it should, empty if nothing does.
         ready: Whether it could take off now but for the others.
-        risen: Whether it has been at its altitude in this search, as its caller has seen.
+        risen: Whether it has been at its altitude in this search.
         finished: Whether nothing is left to do in this search.
     """
 
@@ -155,7 +156,7 @@ class VehicleFollower:
         """
         self._forget_search()
         self._take_off_alt_m, self._fence = take_off_alt_m, fence
-        self.custody.begin(search, first=first)
+        self.custody.begin(search, take_off_alt_m, first=first)
 
     def leave(self) -> None:
         """Follow no search: what cannot be flown is over."""
@@ -296,6 +297,7 @@ class VehicleFollower:
     def _watch(self, state: VehicleState, now_s: float, trouble: str) -> None:
         """See whether the vehicle cannot go on with its drone, or need not."""
         custody = self.custody
+        self.risen |= state.has_position and state.alt_m > self._take_off_alt_m - RISEN_M
         if self.mission_under_way and self._waits_over_home(state):
             self.arrived = custody.over = True
         if custody.over and custody.record.search == custody.search:

@@ -75,15 +75,18 @@ class ModeWatch:
         """Allow a mode in which the vehicle may have been found: who has set it is not known."""
         self.allowed = frozenset({mode}) | self.announced
 
+    def adopt(self, mode: str) -> None:
+        """Take a mode for one that we have brought about, in an earlier run of the program."""
+        self._ours.add(mode)
+
     def allow_any(self) -> None:
         """Let others change the mode as they like, until the next `allow`."""
         self.allowed, self._foreign = None, False
 
     def check(self) -> None:
         """Raise a `TakenOverError` if the mode is another than what orders bring about."""
-        orderly_modes = self._situation.autopilot.orderly_modes
-        allowed = self._mode in (self.allowed or orderly_modes)
-        if not (allowed and (self._mode in orderly_modes or self._mode in self._ours)):
+        known = self._situation.autopilot.orderly_modes | self._ours
+        if self._mode not in known or self._mode not in (self.allowed or known):
             raise TakenOverError
 
     def change(self, mode: str, *others: str) -> str:

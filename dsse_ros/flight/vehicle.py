@@ -161,6 +161,16 @@ class Vehicle:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
+    def adopt(self, mode: str) -> None:
+        """Take it over from an earlier program: see `ModeWatch.adopt`.
+
+        Raises:
+            RuntimeError: If it has been started.
+        """
+        if self._thread is not None:
+            raise RuntimeError("a vehicle is adopted before it starts")
+        self._controller.modes.adopt(mode)
+
     def give(self, order: Order, authority: int = 0) -> int:
         """Give an order in place of any other; returns its number, from 1.
 

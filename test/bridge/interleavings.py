@@ -39,7 +39,8 @@ class Facts:
         by_failsafe: Whether a failsafe has.
         released: Whether a person has given it back while it was armed.
         fresh: Whether it has never been flown, taken, lost or grounded.
-        was_up: Whether it has been armed since it was cleared.
+        up_since: Since which received message it has been armed by that; None while it is not.
+        was_up: Whether it has flown since then.
     """
 
     may_start: bool = False
@@ -50,6 +51,7 @@ class Facts:
     by_failsafe: bool = False
     released: bool = False
     fresh: bool = True
+    up_since: int | None = None
     was_up: bool = False
 
     def taken(self, flight: VirtualFlight, *, by_motors: bool = False) -> None:
@@ -216,11 +218,13 @@ class Interleaving:
         """Have a pilot choose a mode."""
         i, flight, facts = self.any_vehicle()
         mode = self.random.choice([pilots_mode(flight), "LAND", "RTL"])
-        before = flight.vehicle.mode.name
+        if self.shows_anyway(flight, mode):
+            return
         flight.vehicle.pilot_takes_over(mode)
-        # Of one that is in that mode anyway nobody can see it.
-        if flight.vehicle.mode.name == mode != before:
+        if flight.vehicle.mode.name == mode:
             facts.taken(flight)
+            # Its failsafe chooses these too.
+            facts.by_failsafe = bool(flight.vehicle.failsafes) and mode in ("LAND", "RTL")
             self.note(f"pilot {i} {mode}")
 
     def foreign_mode(self) -> None:
@@ -228,13 +232,21 @@ class Interleaving:
         i, flight, facts = self.any_vehicle()
         if self.waits_for_a_hand(i):
             return
-        before = flight.vehicle.mode.name
         mode = "HOLD" if self.autopilot == "px4" else "GUIDED"
+        if self.shows_anyway(flight, mode):
+            return
         flight.vehicle.request_mode(*((4, 3) if self.autopilot == "px4" else (4, 0)))
-        if flight.vehicle.mode.name == mode != before:
+        if flight.vehicle.mode.name == mode:
             facts.taken(flight)
             facts.released = flight.vehicle.armed and mode == "GUIDED"
             self.note(f"station {i} {mode}")
+
+    def shows_anyway(self, flight: VirtualFlight, mode: str) -> bool:
+        """Whether nobody could see that a person sets a mode."""
+        heartbeats = [one for one in flight.received if isinstance(one, Heartbeat)]
+        number = int(type(flight.vehicle.mode)[mode])
+        shown = heartbeats and heartbeats[-1].custom_mode == number
+        return flight.vehicle.mode.name == mode or bool(shown)
 
     def waits_for_a_hand(self, i: int) -> bool:
         """Whether a person is waited for to arm a vehicle, in the mode that is named."""
@@ -245,7 +257,13 @@ class Interleaving:
         """Have another ground station arm it and take off."""
         i, flight, facts = self.any_vehicle()
         vehicle = flight.vehicle
-        if vehicle.armed or vehicle.arm(force=False) != 0:
+        asked = any(
+            isinstance(message, CommandLong) and message.command == ARM
+            for time_s, message in flight.sent[-20:]
+            if time_s > self.fleet.now - 3.0
+        )
+        # Nobody can tell its arming from the one that the bridge has just asked for.
+        if asked or vehicle.armed or vehicle.arm(force=False) != 0:
             return
         self.note(f"armed {i}")
         # With arm:=false that is what is waited for.
@@ -303,8 +321,8 @@ class Interleaving:
             if f"drone{k}" not in cleared:
                 continue
             flight = self.fleet.flights[k]
-            if flight.vehicle.landed and not flight.vehicle.armed:
-                facts.may_start, facts.may_move, facts.was_up = True, False, False
+            if flight.vehicle.landed:
+                facts.may_start, facts.may_move, facts.recalled = True, False, False
             elif followers[k].custody.airborne:
                 facts.may_move, facts.recalled = True, False
             facts.held_since = None
@@ -357,13 +375,24 @@ class Interleaving:
         self.sent[i] = len(flight.sent)
         vehicle = flight.vehicle
         if vehicle.armed and facts.may_start and facts.held_since is None:
-            facts.may_move, facts.may_start, facts.was_up = True, False, True
+            facts.may_move, facts.may_start, facts.was_up = True, False, False
+            facts.up_since = len(flight.received)
+        facts.was_up = facts.was_up or not vehicle.landed
         if facts.may_move and vehicle.landed and not vehicle.armed:
+            if facts.up_since is not None and not facts.was_up and not self.seen_armed(i):
+                # It has disarmed itself before anybody knew.
+                facts.may_move, facts.may_start = False, True
+                return
             facts.lose_all()
             facts.fresh = False
             if facts.by_failsafe:
                 # It has ended with the flight.
                 facts.held_since, facts.by_failsafe = None, False
+
+    def seen_armed(self, i: int) -> bool:
+        """Whether a heartbeat has shown that it is armed as it was cleared to be."""
+        received = self.fleet.flights[i].received[self.facts[i].up_since or 0 :]
+        return any(isinstance(one, Heartbeat) and one.base_mode & 128 for one in received)
 
     def clear_by_parameter(self, i: int) -> None:
         """See whether the parameter clears a vehicle now."""

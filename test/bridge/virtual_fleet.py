@@ -173,6 +173,10 @@ class VirtualVehicle:
         """What has become of its order."""
         return self.flight.outcome
 
+    def adopt(self, mode: str) -> None:
+        """Take it over from an earlier program."""
+        self.flight.controller.modes.adopt(mode)
+
     def give(self, order: Order, authority: int = 0) -> int:
         """Give an order."""
         self.flight.give(order, authority)
