@@ -38,11 +38,11 @@ TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracl
 	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,campaign compat dashboard flight mission msg_adapters packaging \
+TESTS_OF_CHECK := $(addprefix test/,bridge campaign compat dashboard flight mission msg_adapters packaging \
 	planners recording report search training)
 
 # Commands and their refusals come over DDS.
-TESTS_OF_COVERAGE := $(addprefix test/,cli compat flight mission msg_adapters planners recording search \
+TESTS_OF_COVERAGE := $(addprefix test/,bridge cli compat flight mission msg_adapters planners recording search \
 	$(addprefix nodes/test_,bad_input.py client_commands.py lost_drones.py step_modes.py))
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \

@@ -1,22 +1,27 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of parameters and of metrics, from the code, into the pages of docs.
+"""Writes the tables of parameters, metrics and states, from the code, into the pages of docs.
 
 Run `python docs/tables.py` after a change of a scenario's, a rule's or a node's fields, or of the
-arguments of a launch file.
+arguments of a launch file, or of the states of a vehicle.
 """
 
 from __future__ import annotations
 
+import ast
 import dataclasses
+import inspect
+import itertools
 import math
 import re
+import textwrap
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
+from dsse_ros.bridge.custody import MAY_ORDER, NEXT, Custody, Event
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
 from dsse_ros.campaign.statistics import MEASURES
@@ -217,7 +222,40 @@ def measures_table() -> str:
     return table(["Measure", "Name", "Unit", "Meaning and interval"], rows)
 
 
+def states_table() -> str:
+    """Return the states of a vehicle, and what may be sent to it in each."""
+    rows = [
+        [
+            state.value, meanings(Custody)[state.name],
+            ", ".join(f"`{order.__name__}`" for order in MAY_ORDER[state]) or "nothing",
+        ]
+        for state in Custody
+    ]  # fmt: skip
+    return table(["State", "Meaning", "Orders"], rows)
+
+
+def events_table() -> str:
+    """Return the state after each event, by the state before; nothing where it stays."""
+    rows = [
+        [event.value, *(NEXT[state][event].value if event in NEXT[state] else "" for state in Custody)]
+        for event in Event
+    ]
+    return table(["When", *(state.value for state in Custody)], rows)
+
+
+def meanings(enum: type) -> dict[str, str]:
+    """Return the sentences below the members of an enumeration."""
+    body = ast.parse(textwrap.dedent(inspect.getsource(enum))).body[0].body
+    return {
+        member.targets[0].id: sentence.value.value.removesuffix(".")
+        for member, sentence in itertools.pairwise(body)
+        if isinstance(member, ast.Assign) and isinstance(sentence, ast.Expr)
+    }
+
+
 TABLES = {
+    "states": states_table,
+    "events": events_table,
     "campaign": lambda: fields_table(CampaignSettings),
     "campaign_planner": lambda: fields_table(PlannerEntry),
     "measures": measures_table,

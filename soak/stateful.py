@@ -262,7 +262,7 @@ class ControllerMachine(RuleBasedStateMachine):
             self.place = order
             order = GoTo(*self.flight.place(*order[:2]), order[2], ACCEPTANCE_M)
         if isinstance(order, TakeOff):
-            order = replace(order, arm=self.arm, from_modes=("RTL", "LAND"))
+            order = TakeOff(order.alt_m, arm=self.arm)
         self.orders += 1
         self.was_done = False
         sent = len(self.flight.sent)

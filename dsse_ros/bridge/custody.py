@@ -43,7 +43,7 @@ class Custody(Enum):
     TAKEN = "taken over"
     """A person has it, in the air or on the ground."""
     RELEASED = "released"
-    """A person has given it back while it was armed. It waits for a search."""
+    """A person has given it back while it was armed; it is not cleared."""
     FAILSAFE = "failsafe"
     """A failsafe of its autopilot has it."""
     GROUNDED = "grounded"

@@ -14,7 +14,8 @@ from typing import Literal
 
 from dsse_ros.bridge.custody import AIRBORNE, Custody, Event, next_custody
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.vehicle_controller import Outcome
+from dsse_ros.flight.orders import Land, Return
+from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 
 SearchId = tuple[int, int]
@@ -68,6 +69,7 @@ class VehicleCustody:
         autopilot: Which autopilot it has.
         arm: See `Arm`.
         record: What is known of it.
+        at_end: What it does when its search is over: `return`, `land` or `hold`.
         whole: Whether searches are flown as missions, which land by themselves.
         changed: Called after each change of state but lift-off: orders of before are void.
 
@@ -87,9 +89,11 @@ class VehicleCustody:
         record: FlightRecord,
         changed: Callable[[], None],
         *,
+        at_end: str = "return",
         whole: bool = False,
     ) -> None:
         self._autopilot = autopilot
+        self._at_end = at_end
         self._arm = arm
         self.record = record
         self._changed = changed
@@ -100,6 +104,7 @@ class VehicleCustody:
         self.alt_m = 0.0
         self.seen = VehicleState()
         self._automatic = False
+        self._inherited = record.custody
         # Numbers of the last outcome, and of that at the latest clearance.
         self._number = self._cleared_number = 0
         self._foreign_since_s: float | None = None
@@ -304,8 +309,16 @@ class VehicleCustody:
             self._observe_mode(before, state)
             self._observe_motors(before, state, takes_off=takes_off)
             mode = state.mode if self.airborne else ""
-            if known and mode != self.record.mode:
+            # A mode that another has set is not recorded before it is known who has.
+            ours = not mode or (known and self._is_ours(mode, outcome.order))
+            if ours and mode != self.record.mode:
                 self.record = replace(self.record, mode=mode)
+
+    def _is_ours(self, mode: str, order: Order | None) -> bool:
+        """Return whether it may be in a mode because of an order of ours."""
+        brought_about = {Return: "RTL", Land: "LAND"}.get(type(order))
+        anyhow = order is None or self._whole
+        return anyhow or mode in self._autopilot.orderly_modes or mode == brought_about
 
     def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
         """See whether somebody else has what an earlier program has flown."""
@@ -333,22 +346,25 @@ class VehicleCustody:
         if self._whole or not state.armed or record.mode in ("", state.mode):
             return True
         brought_about: frozenset[str] = autopilot.orderly_modes
-        if record.mode in autopilot.take_off_modes - {autopilot.resting_mode}:
+        going = record.mode in autopilot.take_off_modes - {autopilot.resting_mode}
+        if going:
             # One that has missed setpoints may have left the guided mode for any of these.
-            brought_about |= autopilot.setpoint_loss_modes | set(_COMING_DOWN.values())
-            if record.mode == autopilot.take_off_mode and state.mode == autopilot.resting_mode:
-                if not state.has_position:
-                    return False
-                if state.alt_m < record.alt_m - RISEN_M:
-                    brought_about = frozenset()
-        elif self.state is Custody.RECALLED:
-            brought_about = frozenset({_COMING_DOWN[record.end or "return"]})
-        elif self.state is Custody.ENDING:
+            brought_about |= autopilot.setpoint_loss_modes
+        # The order of that program goes by what it has recorded.
+        if self._inherited is Custody.RECALLED:
+            ordered = {_COMING_DOWN[record.end or "return"]}
+            brought_about = brought_about | ordered if going else frozenset(ordered)
+        elif self._inherited is Custody.ENDING:
             comes_down = record.mode in _COMING_DOWN.values()
-            brought_about |= set(_COMING_DOWN.values())
+            brought_about |= {_COMING_DOWN.get(self._at_end, record.mode)}
             brought_about = frozenset() if comes_down else brought_about
-        elif self.state is Custody.HELD:
+        elif self._inherited is Custody.HELD and not going:
             brought_about = frozenset({autopilot.resting_mode})
+        if record.mode == autopilot.take_off_mode and state.mode == autopilot.resting_mode:
+            if not state.has_position:
+                return False
+            if state.alt_m < record.alt_m - RISEN_M:
+                brought_about = frozenset()
         if state.mode not in brought_about:
             self.lose(f"taken over: in {state.mode}")
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)

@@ -113,7 +113,12 @@ class VehicleFollower:
         self._fence: Fence | None = None
         self._forget_search()
         self.custody = VehicleCustody(
-            autopilot, arm, record or FlightRecord(), self._forget_order, whole=whole
+            autopilot,
+            arm,
+            record or FlightRecord(),
+            self._forget_order,
+            at_end=at_end,
+            whole=whole,
         )
 
     def _forget_search(self) -> None:

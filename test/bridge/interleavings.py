@@ -39,6 +39,7 @@ class Facts:
         by_failsafe: Whether a failsafe has.
         released: Whether a person has given it back while it was armed.
         fresh: Whether it has never been flown, taken, lost or grounded.
+        disarmed: Whether somebody else has disarmed it.
         up_since: Since which received message it has been armed by that; None while it is not.
         was_up: Whether it has flown since then.
     """
@@ -51,6 +52,7 @@ class Facts:
     by_failsafe: bool = False
     released: bool = False
     fresh: bool = True
+    disarmed: bool = False
     up_since: int | None = None
     was_up: bool = False
 
@@ -62,7 +64,7 @@ class Facts:
             self.shows = lambda one: bool(one.base_mode & 128) == armed
         else:
             self.shows = lambda one: one.custom_mode == mode
-        self.fresh = self.released = self.by_failsafe = False
+        self.fresh = self.released = self.by_failsafe = self.disarmed = False
 
     def lose_all(self) -> None:
         """Nothing may be sent that starts or moves it."""
@@ -100,6 +102,7 @@ class Interleaving:
         )
         self.facts = [Facts() for _ in range(vehicles)]
         self.sent = [0] * vehicles
+        self.first_sent = [0] * vehicles
         self.run_id = 7
         self.search: VirtualSearch | None = None
         self.other: VirtualSearch | None = None
@@ -177,9 +180,14 @@ class Interleaving:
 
     def restart_bridge(self) -> None:
         """Kill the bridge and start it again."""
+        for i, facts in enumerate(self.facts):
+            if facts.disarmed and not self.seen_armed(i):
+                # Who knows of its arming does not see the end of it.
+                facts.held_since = None
         self.fleet.start()
         self.first_search = self.followed = None
         self.sent = [len(flight.sent) for flight in self.fleet.flights]
+        self.first_sent = list(self.sent)
         self.note("bridge_restarted")
 
     def restart_both(self) -> None:
@@ -279,8 +287,15 @@ class Interleaving:
         i, flight, facts = self.any_vehicle()
         if flight.vehicle.armed and flight.vehicle.landed:
             flight.vehicle.disarm()
-            facts.taken(flight, by_motors=True)
+            if self.seen_armed(i) or self.asked_to_arm(i):
+                facts.taken(flight, by_motors=True)
+                facts.disarmed = True
             self.note(f"disarmed {i}")
+
+    def asked_to_arm(self, i: int) -> bool:
+        """Whether this bridge has asked it to arm."""
+        sent = self.fleet.flights[i].sent[self.first_sent[i] :]
+        return any(isinstance(one, CommandLong) and one.command == ARM for _, one in sent)
 
     def failsafe(self) -> None:
         """Have the battery run low."""
@@ -343,6 +358,9 @@ class Interleaving:
         _, text = self.fleet.controller.operate(i, what)
         for k, facts in enumerate(self.facts):
             if f"drone{k}" in text.partition(";")[0]:
+                if not self.known(k, len(self.fleet.flights[k].received)):
+                    # That comes after what nobody has seen.
+                    facts.held_since = None
                 if not facts.may_move:
                     facts.may_start = False
                 facts.recalled, facts.fresh = what != "hold", False
@@ -433,6 +451,9 @@ class Interleaving:
             self.fail(i, f"{message} though somebody else has it")
         if facts.held_since is not None:
             # It was on its way before anybody could know.
+            if number == ARM and flight.vehicle.armed and not facts.released:
+                # Nobody can tell whose arming shows.
+                facts.held_since, facts.may_move = None, True
             return
         if number in STARTS and not (facts.may_start or facts.may_move):
             self.fail(i, f"{message} though nobody has cleared it")

@@ -449,7 +449,7 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
     vehicle.state = replace(FLYING, mode="LOITER")
     vehicle.turn()
     follow(led, 26, 1, 2, over=True)
-    # Given back in the air it waits for a search for which it is cleared.
+    # Given back in the air nobody moves it before it is cleared.
     vehicle.state = FLYING
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
     assert led.custody.state is Custody.RELEASED

@@ -16,7 +16,7 @@ LISTS = [re.findall(r"^\d+\. `([^`]+)`", part, re.MULTILINE) for part in SECTION
 
 def test_each_path_passes_few_files_and_none_twice() -> None:
     paths = [path for path in LISTS if path]
-    assert len(paths) == 3
+    assert len(paths) == 4
     for path in paths:
         assert len(set(path)) == len(path) <= MOST_FILES, path
         assert [name for name in path if not (ROOT / name).is_file()] == []
