@@ -171,7 +171,7 @@ class FleetController:
         changed = count != self._publishers
         self._publishers = count
         if changed:
-            self.search.forget_others()
+            self.search.doubt()
         return changed
 
     @property
@@ -350,7 +350,9 @@ class FleetController:
 
     def _clearance(self, i: int) -> Clearance:
         """Return what a vehicle may do in view of the others."""
-        alive = self._publishers > 0 and not (self.search.foreign or self._contested)
+        search = self.search
+        alive = search.confirmed and not (search.foreign or self._contested)
+        alive = alive and self._publishers > 0
         plan = self.plan
         if plan is None:
             return Clearance(search_alive=alive)

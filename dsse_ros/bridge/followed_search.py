@@ -53,6 +53,7 @@ class FollowedSearch:
         final_legs: What the end of the mission asks of them, with its `tracks`.
         tracks: (steps + 1, N) report of the whole mission; None if it is not wanted or not there.
         foreign: Why the latest agents are not followed; empty if they are.
+        confirmed: Whether its agents have come since the simulations last changed.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class FollowedSearch:
         self.final_legs: list[Leg] = []
         self.tracks: NDArray[Any] | None = None
         self.foreign = ""
+        self.confirmed = False
         self._unflyable = ""
         self._followed_step: int | None = None
         self._over_since_s: float | None = None
@@ -84,6 +86,7 @@ class FollowedSearch:
         self._look_at_step = self._look_at_tracks = True
         if self.info is not None and _identity(info) == _identity(self.info):
             self.info, self._other, self.foreign = info, None, ""
+            self.confirmed = True
         else:
             self._other = info
 
@@ -95,9 +98,9 @@ class FollowedSearch:
         """Take the report (steps + 1, N) of a mission that is over, with its stamp."""
         self._look_at_tracks |= _keep(self._mission_reports, stamp_ns, report)
 
-    def forget_others(self) -> None:
-        """Forget agents that are not followed: their simulation may be gone."""
-        self._other, self.foreign = None, ""
+    def doubt(self) -> None:
+        """Take note that simulations have come or gone: this one's, or one not followed."""
+        self._other, self.foreign, self.confirmed = None, "", False
 
     def fail(self, why: str) -> bool:
         """Follow the mission no further, as it cannot be flown; returns whether that is new."""
@@ -154,6 +157,7 @@ class FollowedSearch:
 
     def _begin(self, info: AgentsInfo) -> News:
         self.info, self.legs, self.final_legs, self.tracks = info, [], [], None
+        self.confirmed = True
         self._followed_step = self._over_since_s = None
         self._unflyable = ""
         self._look_at_step = self._look_at_tracks = True

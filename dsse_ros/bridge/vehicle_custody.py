@@ -14,8 +14,8 @@ from typing import Literal
 
 from dsse_ros.bridge.custody import AIRBORNE, Custody, Event, next_custody
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.orders import Land, Return
-from dsse_ros.flight.vehicle_controller import Order, Outcome
+from dsse_ros.flight.orders import Land, Return, TakeOff
+from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 
 SearchId = tuple[int, int]
@@ -310,15 +310,21 @@ class VehicleCustody:
             self._observe_motors(before, state, takes_off=takes_off)
             mode = state.mode if self.airborne else ""
             # A mode that another has set is not recorded before it is known who has.
-            ours = not mode or (known and self._is_ours(mode, outcome.order))
+            ours = not mode or (known and self._is_ours(mode, outcome))
             if ours and mode != self.record.mode:
                 self.record = replace(self.record, mode=mode)
 
-    def _is_ours(self, mode: str, order: Order | None) -> bool:
+    def _is_ours(self, mode: str, outcome: Outcome) -> bool:
         """Return whether it may be in a mode because of an order of ours."""
+        autopilot, order = self._autopilot, outcome.order
+        if order is None or self._whole:
+            return True
+        climbs = isinstance(order, TakeOff) and outcome.status != "done"
+        if climbs and autopilot.take_off_mode and mode == autopilot.resting_mode:
+            # Short of its top a person has set that.
+            return False
         brought_about = {Return: "RTL", Land: "LAND"}.get(type(order))
-        anyhow = order is None or self._whole
-        return anyhow or mode in self._autopilot.orderly_modes or mode == brought_about
+        return mode in autopilot.take_off_modes or mode == brought_about
 
     def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
         """See whether somebody else has what an earlier program has flown."""

@@ -90,10 +90,18 @@ class ModeWatch:
             raise TakenOverError
 
     def change(self, mode: str, *others: str) -> str:
-        """Change the mode as `CommandSender.send` does; these others are allowed until then."""
+        """Change the mode as `CommandSender.send` does; these others are allowed until then.
+
+        Raises:
+            TakenOverError: If a failsafe has set the one in which it is.
+        """
+        state, autopilot = self._situation.state, self._situation.autopilot
+        acts = state.armed and state.failsafe not in ("", "offboard")
+        if acts and self._mode not in autopilot.take_off_modes | {mode}:
+            raise TakenOverError
         self.announce(mode)
         self.allow(self._mode, mode, *others)
-        parameters = self._situation.autopilot.mode_parameters(mode)
+        parameters = autopilot.mode_parameters(mode)
         return self._commands.send_long(DO_SET_MODE, f"waiting for {mode}", *parameters)
 
     @property

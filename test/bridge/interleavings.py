@@ -16,7 +16,12 @@ from dataclasses import dataclass, field
 from virtual_fleet import VirtualFleet, VirtualSearch, pilots_mode
 from virtual_flight import VirtualFlight
 
-from dsse_ros.flight.mavlink_messages import CommandLong, Heartbeat, SetPositionTarget
+from dsse_ros.flight.mavlink_messages import (
+    BatteryStatus,
+    CommandLong,
+    Heartbeat,
+    SetPositionTarget,
+)
 from msg_adapters.frames import cell_to_map
 from msg_adapters.geodesy import geodetic_to_map
 
@@ -35,7 +40,8 @@ class Facts:
         may_move: Whether it is in the air by that.
         recalled: Whether it was ordered to return or land.
         held_since: Since which received message somebody else has had it; None if nobody has.
-        shows: Whether a heartbeat shows that.
+        shows: Whether a message shows that.
+        shown: How many such messages it takes.
         by_failsafe: Whether a failsafe has.
         released: Whether a person has given it back while it was armed.
         fresh: Whether it has never been flown, taken, lost or grounded.
@@ -48,7 +54,8 @@ class Facts:
     may_move: bool = False
     recalled: bool = False
     held_since: int | None = None
-    shows: Callable[[Heartbeat], bool] = bool
+    shows: Callable[[object], bool] = bool
+    shown: int = 1
     by_failsafe: bool = False
     released: bool = False
     fresh: bool = True
@@ -59,16 +66,25 @@ class Facts:
     def taken(self, flight: VirtualFlight, *, by_motors: bool = False) -> None:
         """Somebody else has it; that shows in a later heartbeat, by its mode or its motors."""
         mode, armed = flight.vehicle.custom_mode, flight.vehicle.armed
-        self.held_since = len(flight.received)
+        self.held_since, self.shown = len(flight.received), 1
         if by_motors:
-            self.shows = lambda one: bool(one.base_mode & 128) == armed
+            self.shows = lambda m: isinstance(m, Heartbeat) and bool(m.base_mode & 128) == armed
         else:
-            self.shows = lambda one: one.custom_mode == mode
+            self.shows = lambda m: isinstance(m, Heartbeat) and m.custom_mode == mode
         self.fresh = self.released = self.by_failsafe = self.disarmed = False
 
     def lose_all(self) -> None:
         """Nothing may be sent that starts or moves it."""
         self.may_start = self.may_move = self.recalled = False
+
+
+def sets_mode_of(command: CommandLong, flight: VirtualFlight) -> bool:
+    """Whether a command sets the mode in which a vehicle is anyway."""
+    if command.command != SET_MODE:
+        return False
+    main, sub = int(command.param2), int(command.param3)
+    number = main if flight.vehicle.custom_mode < 1 << 16 else main << 16 | sub << 24
+    return number == flight.vehicle.custom_mode
 
 
 @dataclass
@@ -244,32 +260,40 @@ class Interleaving:
         if self.shows_anyway(flight, mode):
             return
         flight.vehicle.request_mode(*((4, 3) if self.autopilot == "px4" else (4, 0)))
-        if flight.vehicle.mode.name == mode:
+        asked = any(sets_mode_of(one, flight) for one in self.just_asked(flight))
+        if flight.vehicle.mode.name == mode and not asked:
             facts.taken(flight)
             facts.released = flight.vehicle.armed and mode == "GUIDED"
             self.note(f"station {i} {mode}")
+
+    def just_asked(self, flight: VirtualFlight) -> list[CommandLong]:
+        """Return the commands of the last seconds."""
+        since_s = self.fleet.now - 3.0
+        return [
+            message
+            for time_s, message in flight.sent[-20:]
+            if time_s > since_s and isinstance(message, CommandLong)
+        ]
 
     def shows_anyway(self, flight: VirtualFlight, mode: str) -> bool:
         """Whether nobody could see that a person sets a mode."""
         heartbeats = [one for one in flight.received if isinstance(one, Heartbeat)]
         number = int(type(flight.vehicle.mode)[mode])
-        shown = heartbeats and heartbeats[-1].custom_mode == number
-        return flight.vehicle.mode.name == mode or bool(shown)
+        shown = not heartbeats or heartbeats[-1].custom_mode == number
+        return flight.vehicle.mode.name == mode or shown
 
     def waits_for_a_hand(self, i: int) -> bool:
-        """Whether a person is waited for to arm a vehicle, in the mode that is named."""
+        """Whether a person is waited for to arm a vehicle, or to set the mode that is named."""
         custody = self.fleet.controller.followers[i].custody
-        return custody.state.value == "cleared" and not custody.record.arm
+        state = custody.state.value
+        begins = state == "following" and self.fleet.flights[i].vehicle.landed
+        return (begins or state == "cleared") and not custody.record.arm
 
     def foreign_arm(self) -> None:
         """Have another ground station arm it and take off."""
         i, flight, facts = self.any_vehicle()
         vehicle = flight.vehicle
-        asked = any(
-            isinstance(message, CommandLong) and message.command == ARM
-            for time_s, message in flight.sent[-20:]
-            if time_s > self.fleet.now - 3.0
-        )
+        asked = any(one.command == ARM for one in self.just_asked(flight))
         # Nobody can tell its arming from the one that the bridge has just asked for.
         if asked or vehicle.armed or vehicle.arm(force=False) != 0:
             return
@@ -308,6 +332,9 @@ class Interleaving:
         vehicle.battery_failsafe()
         facts.taken(flight)
         facts.by_failsafe = True
+        if self.autopilot == "px4":
+            # Its mode may be for lack of setpoints, too.
+            facts.shows, facts.shown = lambda m: isinstance(m, BatteryStatus), 2
         self.note(f"battery {i}")
 
     def cut(self) -> None:
@@ -431,10 +458,8 @@ class Interleaving:
         flight, facts = self.fleet.flights[i], self.facts[i]
         if facts.held_since is None:
             return False
-        return any(
-            isinstance(one, Heartbeat) and facts.shows(one)
-            for one in flight.received[facts.held_since : heard]
-        )
+        since = flight.received[facts.held_since : heard]
+        return sum(map(facts.shows, since)) >= facts.shown
 
     def check(self, i: int, message: object, heard: int) -> None:
         """Hold a message to the rules; so many were received before it was sent.
@@ -454,10 +479,14 @@ class Interleaving:
             if number == ARM and flight.vehicle.armed and not facts.released:
                 # Nobody can tell whose arming shows.
                 facts.held_since, facts.may_move = None, True
+            elif isinstance(message, CommandLong) and sets_mode_of(message, flight):
+                # Nor whose mode.
+                facts.held_since = None
             return
         if number in STARTS and not (facts.may_start or facts.may_move):
             self.fail(i, f"{message} though nobody has cleared it")
-        if number == ARM and self.arm == "false" and not facts.may_start:
+        armed_unseen = facts.up_since is not None and not self.seen_armed(i)
+        if number == ARM and self.arm == "false" and not (facts.may_start or armed_unseen):
             self.fail(i, f"{message} though a person should arm it")
         if number == SET_MODE and not (facts.may_start or facts.may_move):
             self.fail(i, f"{message} though nobody has cleared it")

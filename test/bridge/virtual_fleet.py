@@ -298,10 +298,12 @@ class VirtualFleet:
             flight.step()
         self.steps += 1
         if self.steps % TURN_STEPS == 0:
-            if self.controller.set_publishers(len(self.searches)):
+            changed = self.controller.set_publishers(len(self.searches))
+            self.controller.turn(self.now)
+            if changed:
+                # A new subscription gets them some time later.
                 for search in self.searches:
                     self.controller.take_agents(search.agents(), self.now)
-            self.controller.turn(self.now)
             self._simulate()
 
     def _simulate(self) -> None:

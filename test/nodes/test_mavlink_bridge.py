@@ -29,8 +29,15 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rig import BEST_EFFORT, LATCHED, Rig, stamp_ns
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
+
+
+def call(rig: Rig, kind: Any, service: str, **request: Any) -> tuple[bool, str]:
+    """Call a service of the bridge."""
+    response = rig.call(kind, service, **request)
+    return response.success, response.message
 
 
 @pytest.fixture
@@ -87,11 +94,12 @@ def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
     with autopilots((), (fault,)) as vehicles:
         sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
         bridge = Bridge(rig, vehicles)
+        sim.joint(UP, UP)
         rig.until(lambda: bridge.state(1).get("lost"), "drone1 is lost")
         assert lost in bridge.state(1)["lost"]
         bridge.until(1, mode=mode)
         rig.until(lambda: sim.report["terminated"].tolist() == [0, 1], "drone1 terminated")
-        fly(sim, UP, UP)
+        rig.until(lambda: sim.cells[0] == (0, 4), "the step")
         fly(sim, RIGHT, RIGHT)
         assert sim.cells[0] == (1, 4) and sim.report["terminated"].tolist() == [0, 1]
         assert bridge.state(1)["mode"] == mode
@@ -103,14 +111,14 @@ def test_who_is_lost_on_the_ground_stays_there_when_it_is_connected_again(
     rig: Rig, autopilot: str
 ) -> None:
     rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
-    # It is to be ready some time after the order.
+    # It is ready some time after the order to be so.
     with autopilots((), autopilot=autopilot, ready_s=240.0) as vehicles:
         bridge = Bridge(rig, vehicles, autopilot=autopilot, link_timeout=4.0, lost_timeout=4.0)
-        rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
+        rig.until(lambda: bridge.state(0).get("order", "").startswith("MakeReady"), "the order")
         os.kill(vehicles[0].pid, signal.SIGSTOP)
         bridge.until(0, connected="false", lost="link lost: no heartbeat for 4 s")
         os.kill(vehicles[0].pid, signal.SIGCONT)
-        bridge.until(0, connected="true", ready="true", order="Return()", status="done")
+        bridge.until(0, connected="true", ready="true", order="", custody="grounded")
         seen = len(bridge.states[0])
         rig.until(lambda: len(bridge.states[0]) >= seen + 3, "more of its state")
         states = [
@@ -126,12 +134,14 @@ def test_a_take_off_is_called_off_when_a_search_comes_that_cannot_be_flown(rig: 
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
         # The take-off waits for somebody to arm it, for as long as that takes.
         bridge = Bridge(rig, vehicles, arm=False)
+        sim.joint(UP)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("TakeOff"), "the order")
         sim.process.kill()
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5]})
-        bridge.until(0, order="Hold()", status="done", armed="false", flying="false")
+        bridge.until(0, order="MakeReady(arm=False, from_modes=())", armed="false", flying="false")
         trouble = "1 vehicles for 2 drones"
         rig.until(lambda: trouble in bridge.state(0)["message"], trouble)
+        assert take_off_orders(bridge) == 1
 
 
 @pytest.mark.parametrize(
@@ -160,8 +170,11 @@ def test_who_cannot_take_off_is_lost_with_the_reason_and_the_other_goes_on(
 
 def test_each_vehicle_flies_in_a_layer_of_its_own(rig: Rig) -> None:
     with autopilots((), (), ()) as vehicles:
-        rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5], "wait_for_vehicles": True})
+        sim = rig.sim(
+            SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5], "wait_for_vehicles": True}
+        )
         bridge = Bridge(rig, vehicles)
+        sim.joint(UP, UP, UP)
         for i, alt_m in enumerate((120.0, 115.0, 110.0)):
             bridge.until(i, arrived="true")
             assert abs(bridge.poses[i].last.pose.position.z - alt_m) < 3.5
@@ -214,30 +227,66 @@ def test_who_has_no_heartbeat_any_more_is_lost_and_the_other_goes_on(rig: Rig) -
     with autopilots((), ()) as vehicles:
         sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
         bridge = Bridge(rig, vehicles, link_timeout=4.0, lost_timeout=6.0)
+        sim.joint(UP, UP)
         bridge.until(1, flying="true")
         vehicles[1].kill()
         bridge.until(1, lost="link lost: no heartbeat for 6 s")
-        fly(sim, UP, UP)
+        rig.until(lambda: sim.cells[0] == (0, 4), "the step")
         fly(sim, RIGHT, RIGHT)
         assert sim.report["terminated"].tolist() == [0, 1]
 
 
 def test_nothing_is_armed_unless_that_is_allowed(rig: Rig) -> None:
     with autopilots(()) as vehicles:
-        rig.sim(SEARCHED | {"drones_positions": [0, 5]})
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
         bridge = Bridge(rig, vehicles, arm=False)
-        state = bridge.until(0, reason="waiting for GUIDED: it is in STABILIZE")
-        assert state["armed"] == "false" and state["ready"] == "true"
+        sim.joint(UP)
+        state = bridge.until(0, reason="waiting for GUIDED: it is in STABILIZE", ready="true")
+        assert state["armed"] == "false" and state["custody"] == "cleared"
+
+
+def test_nothing_takes_off_before_a_planner_has_commanded_all_drones(rig: Rig) -> None:
+    with autopilots(()) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles)
+        bridge.until(0, ready="true", blocked="waiting for the first commands of a planner")
+        assert take_off_orders(bridge) == 0
+        sim.joint(UP)
+        bridge.until(0, flying="true")
+
+
+def test_an_operator_holds_recalls_and_clears_vehicles(rig: Rig) -> None:
+    """After each call nothing moves again but by ~/arm."""
+    with autopilots(()) as vehicles:
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+        bridge = Bridge(rig, vehicles, arm=False)
+        sim.joint(UP)
+        bridge.until(0, custody="cleared", ready="true")
+        assert call(rig, SetBool, "drone0/arm", data=True)[0]
+        bridge.until(0, arrived="true", cell="0 4")
+        assert call(rig, Trigger, "dsse_bridge/hold") == (True, "ordered to hold: drone0")
+        bridge.until(0, custody="held", order="Hold()", status="done")
+        sim.joint(UP)
+        assert call(rig, SetBool, "dsse_bridge/arm", data=True)[0]
+        bridge.until(0, custody="following", arrived="true", cell="0 3")
+        assert call(rig, Trigger, "drone0/land")[0]
+        bridge.until(0, custody="recalled", mode="LAND")
+        state = bridge.until(0, custody="taken over", armed="false", flying="false")
+        assert state["lost"] == "recalled by the operator: land"
+        rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
+        assert call(rig, Trigger, "dsse_bridge/return")[0]
+        assert take_off_orders(bridge) == 1
 
 
 def test_without_a_planner_the_vehicles_hold_until_it_goes_on(rig: Rig) -> None:
     with autopilots(()) as vehicles:
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
         bridge = Bridge(rig, vehicles, planner_timeout=0.5)
+        fly(sim, UP)
         bridge.until(0, order="Hold()", status="done")
         assert health_when(rig, "no steps: the vehicles hold")["flying"] == "1"
         fly(sim, UP)
-        bridge.until(0, arrived="true", cell="0 4")
+        bridge.until(0, arrived="true", cell="0 3")
         bridge.until(0, order="Hold()", status="done")
 
 
@@ -264,7 +313,8 @@ def test_signed_links_fly_and_keys_that_differ_do_not(rig: Rig) -> None:
         key.write_text(f"{number:02x}" * 32)
         key.chmod(0o600)
     with autopilots((), key_file=keys[0]) as vehicles:
-        rig.sim(SEARCHED | {"drones_positions": [0, 5]})
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
+        sim.joint(UP)
         foreign = Bridge(rig, vehicles, signing_key_file=str(keys[1]))
         rig.until(lambda: int(foreign.state(0).get("count.forged", 0)) > 0, "a forged message")
         assert foreign.state(0)["connected"] == "false"
@@ -277,8 +327,9 @@ def test_an_open_loop_goes_after_the_latest_step(rig: Rig) -> None:
     with autopilots(()) as vehicles:
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5]})
         bridge = Bridge(rig, vehicles)
+        fly(sim, UP)
         bridge.until(0, arrived="true")
-        for action in (UP, UP, RIGHT):
+        for action in (UP, RIGHT):
             fly(sim, action)
         bridge.until(0, arrived="true", cell="1 3")
         rig.until(lambda: away_m(bridge.poses[0].last, (1, 3)) <= 10.0, "the vehicle's pose")
@@ -367,6 +418,8 @@ def test_twenty_vehicles_are_waited_for_and_each_gets_a_heartbeat_a_second(rig: 
     with autopilots(*[()] * number, speedup=5.0, ready_s=5.0) as vehicles:
         sim = rig.sim(SEARCHED | {"drones_positions": starts, "wait_for_vehicles": True})
         bridge = Bridge(rig, vehicles, pose_rate=5.0)
+        seen = len(sim.reports)
+        sim.joint(*[UP if i >= 18 else SEARCH for i in range(number)])
         bridge.until(0, flying="true")
 
         def counted(i: int) -> tuple[int, int]:
@@ -376,7 +429,7 @@ def test_twenty_vehicles_are_waited_for_and_each_gets_a_heartbeat_a_second(rig: 
 
         began = [counted(i) for i in range(number)]
         since = [stamp_ns(states.last) for states in bridge.states]
-        fly(sim, *[UP if i >= 18 else SEARCH for i in range(number)])
+        sim.next_report(seen)
         fly(sim, *[SEARCH] * number)
         for i in range(number):
             took_s = (stamp_ns(bridge.states[i].last) - since[i]) / 1e9
@@ -411,6 +464,8 @@ def test_vehicles_for_another_number_of_drones_stay_where_they_are(rig: Rig) -> 
         ({"lost_timeout": 2.0}, "lost_timeout: 2 is not allowed; at least link_timeout, 5 s"),
         ({"signing_key_file": "/nonexistent"}, "signing_key_file: /nonexistent: No such file"),
         ({"own_system_id": 1}, "own_system_id"),
+        ({"arm": "maybe"}, "arm: 'maybe' is not allowed; one of false, true, always"),
+        ({"fence_center": [91.0, 0.0]}, "fence_center: (91.0, 0.0) is not allowed"),
         ({"conections": ["x"]}, "did you mean connections?"),
     ],
 )
