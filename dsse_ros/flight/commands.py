@@ -139,7 +139,8 @@ class Situation:
         state: What the vehicle reports.
         now: Our time in seconds.
         out: Messages to send.
-        take_off_alt_m: Altitude above home at which its last take-off ends; NaN if there was none.
+        take_off_amsl_m: Altitude above mean sea level at which its last take-off ends; NaN if there
+            was none.
     """
 
     target: Address
@@ -147,7 +148,7 @@ class Situation:
     state: VehicleState = field(default_factory=VehicleState)
     now: float = -math.inf
     out: list[Outgoing] = field(default_factory=list)
-    take_off_alt_m: float = math.nan
+    take_off_amsl_m: float = math.nan
     _texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=3))
     _best: tuple[object, float] = (None, math.inf)
     _best_since_s: float = 0.0

@@ -27,6 +27,8 @@ NAV_RETURN_TO_LAUNCH = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
 NAV_LAND = mavlink.MAV_CMD_NAV_LAND
 
 STANDING_MPS = 1.0
+NEAR_TOP_M = 3.0
+"""How far from its end a climb may be seen to end: positions are late, and altitudes drift."""
 _STAYING_M = 5.0
 _STREAM_FIRST_S = 1.0
 _HOLDING_ITEMS = (NAV_WAYPOINT, NAV_LOITER_TIME, NAV_DELAY)
@@ -90,15 +92,23 @@ def enter_guided_mode(controller: VehicleController) -> str:
     situation, modes = controller.situation, controller.modes
     autopilot = situation.autopilot
     modes.check()
-    # At the end of a take-off it rests by itself.
-    away_m = abs(controller.state.alt_m - situation.take_off_alt_m)
-    risen = away_m <= situation.settings.alt_tolerance_m
     rising = bool(autopilot.take_off_mode) and controller.state.mode == autopilot.take_off_mode
-    others = (autopilot.resting_mode,) if rising and risen else ()
+    others = end_of_climb(controller) if rising else ()
     if autopilot.streams_setpoints and not controller.setpoints.streamed_for(_STREAM_FIRST_S):
         modes.allow(controller.state.mode, *others)
         return "sending setpoints"
     return modes.change(autopilot.guided_mode, *others)
+
+
+def end_of_climb(controller: VehicleController) -> tuple[str, ...]:
+    """Return the modes to which a vehicle may change by itself at the top of its take-off.
+
+    By sea level: home moves. A person's change is known as one below.
+    """
+    situation, autopilot = controller.situation, controller.situation.autopilot
+    below_m = situation.take_off_amsl_m - controller.state.alt_amsl_m
+    rests = bool(autopilot.take_off_mode) and abs(below_m) <= NEAR_TOP_M
+    return (autopilot.resting_mode,) if rests else ()
 
 
 def stop_at_setpoint(controller: VehicleController) -> Iterator[str]:

@@ -23,6 +23,7 @@ from dsse_ros.flight.order_steps import (
     allow_present_mode,
     climb_on_the_spot,
     come_down,
+    end_of_climb,
     expect_flying,
     fly_to,
     follow_mission,
@@ -107,7 +108,6 @@ class TakeOff(Order):
             if waiting:
                 yield waiting
                 continue
-            controller.situation.take_off_alt_m = self.alt_m
             if autopilot.take_off_mode:
                 if controller.state.mode == autopilot.take_off_mode:
                     # It takes off: another mode is no longer one from which it does.
@@ -117,6 +117,7 @@ class TakeOff(Order):
                     continue
                 modes.announce(autopilot.take_off_mode)
             home_amsl_m = controller.state.alt_amsl_m - controller.state.alt_m
+            controller.situation.take_off_amsl_m = home_amsl_m + self.alt_m
             parameters = autopilot.take_off_parameters(self.alt_m, home_amsl_m)
             yield controller.commands.send_long(
                 NAV_TAKEOFF, "taking off", *parameters, takes_s=_LIFT_OFF_S
@@ -126,7 +127,10 @@ class TakeOff(Order):
             expect_flying(controller)
             if autopilot.take_off_mode:
                 # Up there it goes to the resting mode by itself; below, a person has set that.
-                modes.allow(autopilot.take_off_mode)
+                resting = end_of_climb(controller)
+                modes.allow(autopilot.take_off_mode, *resting)
+                if controller.state.mode in resting:
+                    break
             controller.situation.expect_progress("climb", abs(controller.state.alt_m - self.alt_m))
             yield f"climbing to {self.alt_m:g} m"
         if autopilot.take_off_mode:
