@@ -102,7 +102,17 @@ class BridgeNode(AlarmNode):
                 )
 
     def _log(self, level: str, text: str) -> None:
-        getattr(self.get_logger(), level)(text)
+        # Each call in the source may log at one level only: rclpy raises at another one.
+        logger = self.get_logger()
+        match level:
+            case "debug":
+                logger.debug(text)
+            case "info":
+                logger.info(text)
+            case "warning":
+                logger.warning(text)
+            case _:
+                logger.error(text)
 
     def _open_records(self, vehicles: list[Vehicle]) -> FlightRecords | None:
         """Return who had the vehicles before.
