@@ -602,6 +602,27 @@ def test_px4_flies_above_home_wherever_the_origin_of_its_estimate_is() -> None:
     assert flight.vehicle.craft.up_m == pytest.approx(30.0, abs=0.5)
 
 
+@pytest.mark.parametrize("home_up_m", [-2.0, 2.0])
+def test_px4_whose_home_moves_rests_at_the_top_of_its_climb_unasked(home_up_m: float) -> None:
+    flight = VirtualFlight("px4", alt_tolerance_m=1.0)
+    flight.give(TakeOff(30.0))
+    flight.until(lambda: flight.vehicle.craft.up_m > 15.0)
+    flight.vehicle.home_up_m = home_up_m
+    flight.until(lambda: flight.outcome.status != "under_way")
+    assert flight.outcome.status == "done"
+    assert flight.fly(go_to(flight, 40.0, 0.0, 30.0)).status == "done"
+    assert flight.vehicle.craft.up_m == pytest.approx(30.0 + home_up_m, abs=1.5)
+
+
+def test_a_hold_short_of_the_top_of_px4s_climb_is_a_persons() -> None:
+    flight = VirtualFlight("px4", alt_tolerance_m=1.0)
+    flight.give(TakeOff(30.0))
+    flight.until(lambda: flight.vehicle.craft.up_m > 25.0)
+    flight.vehicle.pilot_takes_over("HOLD")
+    flight.until(lambda: flight.outcome.status != "under_way", limit_s=4.0)
+    assert flight.outcome.status == "taken_over"
+
+
 def test_who_may_not_arm_reports_that_px4_has_to_leave_offboard() -> None:
     flight = VirtualFlight("px4")
     flight.wait(10.0)

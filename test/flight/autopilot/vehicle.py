@@ -71,6 +71,7 @@ class Vehicle(ABC):
         mission: What is stored.
         parameters: By name.
         limits: What it may do now.
+        home_up_m: How far it has moved the home that it reports up from where it stood.
     """
 
     autopilot: ClassVar[int]
@@ -93,6 +94,7 @@ class Vehicle(ABC):
         self.armed = False
         self.landed = True
         self.battery = 1.0
+        self.home_up_m = 0.0
         self.failsafes: set[str] = set()
         self.mission = Mission()
         self._speed_mps: float | None = None
