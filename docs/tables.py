@@ -237,7 +237,7 @@ def states_table() -> str:
 def events_table() -> str:
     """Return the state after each event, by the state before; nothing where it stays."""
     rows = [
-        [event.value, *(NEXT[state][event].value if event in NEXT[state] else "" for state in Custody)]
+        [event.value, *(after[event].value if event in after else "" for after in NEXT.values())]
         for event in Event
     ]
     return table(["When", *(state.value for state in Custody)], rows)

@@ -118,6 +118,8 @@ class FleetController:
         for _, follower, vehicle in self._each():
             if follower.custody.record.mode:
                 vehicle.adopt(follower.custody.record.mode)
+            if follower.custody.state is Custody.FOLLOWING:
+                vehicle.adopt(AUTOPILOTS[settings.autopilot].take_off_mode)
         self.plan: FlightPlan | None = None
         self.search = FollowedSearch(len(vehicles), whole=self._whole, refuse=self._refuse)
         self.holding = False

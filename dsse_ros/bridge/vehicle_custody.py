@@ -356,6 +356,9 @@ class VehicleCustody:
         if going:
             # One that has missed setpoints may have left the guided mode for any of these.
             brought_about |= autopilot.setpoint_loss_modes
+        elif self._inherited is Custody.FOLLOWING:
+            # It was armed for its take-off.
+            brought_about |= autopilot.take_off_modes
         # The order of that program goes by what it has recorded.
         if self._inherited is Custody.RECALLED:
             ordered = {_COMING_DOWN[record.end or "return"]}

@@ -169,7 +169,8 @@ class ModeWatch:
         if not state.armed and (just_disarmed or mode in autopilot.disarmed_modes):
             self.allowed |= {mode}
             return
-        may_be_ours = mode in self._ours or state.failsafe == "critical"
+        named = state.failsafe not in ("", "critical", "offboard")
+        may_be_ours = state.failsafe == "critical" or (mode in self._ours and not named)
         if self._foreign or not may_be_ours:
             raise TakenOverError
         self._foreign = True

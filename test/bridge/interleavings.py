@@ -17,7 +17,6 @@ from virtual_fleet import VirtualFleet, VirtualSearch, pilots_mode
 from virtual_flight import VirtualFlight
 
 from dsse_ros.flight.mavlink_messages import (
-    BatteryStatus,
     CommandLong,
     Heartbeat,
     SetPositionTarget,
@@ -27,6 +26,7 @@ from msg_adapters.geodesy import geodetic_to_map
 
 ARM, TAKE_OFF, SET_MODE, START = 400, 22, 176, 300
 STARTS = (ARM, TAKE_OFF, START)
+NEAR_TOP_M = 51.0
 HERE_M = 25.0
 """How far from a vehicle a setpoint is that has it stay, hold or climb where it is."""
 
@@ -85,6 +85,11 @@ def sets_mode_of(command: CommandLong, flight: VirtualFlight) -> bool:
     main, sub = int(command.param2), int(command.param3)
     number = main if flight.vehicle.custom_mode < 1 << 16 else main << 16 | sub << 24
     return number == flight.vehicle.custom_mode
+
+
+def is_critical(message: object) -> bool:
+    """Whether it is a heartbeat of an autopilot that a failsafe has."""
+    return isinstance(message, Heartbeat) and message.system_status == 5
 
 
 @dataclass
@@ -257,7 +262,9 @@ class Interleaving:
         if self.waits_for_a_hand(i):
             return
         mode = "HOLD" if self.autopilot == "px4" else "GUIDED"
-        if self.shows_anyway(flight, mode):
+        top = flight.vehicle.mode.name == "TAKEOFF" and flight.vehicle.craft.up_m > NEAR_TOP_M
+        # At the top of its climb it goes there by itself.
+        if top or self.shows_anyway(flight, mode):
             return
         flight.vehicle.request_mode(*((4, 3) if self.autopilot == "px4" else (4, 0)))
         asked = any(sets_mode_of(one, flight) for one in self.just_asked(flight))
@@ -334,7 +341,7 @@ class Interleaving:
         facts.by_failsafe = True
         if self.autopilot == "px4":
             # Its mode may be for lack of setpoints, too.
-            facts.shows, facts.shown = lambda m: isinstance(m, BatteryStatus), 2
+            facts.shows, facts.shown = is_critical, 3
         self.note(f"battery {i}")
 
     def cut(self) -> None:
@@ -365,6 +372,7 @@ class Interleaving:
             flight = self.fleet.flights[k]
             if flight.vehicle.landed:
                 facts.may_start, facts.may_move, facts.recalled = True, False, False
+                facts.fresh = True
             elif followers[k].custody.airborne:
                 facts.may_move, facts.recalled = True, False
             facts.held_since = None
@@ -402,7 +410,8 @@ class Interleaving:
         if followed == self.followed or followed is None:
             return
         self.followed = followed
-        self.first_search = self.first_search or followed
+        # It may have followed another one in between.
+        self.first_search = self.fleet.controller._first
         for follower, facts in zip(self.fleet.controller.followers, self.facts, strict=True):
             record = follower.custody.record
             if follower.custody.state.value != "cleared" or record.search != followed:
@@ -449,7 +458,7 @@ class Interleaving:
         again = self.arm == "always" and not person
         vehicle = self.fleet.flights[i].vehicle
         if (fresh or again) and vehicle.landed and not vehicle.armed and state == "cleared":
-            facts.may_start = True
+            facts.may_start, facts.was_up = True, False
         if again and follower.custody.airborne and facts.may_move:
             facts.recalled = facts.recalled and state == "recalled"
 

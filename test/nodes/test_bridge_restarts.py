@@ -125,7 +125,8 @@ def test_a_simulation_started_again_moves_nobody_without_a_person(
             bridge.until(0, flying="true", cell="0 4" if search == "running" else "0 3")
             assert rig.call(Trigger, "dsse_bridge/return").success
             bridge.until(0, flying="false", armed="false")
-            stays(rig, bridge)
+        rig.until(lambda: bridge.process.output.count(" is followed") == 2, "the other search")
+        stays(rig, bridge)
         assert take_off_orders(bridge) == before
         assert rig.call(SetBool, "dsse_bridge/arm", data=True).success
         state = bridge.until(0, arrived="true", flying="true", cell="2 4")
