@@ -84,7 +84,7 @@ _ON_THE_GROUND: Mapping[Event, Custody] = {
 NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
     Custody.FREE: {
         Event.CLEAR: Custody.CLEARED,
-        Event.DOWN: Custody.GROUNDED,
+        Event.DOWN: Custody.TAKEN,
         Event.TAKE_OVER: Custody.TAKEN,
         **_ON_THE_GROUND,
     },

@@ -307,12 +307,13 @@ class VehicleFollower:
             self.arrived = custody.over = True
         if custody.over and custody.record.search == custody.search:
             custody.on(Event.SEARCH_OVER)
-        if self.lost or not (custody.airborne or custody.state is Custody.CLEARED):
+        if not (custody.airborne or custody.state is Custody.CLEARED):
             return
         because = f": {trouble}" if trouble else ""
+        silent = bool(state.mode) and not state.connected
         if state.problem:
             self.drop_out(state.problem)
-        elif state.mode and not state.connected and now_s - state.heard_s >= self._lost_timeout_s:
+        elif silent and now_s - state.heard_s >= self._lost_timeout_s and not self.lost:
             self.drop_out(f"link lost: no heartbeat for {self._lost_timeout_s:g} s{because}")
         elif self._given is not None and self._has_failsafe(state, now_s):
             self.drop_out(f"{state.failsafe} failsafe")

@@ -43,7 +43,7 @@ class ArmingOrder(Protocol):
 
     @property
     def from_modes(self) -> tuple[str, ...]:
-        """Modes that may be changed on the ground, whoever has set them."""
+        """Modes that may be changed on the ground, even if a person has set them."""
 
 
 def fly_to(

@@ -53,8 +53,8 @@ class MakeReady(Order):
 
     Attributes:
         arm: Whether it will be armed by us. If not, its mode is somebody else's too.
-        from_modes: Modes that may be changed on the ground, whoever has set them, besides those of
-            its start and those from which it takes off.
+        from_modes: Modes that may be changed on the ground, even if a person has set them,
+            besides those of its start and those from which it takes off.
     """
 
     arm: bool = True

@@ -40,7 +40,7 @@ DIAGNOSTICS_S = 1.0
 ALT_TOLERANCE_M = 1.0
 """Of several vehicles none leaves its place before it is as near as that to its layer."""
 _ALWAYS = (
-    "arm:=always: vehicles are armed and take off for EVERY search, whoever starts it. "
+    "arm:=always: vehicles are armed and take off for EVERY search, with nobody asked. "
     "For simulations only"
 )
 

@@ -134,9 +134,10 @@ class MissionPublishers:
     def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
         return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
 
-    def publish_agents(self, timing: Timing, *, commanded: bool) -> None:
+    def publish_agents(self, timing: Timing) -> None:
         """Publish who searches, by which rules and where, and whether they were commanded."""
         env, frame = self._mission.env, self._frame
+        begun = self._mission.result.step > 0 or not self._mission.missing
         info = AgentsInfo(
             agents=tuple(self._names),
             actions=env.rules.actions,
@@ -155,9 +156,14 @@ class MissionPublishers:
             definition=SearchDefinition(env.rules, env.mission_scenario),
             area=area_rows(env.scenario.area_mask),
             decision_time_s=timing.decision_time_s,
-            commanded=commanded,
+            commanded=begun or timing.mode != "lockstep",
         )
         self._agents.publish(agents_message(info))
+
+    def publish_first_commands(self, timing: Timing) -> None:
+        """Publish that the drones are commanded: vehicles take off from then on."""
+        if self._mission.result.step == 0 and not self._mission.missing:
+            self.publish_agents(timing)
 
     def publish_clock(self, nanoseconds: int) -> None:
         """Publish the mission time, if it goes out."""

@@ -92,7 +92,6 @@ class SimNode(AlarmNode):
         )
         self.stopped = False
         self.timeouts = 0
-        self._commanded = False
         self._idle = False
         self._wall_clock = Clock()
         self._scheduler = StepScheduler(
@@ -133,7 +132,7 @@ class SimNode(AlarmNode):
             step_duration_s = self.mission.env.scenario.step_duration_s
             self._scheduler.set_timing(timing(self.settings, step_duration_s), time.monotonic())
             self._arm()
-            self._publish_agents()
+            self.publishers_.publish_agents(self._scheduler.timing)
         if was_moving and not self._scheduler.moving:
             self._publish_odometry()
         if "grid_scaling" in changes:
@@ -200,14 +199,8 @@ class SimNode(AlarmNode):
         self.get_logger().info(status.begun(self.mission, self.frame.grid_size))
         self._vehicles.begin()
         self._exit_alarm.cancel()
-        self._commanded = False
-        self._publish_agents()
+        self.publishers_.publish_agents(self._scheduler.timing)
         self._publish(first=True)
-
-    def _publish_agents(self) -> None:
-        timing = self._scheduler.timing
-        commanded = self._commanded or timing.mode != "lockstep"
-        self.publishers_.publish_agents(timing, commanded=commanded)
 
     def step(self) -> None:
         """Do one step now; drones without a command follow `missing_action`."""
@@ -365,9 +358,7 @@ class SimNode(AlarmNode):
 
     def _on_command(self, take: Callable[[Any], bool], message: Any) -> None:
         if take(message):
-            if not (self._commanded or self.mission.missing):
-                self._commanded = True
-                self._publish_agents()
+            self.publishers_.publish_first_commands(self._scheduler.timing)
             self._advance()
 
     def _on_vehicle(self, drone: int, message: PoseStamped) -> None:

@@ -268,7 +268,10 @@ class Interleaving:
             return
         flight.vehicle.request_mode(*((4, 3) if self.autopilot == "px4" else (4, 0)))
         asked = any(sets_mode_of(one, flight) for one in self.just_asked(flight))
-        if flight.vehicle.mode.name == mode and not asked:
+        if not flight.vehicle.armed:
+            # On the ground it takes nothing: that is where vehicles wait.
+            self.note(f"station {i} {mode} on the ground")
+        elif flight.vehicle.mode.name == mode and not asked:
             facts.taken(flight)
             facts.released = flight.vehicle.armed and mode == "GUIDED"
             self.note(f"station {i} {mode}")
@@ -301,7 +304,7 @@ class Interleaving:
         i, flight, facts = self.any_vehicle()
         vehicle = flight.vehicle
         asked = any(one.command == ARM for one in self.just_asked(flight))
-        # Nobody can tell its arming from the one that the bridge has just asked for.
+        # Nobody knows its arming from the one that the bridge has just asked for.
         if asked or vehicle.armed or vehicle.arm(force=False) != 0:
             return
         self.note(f"armed {i}")
@@ -486,7 +489,7 @@ class Interleaving:
         if facts.held_since is not None:
             # It was on its way before anybody could know.
             if number == ARM and flight.vehicle.armed and not facts.released:
-                # Nobody can tell whose arming shows.
+                # Nobody knows whose arming shows.
                 facts.held_since, facts.may_move = None, True
             elif isinstance(message, CommandLong) and sets_mode_of(message, flight):
                 # Nor whose mode.

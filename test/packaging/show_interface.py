@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import re
+import tempfile
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -86,12 +87,13 @@ if __name__ == "__main__":
         )
         for part in ("-p", text)
     ]  # fmt: skip
-    # In this mode it listens to no vehicle. What has no value has no type.
+    # Nobody is there to answer it. What has no value has no type.
     of_bridge = [
         part
         for text in (
-            "mode:=export", "num_vehicles:=1", "connections:=['udpin:127.0.0.1:14550']",
-            "system_ids:=[1]", "altitudes:=[120.0]",
+            "num_vehicles:=1", "connections:=['udpout:127.0.0.1:9']", "system_ids:=[1]",
+            "altitudes:=[120.0]", "fence_center:=[-24.0, -46.0]",
+            f"state_directory:={tempfile.mkdtemp()}",
         )
         for part in ("-p", text)
     ]  # fmt: skip
