@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search.area import Area, area_mask
+from dsse_ros.search.current import mean_drift, vector_of
 from dsse_ros.search.fault_fields import FaultFields
 from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.search.probability_matrix import ProbabilityMatrix
@@ -26,6 +27,9 @@ PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
 world")."""
 
 MAX_PRE_SEARCH_STEPS = 1_000_000
+
+MAX_CURRENT_ERROR = 0.1
+"""Share of a current by which the drift may miss it where the rules drop remainders."""
 
 SYNONYMS = {"dispersion_start": "sigma"}
 """Other names of fields, as DSSE 1.1.9 has them."""
@@ -99,8 +103,8 @@ class Scenario(FaultFields):
         "cells", "Start cells (col, row); by default row by row from the north-west corner.", None
     )
     vector: tuple[float, float] | None = field(
-        "vector", "Drift of the datum, x to the east, y to the south.", None,
-        low=-1e6, high=1e6, unit="cells per step",
+        "vector", "Drift of the datum, x to the east, y to the south; with drift_by_speed (v2) "
+        "times its norm / drone_speed.", None, low=-1e6, high=1e6, unit="cells per step",
     )  # fmt: skip
     current_speed: float | None = field(
         "float", "Speed of the current, instead of vector.", None, low=0, high=100, unit="m/s"
@@ -233,6 +237,7 @@ class Scenario(FaultFields):
         person = self.person_initial_position or rules.person_initial_position
         person = person or (grid // 2, grid // 2)
         check_cell("person_initial_position", person, grid, mask)
+        vector = self._resolve_vector(rules)
         multipliers = self.person_pod_multipliers
         check_multipliers(multipliers, self.person_amount)
         if rules.person_scatter:
@@ -243,7 +248,8 @@ class Scenario(FaultFields):
             "cell_size": cell,
             "num_drones": len(positions),
             "drones_positions": positions,
-            "vector": self._resolve_vector(rules),
+            "vector": vector,
+            "drift": mean_drift(rules, vector, self.drone_speed),
             "current_speed": None,
             "current_toward": None,
             "person_initial_position": person,
@@ -301,12 +307,36 @@ class Scenario(FaultFields):
         # A step lasts cell / drone_speed, so the cell cancels.
         cells_per_step = self.current_speed / self.drone_speed
         toward = math.radians(self.current_toward)
-        vector = (cells_per_step * math.sin(toward), -cells_per_step * math.cos(toward))
-        if self.vector is None:
-            return vector
-        if math.dist(vector, self.vector) > 1e-9 * cells_per_step:
-            raise FieldError("vector and current_speed state the same thing, not alike; give one")
-        return self.vector
+        drift = (cells_per_step * math.sin(toward), -cells_per_step * math.cos(toward))
+        vector = vector_of(rules, drift, self.drone_speed)
+        nearest = mean_drift(rules, vector, self.drone_speed)
+        if self.vector is not None:
+            made = mean_drift(rules, self.vector, self.drone_speed)
+            if math.dist(nearest, made) > 1e-9 * cells_per_step:
+                raise FieldError(
+                    "vector and current_speed state the same thing, not alike; give one"
+                )
+            return self.vector
+        self._check_current(rules, drift, nearest)
+        return vector
+
+    def _check_current(
+        self, rules: Rules, drift: tuple[float, float], nearest: tuple[float, float]
+    ) -> None:
+        """Raise if the datum cannot drift as the current flows, whatever the vector."""
+        speed, missed = math.hypot(*drift), math.dist(drift, nearest)
+        where = f"current_speed: {self.current_speed:g} is not allowed with rules {rules.profile}"
+        if rules.drift_remainder == "less_one" and max(map(abs, drift)) > 1.0:
+            raise FieldError(
+                f"{where}, whose datum would drift more than a cell in a step; at most drone_speed "
+                f"({self.drone_speed:g}) along each axis"
+            )
+        if missed > MAX_CURRENT_ERROR * speed:
+            near = self.drone_speed * math.hypot(*nearest)
+            raise FieldError(
+                f"{where}, whose datum takes whole steps for a cell: the nearest current is "
+                f"{near:.4g} m/s; a slower one, or vector"
+            )
 
     def _resolve_positions(
         self, grid: int, mask: NDArray[np.bool_] | None
@@ -332,6 +362,8 @@ class ResolvedScenario(Scenario):
 
     Attributes:
         stated: The scenario that it was derived from.
+        drift: How far the datum drifts in a step on average, to the east and to the south, in
+            cells, by the rules that it was resolved with.
     """
 
     grid_size: int
@@ -350,6 +382,7 @@ class ResolvedScenario(Scenario):
     battery_hover: float
     battery_return: float
     stated: Scenario = dataclasses.field(repr=False, compare=False)
+    drift: tuple[float, float] = dataclasses.field(repr=False, compare=False)
 
     def override(self, **values: Any) -> Scenario:
         """Return the scenario as it was stated, with these fields replaced.
@@ -377,7 +410,7 @@ class ResolvedScenario(Scenario):
     @property
     def other_ways(self) -> dict[str, float]:
         """The fields that state grid_size and vector in other ways, as they would be."""
-        east, south = self.vector
+        east, south = self.drift
         return {
             "zone_size": self.grid_size * self.cell_size,
             "current_speed": math.hypot(east, south) * self.drone_speed,
