@@ -213,7 +213,7 @@ class BeamSearch:
             together[drone], lengths[drone] = candidate.path, candidate.length
             return float(
                 beam.exact_value(
-                    forecast.constants, forecast.area, belief.density, belief.pods,
+                    forecast.constants, forecast.area, belief.of_missing(), belief.pods,
                     forecast.chances, forecast.tables, forecast.directions, slots, together,
                     lengths, drone, options.gamma, options.kappa, self._nearness, self._density,
                     self._scratch,
@@ -230,7 +230,7 @@ class BeamSearch:
         offset, *offsets = self._rng.random(horizon + 1)
         rows = np.empty(count, np.int64)
         cells = np.empty((horizon + 1, count), np.int64)
-        beam.sample(belief.density, count, offset, rows, cells[0])
+        beam.sample(belief.of_missing(), count, offset, rows, cells[0])
         beam.roll(
             forecast.constants, forecast.area, forecast.chances, forecast.tables,
             forecast.directions, slots, np.array(offsets), rows, cells,

@@ -1,0 +1,158 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""What the outcome of a search tells of several persons, compiled: who is missing, and where.
+
+A drone learns whether its search has found anybody, not whom. Persons who start alike and have the
+same POD are one detection class: its persons who are missing are as probable in each cell. Persons
+move independently.
+
+Where a search looks for all in its cell, it looks for each person alone: a find and a failed search
+tell the same of those who are still missing. Where it looks for one, that is the first in the cell
+by number: after a find others may be there, who were not looked for. Persons who were scattered
+over different cells are apart until their first step: no two of them are in one cell.
+
+What is given of a person is exact as long as the others' outcomes are; see docs/ros.md for what the
+tests hold. Arguments with the same names mean the same everywhere, with n persons in C classes:
+
+    one_find: Whether a search looks for the first person in its cell only.
+    pods: (C,) float64, probability of detection.
+    class_of: (n,) int64, the class of each person.
+    missing: (n,) float64, probability that each person is missing.
+    hazard: (n,) float64, probability that a search detects each person if it is missing.
+    numbers: (`OF_CLASS`, C) float64 of the classes.
+"""
+
+from __future__ import annotations
+
+from dsse_ros.search.jit import part
+
+TOTAL, APART, MIXED, LEFT_APART, LEFT_MIXED, ELSEWHERE = range(6)
+"""Numbers of a class: what its belief sums to; the probability that a missing person of it is in
+the searched cell, apart from all others or not; by how much the outcome changes these two, relative
+to the probability that the person is elsewhere; how probable the outcome is if it is there."""
+OF_CLASS = 6
+
+SURE = 1e-9
+"""A probability closer to 0 or 1 is not in question."""
+
+
+@part
+def hazards(one_find, pods, class_of, missing, numbers, hazard):
+    """Write the hazards of a search; returns the probability that it finds anybody."""
+    total, nobody, none, occupied = 0.0, 1.0, 1.0, 0.0
+    for p in range(len(missing)):
+        m = class_of[p]
+        alone, mixed = numbers[APART, m], numbers[MIXED, m]
+        looked_for = alone + mixed
+        if one_find:
+            looked_for = none * (alone + mixed * (1.0 - occupied))
+        none *= 1.0 - missing[p] * mixed
+        occupied = min(occupied + missing[p] * alone, 1.0)
+        hazard[p] = looked_for * pods[m]
+        total += missing[p] * hazard[p]
+        nobody *= 1.0 - missing[p] * hazard[p]
+    return min(total, 1.0) if one_find else 1.0 - nobody
+
+
+@part
+def what_is_left(one_find, pods, class_of, missing, hazard, found, total, numbers):
+    """Write `LEFT_APART` and `LEFT_MIXED`: what a search leaves of the classes in its cell.
+
+    Args:
+        one_find: As in the module.
+        pods: As in the module.
+        class_of: As in the module.
+        missing: As in the module.
+        hazard: As in the module.
+        found: Whether the search has found anybody.
+        total: How probable that was.
+        numbers: As in the module, in and out.
+    """
+    for m in range(len(pods)):
+        numbers[LEFT_APART, m] = numbers[LEFT_MIXED, m] = 0.0 if one_find else 1.0 - pods[m]
+        numbers[ELSEWHERE, m] = 0.0
+    if not one_find:
+        return
+    # Whom the persons before this one leave to be looked for, and what is detected of those.
+    none, occupied, before, before_mixed = 1.0, 0.0, 0.0, 0.0
+    for p in range(len(missing)):
+        m, share = class_of[p], missing[p]
+        mixed = share * numbers[MIXED, m]
+        alone = min(share * numbers[APART, m], 1.0 - occupied)
+        detected, after = share * hazard[p], 0.0
+        if alone + mixed < 1.0 - SURE:
+            after = max(total - before - detected, 0.0) / (1.0 - alone - mixed)
+        if found:
+            # Another person is found.
+            numbers[LEFT_APART, m] += share * before_mixed
+            numbers[LEFT_MIXED, m] += share * before
+            numbers[ELSEWHERE, m] += share * (before + after)
+        else:
+            own = none * pods[m]
+            numbers[LEFT_APART, m] += share * (1.0 - before_mixed - own)
+            numbers[LEFT_MIXED, m] += share * (1.0 - before - own * (1.0 - occupied))
+            numbers[ELSEWHERE, m] += share * max(1.0 - before - after, 0.0)
+        before += detected
+        before_mixed += none * mixed * pods[m]
+        none *= 1.0 - mixed
+        occupied += alone
+    for m in range(len(pods)):
+        if numbers[ELSEWHERE, m] > 0.0:
+            numbers[LEFT_APART, m] /= numbers[ELSEWHERE, m]
+            numbers[LEFT_MIXED, m] /= numbers[ELSEWHERE, m]
+        else:
+            # All its persons are found: where one would be if it were not.
+            numbers[LEFT_APART, m] = numbers[LEFT_MIXED, m] = 1.0 - pods[m]
+
+
+@part
+def update_missing(one_find, missing, hazard, found, total):
+    """Update who is missing by the outcome of a search.
+
+    After a find as many are missing as before, less those that it was expected to find: one, where
+    it looks for one. It is one at least, as the search goes on. After a failed search it is as many
+    as before, and those less probably whom it would have detected. With two persons this is exact.
+
+    Args:
+        one_find: As in the module.
+        missing: As in the module, in and out.
+        hazard: As in the module.
+        found: Whether the search has found anybody.
+        total: How probable that was.
+    """
+    count, expected = 0.0, 0.0
+    for p in range(len(missing)):
+        detected = missing[p] * hazard[p]
+        count += missing[p]
+        expected += detected
+        if found:
+            # Another person is found, and where it looks for all, this one is not.
+            others = total - detected
+            if not one_find:
+                others = (1.0 - hazard[p]) * max(
+                    1.0 - (1.0 - total) / max(1.0 - detected, SURE), 0.0
+                )
+            missing[p] *= others / total
+            if missing[p] < SURE:
+                missing[p] = 0.0
+    if found:
+        count = max(count - expected / total, 1.0)
+    in_question = 0
+    for p in range(len(missing)):
+        if SURE < missing[p] < 1.0 - SURE:
+            in_question += 1
+        else:
+            count -= missing[p]
+    few_missing, whole = 2.0 * count <= in_question, 0.0
+    for turn in range(2):
+        for p in range(len(missing)):
+            if SURE < missing[p] < 1.0 - SURE:
+                left = 1.0 if found else max(1.0 - hazard[p], SURE)
+                weight = missing[p] * left if few_missing else (1.0 - missing[p]) / left
+                if turn == 0:
+                    whole += weight
+                elif few_missing:
+                    missing[p] = min(weight * max(count, 0.0) / whole, 1.0)
+                else:
+                    missing[p] = 1.0 - min(weight * max(in_question - count, 0.0) / whole, 1.0)
