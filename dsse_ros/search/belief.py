@@ -7,9 +7,9 @@ A belief learns from them: each failed search takes the probability of detection
 and the rest counts for more (Koopman, "Search and Screening", 1946; Stone, "Theory of Optimal
 Search", 1975, chapter 8 for moving targets). Between searches it moves as persons do.
 
-It knows the scenario and the rules, no person and no random state. The filter is exact but for two
-things that do not show: a person's own drift (`v2`) is one of `drift_samples` angles, and cells of
-less than 1e-13 of the whole count as empty.
+It knows the scenario and the rules, no person and no random state. For one person the filter is
+exact but for two things that do not show: a person's own drift (`v2`) is one of `drift_samples`
+angles, and cells of less than 1e-13 of the whole count as empty. For several see `search_outcomes`.
 """
 
 from __future__ import annotations
@@ -20,14 +20,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search import belief_kernels, kernels
+from dsse_ros.search import belief_kernels, follow_kernels, kernels, search_outcomes
 from dsse_ros.search.actions import Cell
 from dsse_ros.search.constants import area_of, constants_of
 from dsse_ros.search.observation import most_probable
 from dsse_ros.search.person_motion import CHANCES, MOTIONS, PERSONS
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario
-from dsse_ros.search.search_outcomes import OF_CLASS
 
 KEPT_BYTES = 1 << 28
 """Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
@@ -157,7 +156,7 @@ class Belief:
     """The probability of where the persons are who have not been found.
 
     Persons who start alike and have the same POD are one detection class. Who was found is not
-    known by name, but each failed search and each find tells something of it: `search_outcomes`.
+    known by name; `search_outcomes` has what follows from failed searches and finds.
 
     Args:
         forecast: How map and persons move. Beliefs may share one while they are not more than a
@@ -192,7 +191,7 @@ class Belief:
         self.missing, self.unfound = np.ones((2, scenario.person_amount))
         self._drifts = forecast.directions.shape[1]
         self._weights = np.zeros(len(kinds))
-        self._numbers = np.zeros((OF_CLASS, len(kinds)))
+        self._numbers = np.zeros((search_outcomes.OF_CLASS, len(kinds)))
         self.density = np.zeros((len(self.pods) * self._drifts, cells))
         self.reset()
 
@@ -241,7 +240,7 @@ class Belief:
         """Return the density of the persons who are missing, (C K, S S); it sums to 1."""
         if len(self.pods) == 1:
             return self.density
-        belief_kernels.weigh_classes(self.class_of, self.missing, self._weights)
+        search_outcomes.weigh_classes(self.class_of, self.missing, self._weights)
         return self.density * np.repeat(self._weights, self._drifts)[:, None]
 
     def advance(self) -> None:
@@ -255,7 +254,7 @@ class Belief:
         self.step += 1
 
     def observe_failed_searches(self, cells: Sequence[Cell]) -> None:
-        """Learn that searches of these cells (col, row) have not found anybody.
+        """Learn that searches of these cells (col, row) have not found anyone.
 
         A search detects as the scenario says. Where nothing is left of the belief, as the person
         cannot be anywhere by the rules, it starts again from the present map.
@@ -296,7 +295,7 @@ class Belief:
             return
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
-        self.pos = belief_kernels.observe(
+        self.pos = search_outcomes.observe(
             forecast.constants, self.density, self.pods, self.class_of, self.missing, self.unfound,
             forecast.apart[slot], forecast.chances[slot], np.array(cells, np.int64), found,
             self._numbers, np.empty_like(self.missing),
@@ -314,7 +313,7 @@ class Belief:
         """
         g = self.forecast.scenario.grid_size
         out = np.empty((g, g))
-        belief_kernels.write_cells(
+        follow_kernels.write_cells(
             self.forecast.constants, self.density, self.class_of, self.missing, self._weights, out
         )
         return out

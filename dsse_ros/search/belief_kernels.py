@@ -1,14 +1,15 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled exact filter: how a belief about persons moves on and learns from searches.
+"""The compiled filter: how a belief about persons moves on, and learns from a failed search.
 
 A belief is (C K, S S) float64: row m K + k has the persons of detection class m and drift k, its
 columns are the cells row by row, S = G + 2 `MARGIN` along a side. Off the grid is who walked off
 it (`person_walks_blind`). Steps to neighbours are numbered as in `person_motion`.
 
 The sea is that of `sea_map`, and how probable a person's steps are says its motion in
-`person_motion`.
+`person_motion`. `search_outcomes` has what follows from searches for several persons,
+`follow_kernels` the step of many beliefs.
 """
 
 from __future__ import annotations
@@ -26,17 +27,6 @@ from dsse_ros.search.person_motion import (
     step_chances,
 )
 from dsse_ros.search.sea_map import cell_probability, drift_per_step, map_step, step_within
-from dsse_ros.search.search_outcomes import (
-    APART,
-    LEFT_APART,
-    LEFT_MIXED,
-    MIXED,
-    SURE,
-    TOTAL,
-    hazards,
-    update_missing,
-    what_is_left,
-)
 
 MARGIN = 3
 """Cells around the grid: one that a person can come back from, one that it cannot, and one where
@@ -373,29 +363,6 @@ def normalise(belief):
     return total
 
 
-@kernel
-def write_cells(constants, belief, class_of, missing, weights, out):
-    """Write the probability of every cell, out (G, G) float64 as [y, x].
-
-    Args:
-        constants: (1,) of `kernels.CONSTANTS`.
-        belief: (C K, S S) float64.
-        class_of: (n,) int64, see `search_outcomes`.
-        missing: (n,) float64, see `search_outcomes`.
-        weights: (C,) float64 scratch.
-        out: The probabilities of the missing persons.
-    """
-    c, drifts = constants[0], len(belief) // len(weights)
-    weigh_classes(class_of, missing, weights)
-    for y in range(c.grid_size):
-        for x in range(c.grid_size):
-            out[y, x] = 0.0
-    for k in range(len(belief)):
-        for y in range(c.grid_size):
-            for x in range(c.grid_size):
-                out[y, x] += weights[k // drifts] * belief[k, index_of(c, x, y)]
-
-
 @part
 def detectable(c, belief, pods, x, y):
     """Return what `search` would take away, 0 off the grid."""
@@ -405,260 +372,3 @@ def detectable(c, belief, pods, x, y):
     for k in range(len(belief)):
         share += belief[k, i] * pods[k // drifts]
     return share
-
-
-@kernel
-def weigh_classes(class_of, missing, weights):
-    """Write how much more of the missing persons are of each class than of all persons, (C,)."""
-    count = 0.0
-    for p in range(len(missing)):
-        count += missing[p]
-    weights[:] = 1.0
-    if len(weights) == 1 or count <= SURE:
-        return
-    for m in range(len(weights)):
-        persons, here = 0, 0.0
-        for p in range(len(missing)):
-            if class_of[p] == m:
-                persons += 1
-                here += missing[p]
-        weights[m] = here / count * len(missing) / persons
-
-
-@part
-def open_classes(class_of, numbers):
-    """Write what each class of a belief sums to: its share of all persons."""
-    numbers[TOTAL, :] = 0.0
-    for p in range(len(class_of)):
-        numbers[TOTAL, class_of[p]] += 1.0 / len(class_of)
-
-
-@part
-def learn_outcome(
-    c, belief, pods, class_of, missing, unfound, apart, numbers, hazard, x, y, found
-):  # fmt: skip
-    """Let the belief of several persons learn how the search of a cell has ended.
-
-    It stands between `open_classes` and `close_classes`, with others of the same step.
-
-    Args:
-        c: The constants.
-        belief: (C K, S S) float64.
-        pods: See `search_outcomes`, as all that follow.
-        class_of: (n,) int64.
-        missing: (n,) float64.
-        unfound: (n,) float64.
-        apart: (K,) of `forecast_step`.
-        numbers: (`OF_CLASS`, C) float64.
-        hazard: (n,) float64 scratch.
-        x: Column of the cell; off the grid nobody is looked for.
-        y: Row of the cell.
-        found: Whether the search has found somebody.
-    """
-    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
-        return
-    i, drifts = index_of(c, x, y), len(belief) // len(pods)
-    for m in range(len(pods)):
-        alone = mixed = 0.0
-        for k in range(drifts):
-            if apart[k]:
-                alone += belief[m * drifts + k, i]
-            else:
-                mixed += belief[m * drifts + k, i]
-        scale = 1.0 / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
-        numbers[APART, m], numbers[MIXED, m] = alone * scale, mixed * scale
-    total = hazards(c.one_find_per_search, pods, class_of, missing, numbers, hazard)
-    for p in range(len(unfound)):
-        unfound[p] *= 1.0 - hazard[p]
-    if found and total <= 0.0:
-        return
-    what_is_left(c.one_find_per_search, pods, class_of, missing, hazard, found, total, numbers)
-    if not (found and c.found_persons_stay):
-        update_missing(c.one_find_per_search, missing, hazard, found, total)
-    for m in range(len(pods)):
-        alone, mixed = numbers[LEFT_APART, m], numbers[LEFT_MIXED, m]
-        for k in range(drifts):
-            belief[m * drifts + k, i] *= alone if apart[k] else mixed
-        numbers[TOTAL, m] *= (
-            1.0 + numbers[APART, m] * (alone - 1.0) + numbers[MIXED, m] * (mixed - 1.0)
-        )
-
-
-@part
-def close_classes(belief, class_of, missing, numbers, chances):
-    """Scale each class of a belief to its share of all persons.
-
-    Where nothing is left of a class, as its persons cannot be anywhere by the rules, it starts
-    again from the present map.
-    """
-    classes = numbers.shape[1]
-    drifts = len(belief) // classes
-    open_classes(class_of, numbers)
-    for m in range(classes):
-        share, total = numbers[TOTAL, m], 0.0
-        rows = belief[m * drifts : (m + 1) * drifts]
-        for k in range(drifts):
-            total += total_of(rows[k])
-        if total < NOTHING_LEFT * share:
-            for k in range(drifts):
-                for i in range(len(chances)):
-                    rows[k, i] = chances[i]
-            total = drifts * total_of(chances)
-        scale = share / total
-        for k in range(drifts):
-            for i in range(len(chances)):
-                rows[k, i] *= scale
-
-
-@part
-def mean_found(unfound):
-    """Return the POS: the expected share of the persons that the searches have found."""
-    total = 0.0
-    for p in range(len(unfound)):
-        total += 1.0 - unfound[p]
-    return total / len(unfound)
-
-
-@part
-def learn(
-    c, constants, drones, actions, live, pods, class_of, missing, unfound, apart, chances, belief,
-    pos, numbers, hazard,
-):  # fmt: skip
-    """Let a belief learn from the searches of a step; returns the POS with them.
-
-    Those that failed come first, then the finds: see `belief.Belief.observe_find`.
-    """
-    several, searches = len(missing) > 1, 0
-    for finds in range(2):
-        taken = 0.0
-        for n in range(len(drones)):
-            d = drones[n]
-            if not live[n] or actions[n] != c.search_action or d.found != (finds == 1):
-                continue
-            if several:
-                if searches == 0:
-                    open_classes(class_of, numbers)
-                searches += 1
-                learn_outcome(
-                    c, belief, pods, class_of, missing, unfound, apart, numbers, hazard, d.x, d.y,
-                    d.found,
-                )  # fmt: skip
-            elif d.found and c.one_find_per_search:
-                pos += (1.0 - pos) * detectable(c, belief, pods, d.x, d.y)
-            else:
-                taken += search(constants, belief, pods, d.x, d.y)
-        if taken > 0.0:
-            pos += (1.0 - pos) * min(taken, 1.0)
-            if normalise(belief) < NOTHING_LEFT:
-                for k in range(len(belief)):
-                    for i in range(belief.shape[1]):
-                        belief[k, i] = chances[i]
-                normalise(belief)
-    if searches > 0:
-        close_classes(belief, class_of, missing, numbers, chances)
-        pos = mean_found(unfound)
-    return pos
-
-
-@kernel
-def observe(
-    constants, belief, pods, class_of, missing, unfound, apart, chances, cells, found, numbers,
-    hazard,
-):  # fmt: skip
-    """Let the belief of several persons learn from searches; returns the POS with them.
-
-    Args:
-        constants: (1,) of `kernels.CONSTANTS`.
-        belief: (C K, S S) float64.
-        pods: See `search_outcomes`, as those without a word.
-        class_of: (n,) int64.
-        missing: (n,) float64.
-        unfound: (n,) float64.
-        apart: (K,) of `forecast_step`.
-        chances: (S S,) of `forecast_step`.
-        cells: (M, 2) int64, column and row of what was searched.
-        found: Whether these searches have found somebody.
-        numbers: (`OF_CLASS`, C) float64 scratch.
-        hazard: (n,) float64 scratch.
-    """
-    c = constants[0]
-    open_classes(class_of, numbers)
-    for n in range(len(cells)):
-        learn_outcome(
-            c, belief, pods, class_of, missing, unfound, apart, numbers, hazard, cells[n, 0],
-            cells[n, 1], found,
-        )  # fmt: skip
-    close_classes(belief, class_of, missing, numbers, chances)
-    return mean_found(unfound)
-
-
-@kernel
-def follow_worlds(
-    constants, area, worlds, drones, actions, live, done, start, pods, class_of, chances, tables,
-    directions, apart, first_step, beliefs, missing, unfound, pos, scratch, numbers,
-    hazard, first, last,
-):  # fmt: skip
-    """Let the beliefs of the worlds first..last - 1 follow a step that is done.
-
-    Args:
-        constants: (1,) of `kernels.CONSTANTS`.
-        area: Of `kernels.step_worlds`.
-        worlds: (B,) of `kernels.WORLDS`, after the step.
-        drones: (B, N) of `kernels.DRONES`, after the step.
-        actions: (B, N) int8 of the step.
-        live: (B, N) bool, the drones in the search before the step.
-        done: (B,) bool, the worlds whose search had ended before the step.
-        start: (C K, S S) float64, the belief at a mission's first observation.
-        pods: (C,) float64, probability of detection.
-        class_of: (n,) int64, see `search_outcomes`.
-        chances: (R, S S) of `forecast_step`; that of step s of the sea is at s % R.
-        tables: (R, `CHANCES`, S S) of `complete`.
-        directions: (R, K) of `forecast_step`.
-        apart: (R, K) of `forecast_step`.
-        first_step: Steps of the sea before a mission's first observation.
-        beliefs: (B, C K, S S) float64.
-        missing: (B, n) float64, see `search_outcomes`.
-        unfound: (B, n) float64, see `search_outcomes`.
-        pos: (B,) float64, the POS of all searches of the mission.
-        scratch: Of `predict`.
-        numbers: (`OF_CLASS`, C) float64 scratch.
-        hazard: (n,) float64 scratch.
-        first: Number of the first world.
-        last: Number of the last world, plus one.
-    """
-    c = constants[0]
-    for b in range(first, last):
-        if c.auto_reset and done[b]:
-            for k in range(len(start)):
-                for i in range(start.shape[1]):
-                    beliefs[b, k, i] = start[k, i]
-            missing[b, :] = 1.0
-            unfound[b, :] = 1.0
-            pos[b] = 0.0
-            continue
-        step = worlds[b].t - 1
-        slot = (first_step + step) % len(directions)
-        if c.time_out_acts or step < c.timestep_limit + c.time_out_grace:
-            pos[b] = learn(
-                c, constants, drones[b], actions[b], live[b], pods, class_of, missing[b],
-                unfound[b], apart[slot], chances[slot], beliefs[b], pos[b], numbers, hazard,
-            )  # fmt: skip
-        predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
-
-
-@kernel
-def write_beliefs(constants, beliefs, class_of, missing, weights, scratch, maps, first, last):
-    """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x]."""
-    c, drifts = constants[0], beliefs.shape[1] // len(weights)
-    for b in range(first, last):
-        weigh_classes(class_of, missing[b], weights)
-        for i in range(beliefs.shape[2]):
-            scratch[i] = 0.0
-        for k in range(beliefs.shape[1]):
-            weight = weights[k // drifts]
-            for i in range(beliefs.shape[2]):
-                scratch[i] += weight * beliefs[b, k, i]
-        for y in range(c.grid_size):
-            for x in range(c.grid_size):
-                # A sum of shares may be a rounding above 1.
-                maps[b, y, x] = min(scratch[index_of(c, x, y)], 1.0)

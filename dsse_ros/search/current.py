@@ -13,9 +13,13 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dsse_ros.search.fields import FieldError
 from dsse_ros.search.rules import Rules
 
 Vector: TypeAlias = tuple[float, float]
+
+MAX_ERROR = 0.1
+"""Share of a current by which the drift may miss it."""
 
 MAX_ADDED = 10_000
 """Steps to a cell up to which they are added up as `sea_map.drift` does it, as roundings may cost
@@ -39,20 +43,55 @@ def mean_drift(rules: Rules, vector: Vector, drone_speed: float) -> Vector:
     return x, y
 
 
-def vector_of(rules: Rules, drift: Vector, drone_speed: float) -> Vector:
-    """Return the vector whose datum drifts by this in a step; inverse of `mean_drift`.
+def resolve_vector(
+    rules: Rules,
+    vector: Vector | None,
+    speed: float | None,
+    toward: float | None,
+    drone_speed: float,
+) -> Vector:
+    """Return the vector of a scenario, by itself, by a current or by the rules.
 
-    Where remainders are dropped, a cell takes whole steps: it is the nearest drift along each axis.
+    Where remainders are dropped, a cell takes whole steps: a current is the nearest one along each
+    axis.
 
     Args:
         rules: Say how a vector drifts.
-        drift: To the east and to the south, in cells per step.
+        vector: As stated, or None.
+        speed: Of the current in m/s, or None.
+        toward: Direction that it flows to, in degrees clockwise from north, or None.
         drone_speed: In m/s.
+
+    Raises:
+        FieldError: If these contradict each other, or no vector drifts as the current flows.
     """
-    x, y = drift
+    if speed is None and toward is None:
+        return vector or rules.vector
+    if speed is None or toward is None:
+        raise FieldError("current_speed and current_toward belong together; give both")
+    # A step lasts cell / drone_speed, so the cell cancels.
+    cells, angle = speed / drone_speed, math.radians(toward)
+    x, y = drift = (cells * math.sin(angle), -cells * math.cos(angle))
     if rules.drift_remainder == "dropped":
         x, y = _for_whole_steps(x), _for_whole_steps(y)
-    return vector_of_increment(rules, (x, y), drone_speed)
+    of_current = vector_of_increment(rules, (x, y), drone_speed)
+    nearest = mean_drift(rules, of_current, drone_speed)
+    if vector is not None:
+        if math.dist(mean_drift(rules, vector, drone_speed), nearest) > 1e-9 * cells:
+            raise FieldError("vector and current_speed state the same thing, not alike; give one")
+        return vector
+    where = f"current_speed: {speed:g} is not allowed with rules {rules.profile}, whose datum"
+    if rules.drift_remainder == "less_one" and max(map(abs, drift)) > 1.0:
+        raise FieldError(
+            f"{where} drifts by a cell in a step at most; up to drone_speed ({drone_speed:g}) "
+            "along each axis"
+        )
+    if math.dist(drift, nearest) > MAX_ERROR * cells:
+        raise FieldError(
+            f"{where} takes whole steps for a cell: the nearest current is "
+            f"{drone_speed * math.hypot(*nearest):.4g} m/s; a slower one, or vector"
+        )
+    return of_current
 
 
 def vector_of_increment(rules: Rules, increment: Vector, drone_speed: float) -> Vector:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search.area import Area, area_mask
-from dsse_ros.search.current import mean_drift, vector_of
+from dsse_ros.search.current import mean_drift, resolve_vector
 from dsse_ros.search.fault_fields import FaultFields
 from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.search.probability_matrix import ProbabilityMatrix
@@ -27,9 +27,6 @@ PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
 world")."""
 
 MAX_PRE_SEARCH_STEPS = 1_000_000
-
-MAX_CURRENT_ERROR = 0.1
-"""Share of a current by which the drift may miss it where the rules drop remainders."""
 
 SYNONYMS = {"dispersion_start": "sigma"}
 """Other names of fields, as DSSE 1.1.9 has them."""
@@ -237,7 +234,9 @@ class Scenario(FaultFields):
         person = self.person_initial_position or rules.person_initial_position
         person = person or (grid // 2, grid // 2)
         check_cell("person_initial_position", person, grid, mask)
-        vector = self._resolve_vector(rules)
+        vector = resolve_vector(
+            rules, self.vector, self.current_speed, self.current_toward, self.drone_speed
+        )
         multipliers = self.person_pod_multipliers
         check_multipliers(multipliers, self.person_amount)
         if rules.person_scatter:
@@ -298,45 +297,6 @@ class Scenario(FaultFields):
         if self.grid_size not in (None, grid):
             raise FieldError("grid_size and zone_size state the same thing, not alike; give one")
         return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", grid)
-
-    def _resolve_vector(self, rules: Rules) -> tuple[float, float]:
-        if self.current_speed is None and self.current_toward is None:
-            return self.vector or rules.vector
-        if self.current_speed is None or self.current_toward is None:
-            raise FieldError("current_speed and current_toward belong together; give both")
-        # A step lasts cell / drone_speed, so the cell cancels.
-        cells_per_step = self.current_speed / self.drone_speed
-        toward = math.radians(self.current_toward)
-        drift = (cells_per_step * math.sin(toward), -cells_per_step * math.cos(toward))
-        vector = vector_of(rules, drift, self.drone_speed)
-        nearest = mean_drift(rules, vector, self.drone_speed)
-        if self.vector is not None:
-            made = mean_drift(rules, self.vector, self.drone_speed)
-            if math.dist(nearest, made) > 1e-9 * cells_per_step:
-                raise FieldError(
-                    "vector and current_speed state the same thing, not alike; give one"
-                )
-            return self.vector
-        self._check_current(rules, drift, nearest)
-        return vector
-
-    def _check_current(
-        self, rules: Rules, drift: tuple[float, float], nearest: tuple[float, float]
-    ) -> None:
-        """Raise if the datum cannot drift as the current flows, whatever the vector."""
-        speed, missed = math.hypot(*drift), math.dist(drift, nearest)
-        where = f"current_speed: {self.current_speed:g} is not allowed with rules {rules.profile}"
-        if rules.drift_remainder == "less_one" and max(map(abs, drift)) > 1.0:
-            raise FieldError(
-                f"{where}, whose datum would drift more than a cell in a step; at most drone_speed "
-                f"({self.drone_speed:g}) along each axis"
-            )
-        if missed > MAX_CURRENT_ERROR * speed:
-            near = self.drone_speed * math.hypot(*nearest)
-            raise FieldError(
-                f"{where}, whose datum takes whole steps for a cell: the nearest current is "
-                f"{near:.4g} m/s; a slower one, or vector"
-            )
 
     def _resolve_positions(
         self, grid: int, mask: NDArray[np.bool_] | None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search import belief_kernels
+from dsse_ros.search import belief_kernels, follow_kernels
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.fields import FieldError
 from dsse_ros.search.scenario import ResolvedScenario
@@ -147,7 +147,7 @@ class WorldBeliefs:
         # A world that was just reset is at step 0.
         steps = max(int(world.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
-        belief_kernels.follow_worlds(
+        follow_kernels.follow_worlds(
             world.constants, world.area, world.worlds, world.drones, actions, self._live,
             self._done, self._start, self._pods, self._class_of, forecast.chances, forecast.tables,
             forecast.directions, forecast.apart, forecast.first_step, self.density, self.missing,
@@ -175,7 +175,7 @@ class WorldBeliefs:
         world, last = self._world, self._world.num_worlds if last is None else last
         if maps is None:
             maps = np.empty((world.num_worlds, world.grid_size, world.grid_size), np.float32)
-        belief_kernels.write_beliefs(
+        follow_kernels.write_beliefs(
             world.constants, self.density, self._class_of, self.missing,
             np.empty(len(self._pods)), self._scratch(), maps, first, last,
         )  # fmt: skip

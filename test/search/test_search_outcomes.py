@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What searches tell of several persons: who is missing, where they are, and how many are found."""
+"""What follows from searches for several persons: who is missing, where, and how many are found."""
 
 from __future__ import annotations
 
@@ -248,7 +248,7 @@ def test_after_failed_searches_persons_are_found_as_often_as_expected() -> None:
 
 
 def test_a_search_for_one_leaves_the_others_in_its_cell() -> None:
-    """Four start in one cell: one is found by each certain search, whoever is left is there."""
+    """Four start in one cell: each certain search finds one, and the others are there."""
     belief = still([1.0] * 4, 0, True)
     for left in (3, 2, 1):
         belief.observe_find(CENTRE)
