@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 from dsse_ros.campaign.config import Campaign
+from dsse_ros.campaign.estimates import clusters, of_mean, of_median, of_share, signs_p
 from dsse_ros.campaign.statistics import (
     Played,
     holm,
     horizon_of,
-    of_mean,
-    of_median,
-    of_share,
     pairs,
     pos_at,
     restricted_s,
@@ -30,7 +28,18 @@ def played(planner: str, found: list[bool], steps: list[int]) -> Played:
     hit, taken = np.array(found), np.array(steps, float)
     none = np.zeros(len(hit))
     time_s = np.where(hit, taken * CASE.scenario.step_duration_s, np.inf)
-    return Played(planner, CASE, np.arange(len(hit)), hit, taken, time_s, none, none, none)
+    return Played(
+        planner,
+        CASE,
+        np.arange(len(hit)),
+        none.astype(int) - 1,
+        hit,
+        taken,
+        time_s,
+        none,
+        none,
+        none,
+    )
 
 
 def test_an_interval_of_a_share_is_wilsons() -> None:
