@@ -46,7 +46,7 @@ PLANNERS = (
     "optimal_effort", "route", "belief_greedy", "belief",
 )  # fmt: skip
 PLANNER_SEEDS = {"belief": 32, "route": 16}
-"""How many seeds the missions of a case share, of planners that take long; of others each has its own."""
+"""How many seeds missions share, of planners that take long; of others each has its own."""
 LEVEL = 0.99
 
 

@@ -40,7 +40,10 @@ COLUMNS = pa.schema(
         ("drones_lost", pa.int64()),
     ]
 )
-"""Of the results: one row for each mission; `planner_seed` is null where the planner has drawn nothing."""
+"""Of the results: one row for each mission.
+
+`planner_seed` is null where the planner has drawn nothing.
+"""
 MANIFEST, CHUNKS, LOCK = "campaign.json", "chunks", "campaign.lock"
 _PART = ".part"
 

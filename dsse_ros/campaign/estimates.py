@@ -131,8 +131,8 @@ def signs_p(signed: Values, *by: Labels) -> float:
     """Return the p-value of the sum of values whose signs would be those of coins.
 
     By clusters it is the test of Durkalski et al. 2003 where the values are signs, and of Rosner,
-    Glynn and Lee 2006 where they are signed ranks, each with Student's t in the normal's place; with
-    fewer than two clusters 1.
+    Glynn and Lee 2006 where they are signed ranks, each with Student's t in the normal's place;
+    with fewer than two clusters 1.
 
     Args:
         signed: (M,), of pairs that do not differ 0.
