@@ -133,8 +133,8 @@ class _Group:
         members, seeds = self.members[going], self.seeds[going]
         if not len(members):
             return []
-        if len(members) == 1:
-            return [replace(self, members=members, seeds=seeds)]
+        if len(self.members) == 1:
+            return [self]
         drones = world.drones[members]
         gone = drones["terminated"] | drones["truncated"]
         parts = [gone, drones["x"], drones["y"], drones["found"]]
