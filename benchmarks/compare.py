@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from benchmarks import plot
 from benchmarks.bench import RESULTS, machine, own_versions
-from benchmarks.intervals import of_mean, of_share
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
+from dsse_ros.campaign.estimates import clusters, of_mean, of_share
 from dsse_ros.planners import load_planner
 from dsse_ros.planners.batch import Missions, play_missions
 from dsse_ros.search import FieldError, Rules, Scenario
@@ -45,8 +45,9 @@ PLANNERS = (
     "random", "sweep", "expanding_square", "spiral", "sector", "greedy",
     "optimal_effort", "route", "belief_greedy", "belief",
 )  # fmt: skip
-PLANNER_SEEDS = {"random": 64, "belief": 8}
-"""How many seeds of a planner the missions of a case share, of those that draw."""
+PLANNER_SEEDS = {"belief": 32, "route": 16}
+"""How many seeds missions share, of planners that take long; of others each has its own."""
+LEVEL = 0.99
 
 
 @dataclass(frozen=True)
@@ -184,25 +185,25 @@ def fly_with_fault(planner: str, fault: str, count: int) -> Missions:
     case = CASES[FAULT_CASE]
     scenario = case.scenario.override(**FAULTS[fault][1])
     numbers = SEED + np.arange(min(count, FAULT_MISSIONS))
-    seeds = range(PLANNER_SEEDS.get(planner, 1))
-    return play_missions(
-        len(numbers), planner, scenario, rules=case.rules, seed=numbers.tolist(),
-        planner_seeds=seeds,
-    )  # fmt: skip
+    return play_missions(len(numbers), planner, scenario, rules=case.rules, seed=numbers.tolist())
 
 
 def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
     """Play the missions of a case."""
     case, disturbed = CASES[key], DISTURBANCES[disturbance]
-    kinds = (np.bool_, np.int64, np.int64, np.float64, np.int64)
+    kinds = (np.bool_, np.int64, np.int64, np.float64, np.int64, np.int64)
     whole = Missions(*(np.zeros(count, kind) for kind in kinds))
     parts = list(case.parts(count))
-    seeds = max(1, PLANNER_SEEDS.get(planner, 1) // len(parts))
-    for scenario, numbers in parts:
+    shared = PLANNER_SEEDS.get(planner)
+    for part_number, (scenario, numbers) in enumerate(parts):
+        seeds = None
+        if shared is not None:
+            each = -(-shared // len(parts))
+            seeds = range(part_number * each, (part_number + 1) * each)
         world, assumed = disturbed.apply(scenario, case.rules)
         part = play_missions(
             len(numbers), planner, world, rules=case.rules, seed=(SEED + numbers).tolist(),
-            planner_seeds=range(seeds), assumed=assumed, withdraw_at=disturbed.withdraw_at,
+            planner_seeds=seeds, assumed=assumed, withdraw_at=disturbed.withdraw_at,
         )  # fmt: skip
         for field in dataclasses.fields(Missions):
             getattr(whole, field.name)[numbers] = getattr(part, field.name)
@@ -211,23 +212,20 @@ def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
 
 def figures(missions: Missions, beside: Missions) -> dict[str, Any]:
     """Return what missions came to, with 99 % intervals, and the difference to others in pairs."""
-    count = len(missions.found)
-    found = float(missions.found.mean())
-    difference = missions.steps - beside.steps
+    by, of_pairs = clusters(missions.planner_seeds), clusters(beside.planner_seeds)
+    found, steps = of_share(missions.found, LEVEL, by), of_mean(missions.steps, LEVEL, by)
+    difference = of_mean(missions.steps - beside.steps, LEVEL, by, of_pairs)
     return {
-        "found": found,
-        "found_interval": of_share(found, count),
-        "steps": float(missions.steps.mean()),
-        "steps_interval": _interval(missions.steps),
+        "found": found.value,
+        "found_interval": (found.low, found.high),
+        "steps": steps.value,
+        "steps_interval": (steps.low, steps.high),
         "median_steps": float(np.median(missions.steps)),
-        "difference": float(difference.mean()),
-        "difference_interval": _interval(difference),
+        "difference": difference.value,
+        "difference_interval": (difference.low, difference.high),
         "lost_drones": int(missions.lost.sum()),
+        "planner_seeds": len({*missions.planner_seeds.tolist()} - {-1}),
     }
-
-
-def _interval(values: NDArray[np.int64]) -> tuple[float, float]:
-    return of_mean(float(values.mean()), float(values.std()), len(values))
 
 
 def _ranged(value: float, interval: Sequence[float], form: str) -> str:

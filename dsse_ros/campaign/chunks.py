@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from pyarrow import csv
 
 from dsse_ros.campaign.config import Campaign, Case, Chunk, PlannerEntry
+from dsse_ros.campaign.provenance import difference
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.search import FieldError
 
@@ -30,6 +31,7 @@ COLUMNS = pa.schema(
         ("planner", pa.string()),
         ("scenario", pa.string()),
         ("seed", pa.int64()),
+        ("planner_seed", pa.int64()),
         ("found", pa.bool_()),
         ("steps", pa.int64()),
         ("time_s", pa.float64()),
@@ -38,13 +40,16 @@ COLUMNS = pa.schema(
         ("drones_lost", pa.int64()),
     ]
 )
-"""Of the results: one row for each mission."""
+"""Of the results: one row for each mission.
+
+`planner_seed` is null where the planner has drawn nothing.
+"""
 MANIFEST, CHUNKS, LOCK = "campaign.json", "chunks", "campaign.lock"
 _PART = ".part"
 
 Columns = dict[str, NDArray[Any]]
-"""What the missions of a chunk came to: `found` bool, `steps`, `lost`, `collisions` int64 and
-`path_length_m` float64, (M,) each."""
+"""What the missions of a chunk came to: `found` bool, `steps`, `lost`, `collisions`,
+`planner_seeds` int64 and `path_length_m` float64, (M,) each."""
 Job = tuple[Chunk, PlannerEntry, Case, int]
 """A chunk, with its planner, its scenario and the seed of the campaign."""
 
@@ -59,10 +64,12 @@ def job(campaign: Campaign, chunk: Chunk) -> Job:
 def play(of: Job) -> Columns:
     """Play the missions of a chunk; the same wherever and whenever it is done."""
     chunk, entry, case, seed = of
-    dealt = range(chunk.first, chunk.first + min(chunk.count, entry.planner_seeds))
+    dealt = None
+    if (seeds := entry.planner_seeds) is not None:
+        dealt = [n % seeds for n in range(chunk.first, chunk.first + min(chunk.count, seeds))]
     missions = play_missions(
         chunk.count, entry.planner, case.scenario, rules=case.rules, seed=seed + chunk.first,
-        planner_seeds=[number % entry.planner_seeds for number in dealt], options=entry.options,
+        planner_seeds=dealt, options=entry.options,
     )  # fmt: skip
     return dict(vars(missions))
 
@@ -122,7 +129,11 @@ class Results:
         except (OSError, ValueError, KeyError, TypeError):
             raise FieldError(f"{where}: {MANIFEST} is not one of a campaign") from None
         if not same:
-            differing = [k for k, v in self._campaign.definition.items() if there.get(k) != v]
+            differing = [
+                difference(name, there.get(name), value)
+                for name, value in self._campaign.definition.items()
+                if there.get(name) != value
+            ]
             raise FieldError(
                 f"{where} is of another campaign, with other {', '.join(differing)}; "
                 "name a new folder"
@@ -148,6 +159,7 @@ class Results:
                 "planner": [planner.name] * chunk.count,
                 "scenario": [case.name] * chunk.count,
                 "seed": np.arange(first, first + chunk.count),
+                "planner_seed": pa.array(played["planner_seeds"], mask=played["planner_seeds"] < 0),
                 "found": played["found"],
                 "steps": played["steps"],
                 "time_s": played["steps"] * case.scenario.step_duration_s,

@@ -11,10 +11,10 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import metadata
 from pathlib import Path
 from typing import Any, TypeVar
 
+from dsse_ros.campaign.provenance import files, versions
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.planners import load_planner
 from dsse_ros.search import FieldError, Rules, Scenario
@@ -38,11 +38,12 @@ class PlannerEntry:
 
     planner: str = field("str", "Planner: one of this package, or one that another registers.")
     name: str = field("str", "Name in the results; empty for the planner's.", "")
-    planner_seeds: int = field(
+    planner_seeds: int | None = field(
         "int",
-        "Seeds of the planner, dealt to the missions in turn. Missions with one share decisions "
-        "until they see different things, which is quick; a planner that draws nothing needs 1.",
-        1, low=1, high=MAX_MISSIONS,
+        "Seeds of the planner, dealt to the missions in turn; by default each mission has its own. "
+        "Missions with one share decisions until they see different things, which is quick, but "
+        "count as one in the intervals.",
+        None, low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
@@ -201,7 +202,12 @@ class Campaign:
     def definition(self) -> dict[str, Any]:
         """All that decides the results, as JSON has it."""
         given: dict[str, Any] = {
-            "dsse_ros": metadata.version("dsse_ros"),
+            "versions": versions(entry.planner for entry in self.planners),
+            "files": {
+                f"{name} of {entry.name}": digest
+                for entry in self.planners
+                for name, digest in files(entry.planner, entry.options).items()
+            },
             **{name: getattr(self.settings, name) for name in _OF_RESULTS},
             "planners": [dataclasses.asdict(entry) for entry in self.planners],
             "scenarios": [

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from dsse_ros.campaign.statistics import Played, of_mean, of_share, restricted_s
+from dsse_ros.campaign.estimates import of_mean, of_share
+from dsse_ros.campaign.statistics import Played, restricted_s
 from dsse_ros.report.figures import OKABE_ITO, STYLES, Theme, add_legend, chart
 
 MAX_POINTS = 200
@@ -31,7 +32,8 @@ def pos_figure(missions: Sequence[Played], confidence: float, theme: Theme) -> F
     minutes = np.unique(steps) * case.scenario.step_duration_s / 60.0
     for number, played in enumerate(missions):
         found = [
-            of_share(played.detection_s / 60.0 <= t * (1 + 1e-12), confidence) for t in minutes
+            of_share(played.detection_s / 60.0 <= t * (1 + 1e-12), confidence, played.clusters)
+            for t in minutes
         ]
         colour = OKABE_ITO[number % len(OKABE_ITO)]
         style = STYLES[number // len(OKABE_ITO) % len(STYLES)]
@@ -65,8 +67,8 @@ def estimates_figure(
     """
     figure, axes = chart(theme)
     for number, played in enumerate(missions):
-        share = of_share(played.found, confidence)
-        minutes = of_mean(restricted_s(played, horizon_s) / 60.0, confidence)
+        share = of_share(played.found, confidence, played.clusters)
+        minutes = of_mean(restricted_s(played, horizon_s) / 60.0, confidence, played.clusters)
         reach = [[minutes.value - minutes.low], [minutes.high - minutes.value]]
         axes.errorbar(
             minutes.value, share.value,

@@ -18,9 +18,9 @@ import pyarrow.compute as pc
 from dsse_ros.campaign import figures
 from dsse_ros.campaign.chunks import write_bytes
 from dsse_ros.campaign.config import Campaign, Case
+from dsse_ros.campaign.estimates import Estimate
 from dsse_ros.campaign.statistics import (
     MEASURES,
-    Estimate,
     Pair,
     Played,
     horizon_of,
@@ -53,10 +53,11 @@ def played_of(campaign: Campaign, table: pa.Table) -> list[Played]:
         for entry in campaign.planners:
             rows = of_case.filter(pc.equal(of_case["planner"], entry.name))
             columns = {name: rows[name].to_numpy() for name in rows.column_names}
+            seeds = pc.fill_null(rows["planner_seed"], -1).to_numpy()
             hit = columns["found"].astype(bool)
             found.append(
                 Played(
-                    entry.name, case, columns["seed"], hit, columns["steps"].astype(float),
+                    entry.name, case, columns["seed"], seeds, hit, columns["steps"].astype(float),
                     np.where(hit, columns["time_s"], np.inf), columns["path_length_m"],
                     columns["collisions"].astype(float), columns["drones_lost"].astype(float),
                 )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -13,6 +14,15 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from dsse_ros.campaign.config import Campaign, Case
+from dsse_ros.campaign.estimates import (
+    Estimate,
+    Labels,
+    clusters,
+    of_mean,
+    of_median,
+    of_share,
+    signs_p,
+)
 
 Floats = NDArray[np.float64]
 QUARTERS = (0.25, 0.5, 0.75, 1.0)
@@ -26,6 +36,7 @@ class Played:
         planner: Its name.
         case: The scenario.
         seeds: (M,) int64.
+        planner_seeds: (M,) int64, see `batch.Missions`.
         found: (M,) bool, whether every person was found.
         steps: (M,) until the end; the limit where not every person was found.
         detection_s: (M,) mission time of the last find; infinite where one was not found.
@@ -37,6 +48,7 @@ class Played:
     planner: str
     case: Case
     seeds: NDArray[np.int64]
+    planner_seeds: NDArray[np.int64]
     found: NDArray[np.bool_]
     steps: Floats
     detection_s: Floats
@@ -44,41 +56,10 @@ class Played:
     collisions: Floats
     drones_lost: Floats
 
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number with its confidence interval."""
-
-    value: float
-    low: float
-    high: float
-
-
-def of_share(hits: NDArray[np.bool_], confidence: float) -> Estimate:
-    """Return a share with its Wilson interval (Wilson 1927)."""
-    test = stats.binomtest(int(hits.sum()), len(hits))
-    interval = test.proportion_ci(confidence, method="wilson")
-    return Estimate(float(hits.mean()), float(interval.low), float(interval.high))
-
-
-def of_mean(values: Floats, confidence: float) -> Estimate:
-    """Return a mean with its interval by Student's t; of one value, that is unbounded."""
-    mean = float(values.mean())
-    if len(values) < 2:
-        return Estimate(mean, -np.inf, np.inf)
-    error = float(values.std(ddof=1)) / len(values) ** 0.5
-    reach = error * float(stats.t.ppf(0.5 + confidence / 2, len(values) - 1))
-    return Estimate(mean, mean - reach, mean + reach)
-
-
-def of_median(values: Floats, confidence: float) -> Estimate:
-    """Return a median with its interval by order statistics, which no distribution is assumed for.
-
-    With too few values it is that of all of them, which is below the level.
-    """
-    ordered, count = np.sort(values), len(values)
-    low = max(int(stats.binom.ppf(0.5 - confidence / 2, count, 0.5)) - 1, 0)
-    return Estimate(float(np.median(ordered)), float(ordered[low]), float(ordered[count - 1 - low]))
+    @cached_property
+    def clusters(self) -> Labels:
+        """Which missions share draws of the planner."""
+        return clusters(self.planner_seeds)
 
 
 @dataclass(frozen=True)
@@ -108,40 +89,40 @@ def restricted_s(played: Played, horizon_s: float) -> Floats:
 MEASURES = (
     Measure(
         "found", "Found", "share", "Missions in which every person was found. Wilson interval.",
-        lambda of, horizon_s, level: of_share(of.found, level),
+        lambda of, horizon_s, level: of_share(of.found, level, of.clusters),
     ),
     Measure(
         "steps_mean", "Steps, mean", "",
         "Until the end; a mission without a find counts as the step limit. Student's t.",
-        lambda of, horizon_s, level: of_mean(of.steps, level),
+        lambda of, horizon_s, level: of_mean(of.steps, level, of.clusters),
     ),
     Measure(
         "steps_median", "Steps, median", "", "Of the same. Order statistics.",
-        lambda of, horizon_s, level: of_median(of.steps, level),
+        lambda of, horizon_s, level: of_median(of.steps, level, of.clusters),
     ),
     Measure(
         "time_to_detection", "Restricted mean time to detection", "s",
         "The mean of the time until all are found, or of the horizon where that is later or never: "
         "the area under 1 - POS up to the horizon (Royston and Parmar 2013). Student's t.",
-        lambda of, horizon_s, level: of_mean(restricted_s(of, horizon_s), level),
+        lambda of, horizon_s, level: of_mean(restricted_s(of, horizon_s), level, of.clusters),
     ),
     Measure(
         "path_length", "Path length, all drones", "m",
         "Sum of the distances between the centres of the cells that each drone flew through. "
         "Student's t.",
-        lambda of, horizon_s, level: of_mean(of.path_length_m, level),
+        lambda of, horizon_s, level: of_mean(of.path_length_m, level, of.clusters),
     ),
     Measure(
         "collisions", "Collisions", "",
         "Pairs of drones in the search that a step has put into one cell, mean of a mission. "
         "Student's t.",
-        lambda of, horizon_s, level: of_mean(of.collisions, level),
+        lambda of, horizon_s, level: of_mean(of.collisions, level, of.clusters),
     ),
     Measure(
         "drones_lost", "Drones lost", "",
         "Collided or off the grid when the search ended without all found, mean of a mission. "
         "Student's t.",
-        lambda of, horizon_s, level: of_mean(of.drones_lost, level),
+        lambda of, horizon_s, level: of_mean(of.drones_lost, level, of.clusters),
     ),
 )  # fmt: skip
 
@@ -155,9 +136,10 @@ class Pair:
         first, second: Their names.
         only_first, only_second: Missions in which only that one has found every person.
         found: Difference of the share of missions with all found.
-        found_p: Of McNemar's exact test (McNemar 1947), adjusted.
+        found_p: Of McNemar's exact test (McNemar 1947), adjusted; with clusters see `signs_p`.
         time_s: Difference of the restricted times to detection.
-        time_p: Of Wilcoxon's signed-rank test on them (Wilcoxon 1945, zeros by Pratt), adjusted.
+        time_p: Of Wilcoxon's signed-rank test on them (Wilcoxon 1945, zeros by Pratt), adjusted;
+            with clusters see `signs_p`.
     """
 
     case: Case
@@ -185,7 +167,7 @@ def pos_times(campaign: Campaign, case: Case) -> list[float]:
 def pos_at(played: Played, time_s: float, confidence: float) -> Estimate:
     """Return the probability of success by a time: the share of missions that had found all."""
     # Times are sums of steps, which a decimal number may miss by a rounding error.
-    return of_share(played.detection_s <= time_s * (1 + 1e-12), confidence)
+    return of_share(played.detection_s <= time_s * (1 + 1e-12), confidence, played.clusters)
 
 
 def pairs(campaign: Campaign, missions: Sequence[Played]) -> Iterator[Pair]:
@@ -198,25 +180,36 @@ def pairs(campaign: Campaign, missions: Sequence[Played]) -> Iterator[Pair]:
         horizon_s = horizon_of(campaign, case)
         both = list(combinations([one for one in missions if one.case is case], 2))
         times = [restricted_s(a, horizon_s) - restricted_s(b, horizon_s) for a, b in both]
-        only = [(int((a.found & ~b.found).sum()), int((b.found & ~a.found).sum())) for a, b in both]
-        found_p = holm([_mcnemar(*counts) for counts in only])
-        time_p = holm([_wilcoxon(difference) for difference in times])
+        founds = [a.found.astype(float) - b.found.astype(float) for a, b in both]
+        by = [(a.clusters, b.clusters) for a, b in both]
+        found_p = holm([_mcnemar(*of) for of in zip(founds, by, strict=True)])
+        time_p = holm([_wilcoxon(*of) for of in zip(times, by, strict=True)])
         for k, (a, b) in enumerate(both):
-            found = of_mean(a.found.astype(float) - b.found.astype(float), level)
             yield Pair(
-                case, a.planner, b.planner, *only[k], found, found_p[k],
-                of_mean(times[k], level), time_p[k],
+                case, a.planner, b.planner,
+                int((founds[k] > 0).sum()), int((founds[k] < 0).sum()),
+                of_mean(founds[k], level, *by[k]), found_p[k],
+                of_mean(times[k], level, *by[k]), time_p[k],
             )  # fmt: skip
 
 
-def _mcnemar(only_first: int, only_second: int) -> float:
-    discordant = only_first + only_second
+def _independent(by: Sequence[Labels]) -> bool:
+    return all(labels.max() + 1 == len(labels) for labels in by)
+
+
+def _mcnemar(differences: Floats, by: Sequence[Labels]) -> float:
+    if not _independent(by):
+        return signs_p(differences, *by)
+    discordant = int(np.count_nonzero(differences))
+    only_first = int((differences > 0).sum())
     return float(stats.binomtest(only_first, discordant).pvalue) if discordant else 1.0
 
 
-def _wilcoxon(differences: Floats) -> float:
+def _wilcoxon(differences: Floats, by: Sequence[Labels]) -> float:
     if not differences.any():
         return 1.0
+    if not _independent(by):
+        return signs_p(np.sign(differences) * stats.rankdata(abs(differences)), *by)
     return float(stats.wilcoxon(differences, zero_method="pratt", method="approx").pvalue)
 
 

@@ -9,6 +9,7 @@ what it flies over.
 
 from __future__ import annotations
 
+import copy
 import heapq
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -41,11 +42,24 @@ class AStar:
 
     Args:
         actions: The actions, in the area.
+
+    Attributes:
+        drawn: See `SharedPlanner`.
     """
+
+    drawn = False
 
     def __init__(self, actions: ActionSet) -> None:
         self._actions = actions
         self._goals: dict[str, Cell] = {}
+
+    def copy(self) -> AStar:
+        """Return one that goes on by itself from here."""
+        return copy.copy(self)
+
+    def with_seed(self, seed: int) -> AStar:
+        """Return a copy."""
+        return self.copy()
 
     def __call__(
         self,

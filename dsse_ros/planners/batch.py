@@ -2,24 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Thousands of missions with any planner.
 
-Missions whose planners have the same seed and have seen the same are at one mind: they share one
-planner until what they see differs. With one person that is to the end, as failed searches are all
-there is to learn from.
+Missions that have seen the same share one planner until what they see differs, or until it draws
+and they have seeds of their own. With one person a planner that draws nothing is shared to the end,
+as failed searches are all there is to learn from.
 """
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.belief import BeliefPlanner, Forecasts
-from dsse_ros.planners.planner import Planner, PlannerFactory
+from dsse_ros.planners.planner import Planner, PlannerFactory, SharedPlanner
 from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.search.definition import SearchDefinition
 from dsse_ros.search.observation import Observation
@@ -40,6 +40,8 @@ class Missions:
         path_length_m: (M,) float64, flown until the end by all drones, from centre to centre.
         collisions: (M,) int64, pairs of drones in the search that a step has put into one cell,
             step by step.
+        planner_seeds: (M,) int64, of the planner; -1 where it has drawn nothing, so that it would
+            have done the same with any other.
     """
 
     found: NDArray[np.bool_]
@@ -47,25 +49,55 @@ class Missions:
     lost: NDArray[np.int64]
     path_length_m: NDArray[np.float64]
     collisions: NDArray[np.int64]
+    planner_seeds: NDArray[np.int64]
 
 
 @dataclass
 class _Group:
-    """Missions at one mind.
+    """Missions that share a planner.
 
     Attributes:
         members: Their numbers.
-        planner: What decides for all of them.
+        seeds: Of their planners, one for each member.
+        planner: What decides for all of them, made with the first of the seeds.
         thread: Number of the thread that asks it.
         actions: Of the last step, by drone.
+        drawn: Whether the seed of its planner has counted, or may have.
     """
 
     members: NDArray[np.int64]
+    seeds: NDArray[np.int64]
     planner: Planner
     thread: int
     actions: dict[int, int] = field(default_factory=dict)
+    drawn: bool = True
 
-    def decide(
+    def decide(self, *of_step: Any) -> list[_Group]:
+        """Choose the actions of the next step, see `_decide`.
+
+        Returns:
+            The group, or one for each seed if the planner has drawn for the first time.
+        """
+        if self.drawn or not isinstance(self.planner, SharedPlanner):
+            self._decide(*of_step)
+            return [self]
+        seeds = np.unique(self.seeds).tolist()
+        before, actions = self.planner.copy() if len(seeds) > 1 else self.planner, self.actions
+        self._decide(*of_step)
+        self.drawn = self.planner.drawn
+        if not self.drawn or len(seeds) == 1:
+            return [self]
+        groups = []
+        for seed in seeds:
+            chosen = self.seeds == seed
+            group = replace(self, members=self.members[chosen], seeds=self.seeds[chosen])
+            if seed != self.seeds[0]:
+                group.planner, group.actions = before.with_seed(seed), actions
+                group._decide(*of_step)
+            groups.append(group)
+        return groups
+
+    def _decide(
         self,
         world: World,
         names: Sequence[str],
@@ -74,7 +106,7 @@ class _Group:
         probability: NDArray[np.float32],
         step: int,
     ) -> None:
-        """Choose the actions of the next step."""
+        """Have the planner choose the actions of the next step."""
         drones = world.drones[self.members[0]]
         live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
         cells = {n: (int(drones["x"][n]), int(drones["y"][n])) for n in live}
@@ -97,9 +129,12 @@ class _Group:
 
     def split(self, world: World) -> list[_Group]:
         """Return the groups that this one has become; missions that have ended are in none."""
-        members = self.members[~world.worlds["done"][self.members]]
+        going = ~world.worlds["done"][self.members]
+        members, seeds = self.members[going], self.seeds[going]
         if not len(members):
             return []
+        if len(self.members) == 1:
+            return [self]
         drones = world.drones[members]
         gone = drones["terminated"] | drones["truncated"]
         parts = [gone, drones["x"], drones["y"], drones["found"]]
@@ -109,15 +144,16 @@ class _Group:
             parts += [conditions[name] for name in names]
         seen = np.stack(parts, axis=-1)
         views, of_view = np.unique(seen.reshape(len(members), -1), axis=0, return_inverse=True)
-        return [
-            _Group(
-                members[of_view.ravel() == k],
-                self.planner if k == len(views) - 1 else _copied(self.planner),
-                self.thread,
-                self.actions,
+        groups = []
+        for k in range(len(views)):
+            chosen = of_view.ravel() == k
+            planner = self.planner if k == len(views) - 1 else _copied(self.planner)
+            if not self.drawn and isinstance(planner, SharedPlanner):
+                planner = planner.with_seed(int(seeds[chosen][0]))
+            groups.append(
+                replace(self, members=members[chosen], seeds=seeds[chosen], planner=planner)
             )
-            for k in range(len(views))
-        ]
+        return groups
 
 
 def _meetings(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -136,18 +172,31 @@ def _meetings(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np.i
 
 
 def _copied(planner: Planner) -> Planner:
-    return planner.copy() if isinstance(planner, BeliefPlanner) else copy.deepcopy(planner)
+    return planner.copy() if isinstance(planner, SharedPlanner) else copy.deepcopy(planner)
 
 
-def _each(pool: ThreadPoolExecutor, do: Callable[[_Group], None], groups: Sequence[_Group]) -> None:
-    """Do something with every group, those of one thread one after the other."""
+def _each(
+    pool: ThreadPoolExecutor, do: Callable[[_Group], list[_Group]], groups: Sequence[_Group]
+) -> list[_Group]:
+    """Return what every group makes, those of one thread one after the other."""
 
-    def do_those_of(thread: int) -> None:
-        for group in groups:
-            if group.thread == thread:
-                do(group)
+    def do_those_of(thread: int) -> list[_Group]:
+        return [made for group in groups if group.thread == thread for made in do(group)]
 
-    list(pool.map(do_those_of, {group.thread for group in groups}))
+    threads = sorted({group.thread for group in groups})
+    return [made for of_thread in pool.map(do_those_of, threads) for made in of_thread]
+
+
+def _shared(
+    planner: Planner, seeds: NDArray[np.int64], threads: int
+) -> Iterator[tuple[NDArray[np.int64], int]]:
+    """Yield the missions that begin with one planner, each with the thread that asks it."""
+    if isinstance(planner, SharedPlanner):
+        for thread in range(min(threads, len(seeds))):
+            yield np.arange(thread, len(seeds), threads), thread
+        return
+    for k, seed in enumerate(dict.fromkeys(seeds.tolist())):
+        yield np.flatnonzero(seeds == seed), k % threads
 
 
 def play_missions(
@@ -157,7 +206,7 @@ def play_missions(
     *,
     rules: str | Rules = "paper",
     seed: int | Sequence[int] = 0,
-    planner_seeds: Sequence[int] = (0,),
+    planner_seeds: Sequence[int] | None = None,
     options: Mapping[str, Any] | None = None,
     assumed: Scenario | None = None,
     withdraw_at: int | None = None,
@@ -169,12 +218,14 @@ def play_missions(
     Args:
         count: M.
         planner: One of `PLANNER_NAMES`, or what makes another one. What a planner remembers must
-            be copied with it by `copy.deepcopy`.
+            be copied with it by `copy.deepcopy`, unless it is a `SharedPlanner`.
         scenario: As in `parallel_env`.
         rules: As in `parallel_env`.
         seed: Mission m is that of an environment seeded with seed + m, or with seed[m].
         planner_seeds: Dealt to the missions in turn: mission m is that of
-            `planner_for(env, planner, seed=planner_seeds[m % len(planner_seeds)])`.
+            `planner_for(env, planner, seed=planner_seeds[m % len(planner_seeds)])`. By default the
+            planner of each mission has the mission's seed. Missions that share a seed of a planner
+            that draws are no independent samples of it.
         options: Of the planner.
         assumed: The scenario that the planner is given, by default the one that is played.
         withdraw_at: Step after which the last drone is withdrawn from each mission, see
@@ -197,12 +248,16 @@ def play_missions(
     masks = chosen_rules.action_set.within(world.scenario.area_mask).masks(world.grid_size)
     # Large, and while one thread reads its tables another would write them.
     forecasts: dict[int, Forecasts] = {}
+    if planner_seeds is None:
+        planner_seeds = [seed + m for m in range(count)] if isinstance(seed, int) else seed
+    seeds = np.resize(np.asarray(planner_seeds, np.int64), count)
     groups = []
-    for k, planner_seed in enumerate(planner_seeds[:count]):
-        made, thread = make(search, seed=planner_seed, **(options or {})), k % threads
+    for members, thread in _shared(make(search, seed=0, **(options or {})), seeds, threads):
+        made = make(search, seed=int(seeds[members[0]]), **(options or {}))
         if isinstance(made, BeliefPlanner):
             made.forecasts = forecasts.setdefault(thread, made.forecasts)
-        groups.append(_Group(np.arange(k, count, len(planner_seeds)), made, thread))
+        drawn = not isinstance(made, SharedPlanner)
+        groups.append(_Group(members, seeds[members], made, thread, drawn=drawn))
     actions = len(chosen_rules.actions)
     fault_masks = None
     if world.faults is not None:
@@ -216,6 +271,7 @@ def play_missions(
     found = np.zeros(count, bool)
     lost = np.zeros(count, np.int64)
     path_length, collisions = np.zeros(count), np.zeros(count, np.int64)
+    drawn_by = np.full(count, -1)
     with ThreadPoolExecutor(threads) as pool:
         for step in range(limit):
             # It knows no person, and is the same in all of them unless cells are covered.
@@ -226,15 +282,17 @@ def play_missions(
                 fault_masks[:] = table[y, x]
                 world.faults.restrict(world, fault_masks)
 
-            def decide(group: _Group) -> None:
+            def decide(group: _Group) -> list[_Group]:
                 seen = probability  # noqa: B023
                 if world.coverage is not None:
                     seen = world.map_of(int(group.members[0]))
-                group.decide(world, names, masks, fault_masks, seen, step)  # noqa: B023
+                return group.decide(world, names, masks, fault_masks, seen, step)  # noqa: B023
 
-            _each(pool, decide, groups)
+            groups = _each(pool, decide, groups)
             joint = np.full(world.drones.shape, HOLD, np.int8)
             for group in groups:
+                if group.drawn:
+                    drawn_by[group.members] = group.seeds
                 for drone, action in group.actions.items():
                     joint[group.members, drone] = action
             here = going[:, None] & ~(world.terminated | world.truncated)
@@ -260,4 +318,4 @@ def play_missions(
                 break
     world.close()
     path_length *= world.scenario.cell_size
-    return Missions(found, steps, lost, path_length, collisions)
+    return Missions(found, steps, lost, path_length, collisions, drawn_by)

@@ -96,6 +96,9 @@ class BeamSearch:
         forecast: Its horizon is how far plans reach, see `BeamOptions.horizon`.
         options: How a plan is searched.
         seed: Of the scenarios.
+
+    Attributes:
+        drawn: Whether its seed has counted so far.
     """
 
     def __init__(self, forecast: Forecast, options: BeamOptions, *, seed: int = 0) -> None:
@@ -123,6 +126,7 @@ class BeamSearch:
         self._scratch = np.empty(side**2 + ROW)
         self._plans: dict[Hashable, _Plan] = {}
         self._reach: Reach | None = None
+        self.drawn = False
 
     def copy(self) -> BeamSearch:
         """Return one that goes on by itself from here."""
@@ -130,6 +134,12 @@ class BeamSearch:
         twin._rng = copy.deepcopy(self._rng)
         twin._plans = dict(self._plans)
         twin._density, twin._scratch = self._density.copy(), self._scratch.copy()
+        return twin
+
+    def with_seed(self, seed: int) -> BeamSearch:
+        """Return a copy that draws by this seed."""
+        twin = self.copy()
+        twin._rng = np.random.default_rng(seed)
         return twin
 
     def __call__(
@@ -213,7 +223,7 @@ class BeamSearch:
             together[drone], lengths[drone] = candidate.path, candidate.length
             return float(
                 beam.exact_value(
-                    forecast.constants, forecast.area, belief.density, belief.pods,
+                    forecast.constants, forecast.area, belief.of_missing(), belief.pods,
                     forecast.chances, forecast.tables, forecast.directions, slots, together,
                     lengths, drone, options.gamma, options.kappa, self._nearness, self._density,
                     self._scratch,
@@ -228,9 +238,10 @@ class BeamSearch:
         """Return `cells` of `beam.roll`, `starts` and `members` of `beam.index`."""
         forecast, count, horizon = self._forecast, self._options.samples, len(slots)
         offset, *offsets = self._rng.random(horizon + 1)
+        self.drawn = True
         rows = np.empty(count, np.int64)
         cells = np.empty((horizon + 1, count), np.int64)
-        beam.sample(belief.density, count, offset, rows, cells[0])
+        beam.sample(belief.of_missing(), count, offset, rows, cells[0])
         beam.roll(
             forecast.constants, forecast.area, forecast.chances, forecast.tables,
             forecast.directions, slots, np.array(offsets), rows, cells,

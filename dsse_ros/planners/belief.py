@@ -53,8 +53,17 @@ class Tactic(Protocol):
         """
         ...
 
+    @property
+    def drawn(self) -> bool:
+        """Whether its seed has counted so far."""
+        ...
+
     def copy(self) -> Tactic:
         """Return one that goes on by itself from here."""
+        ...
+
+    def with_seed(self, seed: int) -> Tactic:
+        """Return a copy as if it had been started with this seed; it must not have drawn yet."""
         ...
 
 
@@ -87,6 +96,7 @@ class GreedyOnBelief:
 
     drift_samples = 16
     closeness = 0.7
+    drawn = False
 
     def horizon(self, rules: Rules) -> int:
         """Return 0: it looks at the present."""
@@ -100,6 +110,10 @@ class GreedyOnBelief:
 
     def copy(self) -> GreedyOnBelief:
         """Return itself: it remembers nothing."""
+        return self
+
+    def with_seed(self, seed: int) -> GreedyOnBelief:
+        """Return itself."""
         return self
 
     def __call__(
@@ -192,6 +206,7 @@ class BeliefPlanner:
         belief: The belief at the last observation, None before the first; the drift it is made with
             is `belief.forecast.scenario.vector`.
         forecasts: Planners with one tactic that decide in turn, step by step, may share theirs.
+        drawn: See `SharedPlanner`.
 
     Raises:
         ValueError: If search or a straight move is missing in the rules.
@@ -214,6 +229,7 @@ class BeliefPlanner:
         self._commanded: dict[str, tuple[Cell, Cell]] = {}
         self._first: tuple[list[Cell], NDArray[np.float32]] | None = None
         self.belief: Belief | None = None
+        self.drawn = False
 
     def __call__(
         self,
@@ -244,6 +260,7 @@ class BeliefPlanner:
             chosen = self._tactic(
                 self.belief, steered, [cells[a] for a in steered], began_s + limit_s, batteries
             )
+            self.drawn = self.drawn or self._tactic.drawn
             ends |= zip(steered, chosen, strict=True)
             if self._may_be_held_up:
                 # What a drone is about to leave may not get free.
@@ -260,6 +277,14 @@ class BeliefPlanner:
         twin._drift = copy.deepcopy(self._drift)
         if self.belief is not None and self._tactic is not None:
             twin.belief, twin._tactic = self.belief.copy(), self._tactic.copy()
+        return twin
+
+    def with_seed(self, seed: int) -> BeliefPlanner:
+        """Return a copy whose tactic draws by this seed."""
+        twin = self.copy()
+        twin._seed = seed
+        if self._tactic is not None:
+            twin._tactic = self._tactic.with_seed(seed)
         return twin
 
     def _step(self, info: Mapping[str, Any]) -> int | None:

@@ -30,6 +30,9 @@ class RoutesOnBelief:
         forecast: Of the mission.
         period: Steps between two plans.
         seed: For the choice of the cell to step aside to when a way is blocked.
+
+    Attributes:
+        drawn: Whether its seed has counted so far.
     """
 
     def __init__(self, plan: BeliefRoutePlan, forecast: Forecast, period: int, seed: int) -> None:
@@ -42,10 +45,21 @@ class RoutesOnBelief:
         self._follower: RouteFollower | None = None
         self._agents: list[Hashable] = []
         self._planned_at = 0
+        self.drawn = False
 
     def copy(self) -> RoutesOnBelief:
         """Return one that goes on by itself from here."""
-        return copy.deepcopy(self)
+        twin = copy.copy(self)
+        twin._follower = None if self._follower is None else self._follower.copy()
+        return twin
+
+    def with_seed(self, seed: int) -> RoutesOnBelief:
+        """Return a copy that draws by this seed."""
+        twin = copy.copy(self)
+        twin._seed = seed
+        if self._follower is not None:
+            twin._follower = self._follower.with_seed(seed + self._planned_at)
+        return twin
 
     def __call__(
         self,
@@ -74,6 +88,7 @@ class RoutesOnBelief:
             for agent, cell in zip(agents, present, strict=True)
         }
         chosen = self._follower(observations, {}).values()
+        self.drawn = self.drawn or self._follower.drawn
         moves = (self._actions.moves[action] for action in chosen)
         return [(col + dx, row + dy) for (col, row), (dx, dy) in zip(present, moves, strict=True)]
 

@@ -31,14 +31,27 @@ class Greedy:
         seed: Not used, the policy draws nothing.
         area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
 
+    Attributes:
+        drawn: See `SharedPlanner`.
+
     Raises:
         ValueError: If search or a straight move is missing.
     """
+
+    drawn = False
 
     def __init__(
         self, actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
     ) -> None:
         self._actions = ActionSet(actions, area).with_moves()
+
+    def copy(self) -> Greedy:
+        """Return itself: it remembers nothing."""
+        return self
+
+    def with_seed(self, seed: int) -> Greedy:
+        """Return itself."""
+        return self
 
     def __call__(
         self,

@@ -136,10 +136,23 @@ class OnnxPlanner:
 
     Args:
         policy: What is flown.
+
+    Attributes:
+        drawn: False: a model draws nothing.
     """
+
+    drawn = False
 
     def __init__(self, policy: Policy) -> None:
         self._policy = policy
+
+    def copy(self) -> OnnxPlanner:
+        """Return one that goes on by itself from here; the model is shared."""
+        return OnnxPlanner(self._policy.copy())
+
+    def with_seed(self, seed: int) -> OnnxPlanner:
+        """Return a copy."""
+        return self.copy()
 
     def __call__(
         self,
@@ -162,7 +175,12 @@ class OnnxOnBelief:
         policy: What is flown.
         actions: Those of the search, in its area.
         grid_size: G.
+
+    Attributes:
+        drawn: False: a model draws nothing.
     """
+
+    drawn = False
 
     def __init__(self, policy: Policy, actions: ActionSet, grid_size: int) -> None:
         self._policy, self._actions = policy, actions
@@ -173,6 +191,10 @@ class OnnxOnBelief:
         twin = copy.copy(self)
         twin._policy = self._policy.copy()
         return twin
+
+    def with_seed(self, seed: int) -> OnnxOnBelief:
+        """Return a copy."""
+        return self.copy()
 
     def __call__(
         self,

@@ -46,7 +46,7 @@ def make_optimal_effort(
 
         def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
             effort = steps * len(present)
-            searches = allocate(belief.cells(), float(belief.pods.mean()), effort)
+            searches = allocate(belief.cells(), belief.mean_pod, effort)
             return nearest_routes(present, searches, actions)
 
         return plan

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,26 @@ class Planner(Protocol):
                 `decision_time_s`, the wall time that there is for the answer. With faults
                 `status`, `action` and, where it runs down, `battery`: see `faults.Faults.infos`.
         """
+        ...
+
+
+@runtime_checkable
+class SharedPlanner(Planner, Protocol):
+    """A planner that missions with seeds of their own can share until it first draws.
+
+    Attributes:
+        drawn: Whether its seed has counted so far.
+    """
+
+    @property
+    def drawn(self) -> bool: ...  # noqa: D102
+
+    def copy(self) -> SharedPlanner:
+        """Return one that goes on by itself from here."""
+        ...
+
+    def with_seed(self, seed: int) -> SharedPlanner:
+        """Return a copy as if it had been made with this seed; it must not have drawn yet."""
         ...
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -26,6 +27,9 @@ class RandomMoves:
         seed: Of all draws.
         area: Not used, the masks say what leaves it.
 
+    Attributes:
+        drawn: See `SharedPlanner`.
+
     Raises:
         ValueError: If search is missing.
     """
@@ -35,6 +39,17 @@ class RandomMoves:
     ) -> None:
         self._actions = ActionSet(actions)
         self._rng = np.random.default_rng(seed)
+        self.drawn = False
+
+    def copy(self) -> RandomMoves:
+        """Return one that goes on by itself from here."""
+        return copy.deepcopy(self)
+
+    def with_seed(self, seed: int) -> RandomMoves:
+        """Return a copy that draws by this seed."""
+        twin = copy.copy(self)
+        twin._rng = np.random.default_rng(seed)
+        return twin
 
     def __call__(
         self,
@@ -43,6 +58,7 @@ class RandomMoves:
     ) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""
         draws = self._rng.random(len(observations))
+        self.drawn = True
         actions = []
         for agent, draw in zip(observations, draws, strict=True):
             allowed = np.flatnonzero(infos[agent]["action_mask"])

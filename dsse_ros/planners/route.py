@@ -57,7 +57,7 @@ def make_route(
         limit = forecast.scenario.timestep_limit
 
         def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
-            likely, pod = belief.cells(), float(belief.pods.mean())
+            likely, pod = belief.cells(), belief.mean_pod
             chosen = list(allocate(likely, 1.0, cells_per_drone * len(present))) or [present[0]]
             gains = [float(likely[row, col]) * pod for col, row in chosen]
             nodes = [*present, *chosen]

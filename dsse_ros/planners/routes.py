@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -76,6 +77,9 @@ class RouteFollower:
         area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
         covers: Whether the task is to cover cells.
 
+    Attributes:
+        drawn: See `SharedPlanner`.
+
     Raises:
         ValueError: If search or a straight move is missing.
     """
@@ -93,9 +97,26 @@ class RouteFollower:
         self._covers = covers
         self._actions = ActionSet(actions, area).with_moves()
         self._rng = np.random.default_rng(seed)
+        self._shuffled: list[int] = []
+        self.drawn = False
         self._tracks: dict[str, Track] = {}
         self._size = 0
         self._swept = False
+
+    def copy(self) -> RouteFollower:
+        """Return one that goes on by itself from here."""
+        twin = copy.copy(self)
+        twin._rng, twin._tracks = copy.deepcopy((self._rng, self._tracks))
+        twin._shuffled = list(self._shuffled)
+        return twin
+
+    def with_seed(self, seed: int) -> RouteFollower:
+        """Return a copy that draws by this seed."""
+        twin = self.copy()
+        twin._rng = np.random.default_rng(seed)
+        for length in self._shuffled:
+            twin._rng.shuffle([0] * length)
+        return twin
 
     def __call__(
         self,
@@ -117,20 +138,27 @@ class RouteFollower:
 
         requested: list[Cell | None] = []
         exits: dict[int, list[Cell]] = {}
+        ways: dict[int, Cell] = {}
         for drone, (track, cell) in enumerate(zip(tracks, present, strict=True)):
             if track.finished and not self._swept:
-                exits[drone] = self._exits(cell, self._holding_cell(track, cell))
+                ways[drone] = self._actions.towards(cell, self._holding_cell(track, cell))
+                exits[drone] = self._exits(cell, ways[drone])
                 requested.append(None)
             elif cell == track.goal:
                 track.advance()
                 requested.append(cell)
             elif track.waited >= MAX_WAIT:
-                exits[drone] = self._exits(cell, track.goal)
+                ways[drone] = self._actions.towards(cell, track.goal)
+                exits[drone] = self._exits(cell, ways[drone])
                 requested.append(None)
             else:
                 requested.append(self._actions.towards(cell, track.goal))
 
         granted = resolve_conflicts_with_yielding(present, requested, exits)
+        # Where all get on with their ways, the order of the other exits has not counted.
+        self.drawn = self.drawn or any(
+            present[drone] == way or granted[drone] != way for drone, way in ways.items()
+        )
         for track, request, end in zip(tracks, requested, granted, strict=True):
             blocked = request is not None and request != end
             track.waited = track.waited + 1 if blocked else 0
@@ -154,9 +182,9 @@ class RouteFollower:
         """Return the route's last cell, from there the one before: it has to fly on."""
         return track.route[-1] if cell != track.route[-1] else track.goal
 
-    def _exits(self, cell: Cell, goal: Cell) -> list[Cell]:
-        """Return the neighbouring cells, the one on the way to the goal first."""
+    def _exits(self, cell: Cell, ahead: Cell) -> list[Cell]:
+        """Return the neighbouring cells, the one on the way first; the own cell is none."""
         others = self._actions.neighbours(cell, self._size)
         self._rng.shuffle(others)
-        ahead = self._actions.towards(cell, goal)
+        self._shuffled.append(len(others))
         return others if ahead == cell else [ahead, *(c for c in others if c != ahead)]

@@ -183,8 +183,8 @@ METRICS = (
     Metric(
         "expected_time_to_detection", "Expected time to detection", "s",
         "The sum of 1 - POS over the mission, times the duration of a step: the mean time until "
-        "the first detection by searches like these, where one that has not found counts as its "
-        "whole duration.",
+        "searches like these detect a person, where one that is not detected counts with the whole "
+        "duration.",
         "Bourgault, Furukawa and Durrant-Whyte 2003; Lanillos and others 2014",
         _expected_time,
     ),

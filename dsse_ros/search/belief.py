@@ -7,9 +7,9 @@ A belief learns from them: each failed search takes the probability of detection
 and the rest counts for more (Koopman, "Search and Screening", 1946; Stone, "Theory of Optimal
 Search", 1975, chapter 8 for moving targets). Between searches it moves as persons do.
 
-It knows the scenario and the rules, no person and no random state. The filter is exact but for two
-things that do not show: a person's own drift (`v2`) is one of `drift_samples` angles, and cells of
-less than 1e-13 of the whole count as empty.
+It knows the scenario and the rules, no person and no random state. For one person the filter is
+exact but for two things that do not show: a person's own drift (`v2`) is one of `drift_samples`
+angles, and cells of less than 1e-13 of the whole count as empty. For several see `search_outcomes`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search import belief_kernels, kernels
+from dsse_ros.search import belief_kernels, follow_kernels, kernels, search_outcomes
 from dsse_ros.search.actions import Cell
 from dsse_ros.search.constants import area_of, constants_of
 from dsse_ros.search.observation import most_probable
@@ -53,6 +53,7 @@ class Forecast:
         chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
         tables: (R, 10, S S) float64, see `belief_kernels.complete`.
         directions: (R, K) int64, see `belief_kernels.forecast_step`.
+        apart: (R, K) bool, see `belief_kernels.forecast_step`.
     """
 
     def __init__(
@@ -82,10 +83,13 @@ class Forecast:
         self.chances = np.zeros((steps, cells))
         self.tables = np.zeros((steps, CHANCES, cells))
         self.directions = np.zeros((steps, drifts), np.int64)
+        self.apart = np.zeros((steps, drifts), np.bool_)
+        self._still = np.zeros(drifts, np.bool_)
         self._start()
 
     def _start(self) -> None:
         self._ready = 0
+        self._still[:] = self.scenario.person_amount > 1 and self.rules.person_scatter > 0
         belief_kernels.start_sea(self.constants, self._world, self._drifts)
         kernels.refresh_worlds(
             self.constants, self._world, self._gauss, self._tails, self.area, None, self._circle,
@@ -102,6 +106,7 @@ class Forecast:
             belief_kernels.forecast_step(
                 self.constants, self._world, self._gauss[0], self._tails[0], self.area,
                 self._runs, self._circle, self._drifts, self.chances[slot], self.directions[slot],
+                self.apart[slot], self._still,
             )  # fmt: skip
             # Where the map stays as it was, what was computed for the step before holds again.
             stays = self._ready > 0 and np.array_equal(self.chances[slot], self.chances[before])
@@ -150,8 +155,8 @@ class Forecast:
 class Belief:
     """The probability of where the persons are who have not been found.
 
-    Several persons are one intensity (their identities are unknown): the expected share of them in
-    each cell. Persons with the same POD multiplier are one detection class.
+    Persons who start alike and have the same POD are one detection class. Who was found is not
+    known by name; `search_outcomes` has what follows from failed searches and finds.
 
     Args:
         forecast: How map and persons move. Beliefs may share one while they are not more than a
@@ -162,7 +167,12 @@ class Belief:
         pos: Cumulative probability of success: that searches so far found the person, before
             anything was known of how they ended; of several persons the expected share of finds.
         pods: (C,) float64, the POD of each detection class.
-        density: (C K, S S) float64, see `belief_kernels`; sums to 1.
+        class_of: (n,) int64, the detection class of each person.
+        missing: (n,) float64, probability that a person is missing; 1 for a person alone.
+        unfound: (n,) float64, the same before anything was known of how the searches ended; of a
+            person alone see `pos`.
+        density: (C K, S S) float64, see `belief_kernels`; sums to 1, each class to its share of all
+            persons.
     """
 
     def __init__(self, forecast: Forecast) -> None:
@@ -170,11 +180,18 @@ class Belief:
         cells = forecast.chances.shape[1]
         self._scratch = np.zeros(cells + belief_kernels.ROW)
         scenario = forecast.scenario
-        multipliers, self._class_of = np.unique(
-            scenario.person_pod_multipliers, return_inverse=True
-        )
-        self.pods = np.minimum(multipliers * scenario.probability_of_detection, 1.0)
+        scattered = np.zeros(scenario.person_amount, np.bool_)
+        scattered[1:] = forecast.rules.person_scatter > 0
+        kinds, self.class_of = np.unique(
+            np.stack([scattered, scenario.person_pod_multipliers], axis=1),
+            axis=0, return_inverse=True,
+        )  # fmt: skip
+        self.class_of = self.class_of.ravel()
+        self.pods = np.minimum(kinds[:, 1] * scenario.probability_of_detection, 1.0)
+        self.missing, self.unfound = np.ones((2, scenario.person_amount))
         self._drifts = forecast.directions.shape[1]
+        self._weights = np.zeros(len(kinds))
+        self._numbers = np.zeros((search_outcomes.OF_CLASS, len(kinds)))
         self.density = np.zeros((len(self.pods) * self._drifts, cells))
         self.reset()
 
@@ -182,6 +199,7 @@ class Belief:
         """Start anew: what the rules say of where persons are at a mission's first observation."""
         self.step = -self.forecast.first_step
         self.pos = 0.0
+        self.missing[:] = self.unfound[:] = 1.0
         self.density[:] = 0.0
         self._put_persons()
         while self.step < 0:
@@ -199,7 +217,7 @@ class Belief:
             if (x, y) != (x0, y0) and (area is None or area[y, x])
         ] or [(x0, y0)]
         persons = scenario.person_amount
-        for person, of_class in enumerate(self._class_of.tolist()):
+        for person, of_class in enumerate(self.class_of.tolist()):
             rows = slice(of_class * self._drifts, (of_class + 1) * self._drifts)
             cells = around if person else [(x0, y0)]
             for cell in cells:
@@ -210,7 +228,20 @@ class Belief:
         """Return a belief of its own with the same content; the forecast is shared."""
         twin = copy.copy(self)
         twin.density = self.density.copy()
+        twin.missing, twin.unfound = self.missing.copy(), self.unfound.copy()
         return twin
+
+    @property
+    def mean_pod(self) -> float:
+        """The mean POD of the persons who are missing."""
+        return float(self.missing @ self.pods[self.class_of] / self.missing.sum())
+
+    def of_missing(self) -> NDArray[np.float64]:
+        """Return the density of the persons who are missing, (C K, S S); it sums to 1."""
+        if len(self.pods) == 1:
+            return self.density
+        search_outcomes.weigh_classes(self.class_of, self.missing, self._weights)
+        return self.density * np.repeat(self._weights, self._drifts)[:, None]
 
     def advance(self) -> None:
         """Let the sea do one step, after the searches of this one have been observed."""
@@ -223,11 +254,14 @@ class Belief:
         self.step += 1
 
     def observe_failed_searches(self, cells: Sequence[Cell]) -> None:
-        """Learn that searches of these cells (col, row) have not found anybody.
+        """Learn that searches of these cells (col, row) have not found anyone.
 
         A search detects as the scenario says. Where nothing is left of the belief, as the person
         cannot be anywhere by the rules, it starts again from the present map.
         """
+        if len(self.missing) > 1:
+            self._observe(cells, found=False)
+            return
         taken = 0.0
         for x, y in cells:
             taken += belief_kernels.search(
@@ -238,22 +272,39 @@ class Belief:
         left = belief_kernels.normalise(self.density)
         self.pos += (1.0 - self.pos) * min(taken, 1.0)
         if left < belief_kernels.NOTHING_LEFT:
-            chances = self.forecast.chances[
-                self.forecast.look(self.step + self.forecast.first_step)
-            ]
-            self.density[:] = chances
+            self.density[:] = self._chances()
             belief_kernels.normalise(self.density)
 
     def observe_find(self, cell: Cell) -> None:
         """Learn that a search of this cell has found a person, and that others are left.
 
-        Where it looks for one person only, the cell keeps its share: others may be there. Where it
-        looks for all, nobody detectable is left in it.
+        Where it looks for one person only, others may be in the cell as before. Where it looks for
+        all, those whom it detects are found.
         """
+        if len(self.missing) > 1:
+            self._observe([cell], found=True)
+            return
         density = self.density.copy()
         self.observe_failed_searches([cell])
         if self.forecast.rules.one_find_per_search:
             self.density = density
+
+    def _observe(self, cells: Sequence[Cell], *, found: bool) -> None:
+        """Learn from searches for several persons."""
+        if not cells:
+            return
+        forecast = self.forecast
+        slot = forecast.look(self.step + forecast.first_step)
+        self.pos = search_outcomes.observe(
+            forecast.constants, self.density, self.pods, self.class_of, self.missing, self.unfound,
+            forecast.apart[slot], forecast.chances[slot], np.array(cells, np.int64), found,
+            self._numbers, np.empty_like(self.missing),
+        )  # fmt: skip
+
+    def _chances(self) -> NDArray[np.float64]:
+        """Return the present map, (S S,)."""
+        step = self.step + self.forecast.first_step
+        return self.forecast.chances[self.forecast.look(step)]
 
     def cells(self) -> NDArray[np.float64]:
         """Return the probability of containment of every cell, (G, G) as [y, x].
@@ -262,5 +313,7 @@ class Belief:
         """
         g = self.forecast.scenario.grid_size
         out = np.empty((g, g))
-        belief_kernels.write_cells(self.forecast.constants, self.density, out)
+        follow_kernels.write_cells(
+            self.forecast.constants, self.density, self.class_of, self.missing, self._weights, out
+        )
         return out

@@ -1,14 +1,15 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled exact filter: how a belief about persons moves on and learns from searches.
+"""The compiled filter: how a belief about persons moves on, and learns from a failed search.
 
 A belief is (C K, S S) float64: row m K + k has the persons of detection class m and drift k, its
 columns are the cells row by row, S = G + 2 `MARGIN` along a side. Off the grid is who walked off
 it (`person_walks_blind`). Steps to neighbours are numbered as in `person_motion`.
 
 The sea is that of `sea_map`, and how probable a person's steps are says its motion in
-`person_motion`.
+`person_motion`. `search_outcomes` has what follows from searches for several persons,
+`follow_kernels` the step of many beliefs.
 """
 
 from __future__ import annotations
@@ -89,7 +90,9 @@ def start_sea(constants, worlds, drifts):
 
 
 @kernel
-def forecast_step(constants, worlds, gauss, tails, area, runs, circle, drifts, chances, directions):
+def forecast_step(
+    constants, worlds, gauss, tails, area, runs, circle, drifts, chances, directions, apart, still,
+):  # fmt: skip
     """Advance map and drifts by one step and write what persons step by.
 
     Args:
@@ -104,6 +107,9 @@ def forecast_step(constants, worlds, gauss, tails, area, runs, circle, drifts, c
         chances: (S S,) float64 out, the probability of every cell that persons look at.
         directions: (K,) int64 out, the direction of each drift, see `PersonMotion`, or
             `STAND_STILL`.
+        apart: (K,) bool out, the drifts whose persons are where they were scattered to, each in a
+            cell of its own.
+        still: (K,) bool in and out, the same before the next step.
     """
     c, w = constants[0], worlds[0]
     if not c.person_first:
@@ -114,6 +120,8 @@ def forecast_step(constants, worlds, gauss, tails, area, runs, circle, drifts, c
             chances[index_of(c, x, y)] = cell_probability(c, w, gauss, area, x, y)
     for k in range(len(drifts)):
         directions[k] = gathered_step(drifts[k]) if c.own_drift else NO_STEP
+        apart[k] = still[k]
+        still[k] = still[k] and directions[k] == STAND_STILL
     if c.person_first:
         map_step(c, w, gauss, tails, area, runs, circle)
 
@@ -355,19 +363,6 @@ def normalise(belief):
     return total
 
 
-@kernel
-def write_cells(constants, belief, out):
-    """Write the probability of every cell, out (G, G) float64 as [y, x]."""
-    c = constants[0]
-    for y in range(c.grid_size):
-        for x in range(c.grid_size):
-            out[y, x] = 0.0
-    for k in range(len(belief)):
-        for y in range(c.grid_size):
-            for x in range(c.grid_size):
-                out[y, x] += belief[k, index_of(c, x, y)]
-
-
 @part
 def detectable(c, belief, pods, x, y):
     """Return what `search` would take away, 0 off the grid."""
@@ -377,89 +372,3 @@ def detectable(c, belief, pods, x, y):
     for k in range(len(belief)):
         share += belief[k, i] * pods[k // drifts]
     return share
-
-
-@part
-def learn(c, constants, drones, actions, live, pods, chances, belief, pos):
-    """Let a belief learn from the searches of a step; returns the POS with them.
-
-    Those that failed come first, then the finds: see `belief.Belief.observe_find`.
-    """
-    for finds in range(2):
-        taken = 0.0
-        for n in range(len(drones)):
-            d = drones[n]
-            if live[n] and actions[n] == c.search_action and d.found == (finds == 1):
-                if d.found and c.one_find_per_search:
-                    pos += (1.0 - pos) * detectable(c, belief, pods, d.x, d.y)
-                else:
-                    taken += search(constants, belief, pods, d.x, d.y)
-        if taken > 0.0:
-            pos += (1.0 - pos) * min(taken, 1.0)
-            if normalise(belief) < NOTHING_LEFT:
-                for k in range(len(belief)):
-                    for i in range(belief.shape[1]):
-                        belief[k, i] = chances[i]
-                normalise(belief)
-    return pos
-
-
-@kernel
-def follow_worlds(
-    constants, area, worlds, drones, actions, live, done, start, pods, chances, tables, directions,
-    first_step, beliefs, pos, scratch, first, last,
-):  # fmt: skip
-    """Let the beliefs of the worlds first..last - 1 follow a step that is done.
-
-    Args:
-        constants: (1,) of `kernels.CONSTANTS`.
-        area: Of `kernels.step_worlds`.
-        worlds: (B,) of `kernels.WORLDS`, after the step.
-        drones: (B, N) of `kernels.DRONES`, after the step.
-        actions: (B, N) int8 of the step.
-        live: (B, N) bool, the drones in the search before the step.
-        done: (B,) bool, the worlds whose search had ended before the step.
-        start: (C K, S S) float64, the belief at a mission's first observation.
-        pods: (C,) float64, probability of detection.
-        chances: (R, S S) of `forecast_step`; that of step s of the sea is at s % R.
-        tables: (R, `CHANCES`, S S) of `complete`.
-        directions: (R, K) of `forecast_step`.
-        first_step: Steps of the sea before a mission's first observation.
-        beliefs: (B, C K, S S) float64.
-        pos: (B,) float64, the POS of all searches of the mission.
-        scratch: Of `predict`.
-        first: Number of the first world.
-        last: Number of the last world, plus one.
-    """
-    c = constants[0]
-    for b in range(first, last):
-        if c.auto_reset and done[b]:
-            for k in range(len(start)):
-                for i in range(start.shape[1]):
-                    beliefs[b, k, i] = start[k, i]
-            pos[b] = 0.0
-            continue
-        step = worlds[b].t - 1
-        slot = (first_step + step) % len(directions)
-        if c.time_out_acts or step < c.timestep_limit + c.time_out_grace:
-            pos[b] = learn(
-                c, constants, drones[b], actions[b], live[b], pods, chances[slot], beliefs[b],
-                pos[b],
-            )  # fmt: skip
-        predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
-
-
-@kernel
-def write_beliefs(constants, beliefs, scratch, maps, first, last):
-    """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x]."""
-    c = constants[0]
-    for b in range(first, last):
-        for i in range(beliefs.shape[2]):
-            scratch[i] = 0.0
-        for k in range(beliefs.shape[1]):
-            for i in range(beliefs.shape[2]):
-                scratch[i] += beliefs[b, k, i]
-        for y in range(c.grid_size):
-            for x in range(c.grid_size):
-                # A sum of shares may be a rounding above 1.
-                maps[b, y, x] = min(scratch[index_of(c, x, y)], 1.0)

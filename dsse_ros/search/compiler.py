@@ -14,7 +14,7 @@ import numpy as np
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from dsse_ros.search import belief_kernels, kernels
+from dsse_ros.search import belief_kernels, follow_kernels, kernels
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.progress import progress_to
 from dsse_ros.search.rules import Rules
@@ -28,8 +28,8 @@ COMPILING = "compiling the search, once after an installation; it takes 10 s, or
 
 _OF_WORLDS = (kernels.reset_worlds, kernels.refresh_worlds, kernels.step_worlds)
 _OF_BELIEFS = (
-    belief_kernels.start_sea, belief_kernels.forecast_step, belief_kernels.follow_worlds,
-    belief_kernels.write_beliefs,
+    belief_kernels.start_sea, belief_kernels.forecast_step, follow_kernels.follow_worlds,
+    follow_kernels.write_beliefs,
 )  # fmt: skip
 
 

@@ -9,14 +9,13 @@ that would have put it there; the range narrows with time.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.actions import Cell
 from dsse_ros.search.constants import area_of, constants_of
+from dsse_ros.search.current import vector_of_increment
 from dsse_ros.search.jit import kernel
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
@@ -113,7 +112,8 @@ class DriftEstimate:
         if self._misfits(seen, mean[None])[0]:
             # Between drifts that explain it, but none of them.
             mean = possible[np.argmin(((possible - mean) ** 2).sum(axis=1))]
-        return self._vector_of(mean)
+        speed = float(self._constants["cell_size"][0] / self._constants["step_duration_s"][0])
+        return vector_of_increment(self._rules, (float(mean[0]), float(mean[1])), speed)
 
     def _misfits(self, seen: NDArray[np.int64], drifts: NDArray[np.float64]) -> NDArray[np.int64]:
         missed = np.empty(len(drifts), np.int64)
@@ -161,11 +161,3 @@ class DriftEstimate:
             spacing /= 2.0
             drifts = np.unique((best[:, None] + spacing * around).reshape(-1, 2), axis=0)
         return np.zeros((0, 2))
-
-    def _vector_of(self, drifted: NDArray[np.float64]) -> tuple[float, float]:
-        """Return the vector whose drift per step this is, see `sea_map.drift_per_step`."""
-        scale, norm = 1.0, float(np.hypot(*drifted))
-        if self._rules.drift_by_speed and norm > 0.0:
-            speed = float(self._constants["cell_size"][0] / self._constants["step_duration_s"][0])
-            scale = math.sqrt(speed / norm)
-        return float(scale * drifted[0]), float(scale * drifted[1])

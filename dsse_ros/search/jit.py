@@ -18,7 +18,7 @@ from numba import njit
 
 MODULES = (
     "belief_kernels", "collisions", "coverage_kernels", "draws", "drift_estimate", "fault_kernels",
-    "jit", "kernels", "person_motion", "sea_map", "streaming",
+    "follow_kernels", "jit", "kernels", "person_motion", "sea_map", "search_outcomes", "streaming",
 )  # fmt: skip
 """The modules of this package that have compiled functions, or what those depend on."""
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search.area import Area, area_mask
+from dsse_ros.search.current import mean_drift, resolve_vector
 from dsse_ros.search.fault_fields import FaultFields
 from dsse_ros.search.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.search.probability_matrix import ProbabilityMatrix
@@ -99,8 +100,8 @@ class Scenario(FaultFields):
         "cells", "Start cells (col, row); by default row by row from the north-west corner.", None
     )
     vector: tuple[float, float] | None = field(
-        "vector", "Drift of the datum, x to the east, y to the south.", None,
-        low=-1e6, high=1e6, unit="cells per step",
+        "vector", "Drift of the datum, x to the east, y to the south; with drift_by_speed (v2) "
+        "times its norm / drone_speed.", None, low=-1e6, high=1e6, unit="cells per step",
     )  # fmt: skip
     current_speed: float | None = field(
         "float", "Speed of the current, instead of vector.", None, low=0, high=100, unit="m/s"
@@ -233,6 +234,9 @@ class Scenario(FaultFields):
         person = self.person_initial_position or rules.person_initial_position
         person = person or (grid // 2, grid // 2)
         check_cell("person_initial_position", person, grid, mask)
+        vector = resolve_vector(
+            rules, self.vector, self.current_speed, self.current_toward, self.drone_speed
+        )
         multipliers = self.person_pod_multipliers
         check_multipliers(multipliers, self.person_amount)
         if rules.person_scatter:
@@ -243,7 +247,8 @@ class Scenario(FaultFields):
             "cell_size": cell,
             "num_drones": len(positions),
             "drones_positions": positions,
-            "vector": self._resolve_vector(rules),
+            "vector": vector,
+            "drift": mean_drift(rules, vector, self.drone_speed),
             "current_speed": None,
             "current_toward": None,
             "person_initial_position": person,
@@ -293,21 +298,6 @@ class Scenario(FaultFields):
             raise FieldError("grid_size and zone_size state the same thing, not alike; give one")
         return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", grid)
 
-    def _resolve_vector(self, rules: Rules) -> tuple[float, float]:
-        if self.current_speed is None and self.current_toward is None:
-            return self.vector or rules.vector
-        if self.current_speed is None or self.current_toward is None:
-            raise FieldError("current_speed and current_toward belong together; give both")
-        # A step lasts cell / drone_speed, so the cell cancels.
-        cells_per_step = self.current_speed / self.drone_speed
-        toward = math.radians(self.current_toward)
-        vector = (cells_per_step * math.sin(toward), -cells_per_step * math.cos(toward))
-        if self.vector is None:
-            return vector
-        if math.dist(vector, self.vector) > 1e-9 * cells_per_step:
-            raise FieldError("vector and current_speed state the same thing, not alike; give one")
-        return self.vector
-
     def _resolve_positions(
         self, grid: int, mask: NDArray[np.bool_] | None
     ) -> tuple[tuple[int, int], ...]:
@@ -332,6 +322,8 @@ class ResolvedScenario(Scenario):
 
     Attributes:
         stated: The scenario that it was derived from.
+        drift: How far the datum drifts in a step on average, to the east and to the south, in
+            cells, by the rules that it was resolved with.
     """
 
     grid_size: int
@@ -350,6 +342,7 @@ class ResolvedScenario(Scenario):
     battery_hover: float
     battery_return: float
     stated: Scenario = dataclasses.field(repr=False, compare=False)
+    drift: tuple[float, float] = dataclasses.field(repr=False, compare=False)
 
     def override(self, **values: Any) -> Scenario:
         """Return the scenario as it was stated, with these fields replaced.
@@ -377,7 +370,7 @@ class ResolvedScenario(Scenario):
     @property
     def other_ways(self) -> dict[str, float]:
         """The fields that state grid_size and vector in other ways, as they would be."""
-        east, south = self.vector
+        east, south = self.drift
         return {
             "zone_size": self.grid_size * self.cell_size,
             "current_speed": math.hypot(east, south) * self.drone_speed,

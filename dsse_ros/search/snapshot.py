@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAGIC = b"dsse_ros snapshot"
-VERSION = 2
+VERSION = 3
 
 
 class SnapshotError(ValueError):

@@ -10,15 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search import belief_kernels
+from dsse_ros.search import belief_kernels, follow_kernels
 from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.fields import FieldError
 from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.search.search_outcomes import OF_CLASS
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.world import World
 
 DRIFT_SAMPLES = 64
 """Angles of a person's own drift: with these, the POS is within .006 of what it is with 1024."""
+
+_OF_PERSONS = ("pos", "missing", "unfound")
+_KEPT = ("density", *_OF_PERSONS)
+"""Arrays that a snapshot has."""
 
 
 class WorldBeliefs:
@@ -31,6 +36,8 @@ class WorldBeliefs:
 
     Attributes:
         pos: (B,) float64, cumulative probability of success of the searches of each mission.
+        missing: (B, n) float64, see `belief.Belief`.
+        unfound: (B, n) float64, see `belief.Belief`.
         density: (B, C K, S S) float64, see `belief_kernels`.
 
     Raises:
@@ -49,6 +56,7 @@ class WorldBeliefs:
         self._forecasts: deque[Forecast] = deque()
         self._scenario: ResolvedScenario | None = None
         self.pos = np.zeros(world.num_worlds)
+        self.missing, self.unfound = np.ones((2, *world.persons.shape))
         self._live = np.zeros(world.drones.shape, bool)
         self._done = np.zeros(world.num_worlds, bool)
         self._actions = np.zeros(world.drones.shape, np.int8)
@@ -93,11 +101,13 @@ class WorldBeliefs:
         scenario = self._placed()
         if scenario != self._scenario:
             belief = Belief(forecast := self._new_forecast(scenario))
-            self._scenario, self._start, self._pods = scenario, belief.density, belief.pods
+            self._scenario, self._start = scenario, belief.density
+            self._pods, self._class_of = belief.pods, belief.class_of
             self._forecasts = deque([forecast])
             self.density = np.empty((self._world.num_worlds, *self._start.shape))
         worlds = slice(None) if which is None else which
         self.density[worlds] = self._start
+        self.missing[worlds] = self.unfound[worlds] = 1.0
         self.pos[worlds] = 0.0
 
     def _placed(self) -> ResolvedScenario:
@@ -137,11 +147,12 @@ class WorldBeliefs:
         # A world that was just reset is at step 0.
         steps = max(int(world.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
-        belief_kernels.follow_worlds(
+        follow_kernels.follow_worlds(
             world.constants, world.area, world.worlds, world.drones, actions, self._live,
-            self._done, self._start, self._pods, forecast.chances, forecast.tables,
-            forecast.directions, forecast.first_step, self.density, self.pos, self._scratch(),
-            first, last,
+            self._done, self._start, self._pods, self._class_of, forecast.chances, forecast.tables,
+            forecast.directions, forecast.apart, forecast.first_step, self.density, self.missing,
+            self.unfound, self.pos, self._scratch(), np.empty((OF_CLASS, len(self._pods))),
+            np.empty(self.missing.shape[1]), first, last,
         )  # fmt: skip
         self._forecasts.append(forecast)
 
@@ -164,14 +175,15 @@ class WorldBeliefs:
         world, last = self._world, self._world.num_worlds if last is None else last
         if maps is None:
             maps = np.empty((world.num_worlds, world.grid_size, world.grid_size), np.float32)
-        belief_kernels.write_beliefs(
-            world.constants, self.density, self._scratch(), maps, first, last
-        )
+        follow_kernels.write_beliefs(
+            world.constants, self.density, self._class_of, self.missing,
+            np.empty(len(self._pods)), self._scratch(), maps, first, last,
+        )  # fmt: skip
         return maps
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the state, to be added to that of the world in a snapshot."""
-        return {"belief_density": self.density.copy(), "belief_pos": self.pos.copy()}
+        return {f"belief_{name}": getattr(self, name).copy() for name in _KEPT}
 
     def check(self, snapshot: Snapshot) -> None:
         """Raise unless a snapshot has beliefs.
@@ -181,7 +193,7 @@ class WorldBeliefs:
         """
         if "belief_density" not in snapshot.arrays:
             raise SnapshotError("the snapshot is of a search without a belief")
-        snapshot.check({}, {"belief_pos": self.pos})
+        snapshot.check({}, {f"belief_{name}": getattr(self, name) for name in _OF_PERSONS})
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot that was checked, after its world.
@@ -191,5 +203,5 @@ class WorldBeliefs:
         """
         self.reset()
         snapshot.check({}, {"belief_density": self.density})
-        self.density[:] = snapshot.arrays["belief_density"]
-        self.pos[:] = snapshot.arrays["belief_pos"]
+        for name in _KEPT:
+            getattr(self, name)[:] = snapshot.arrays[f"belief_{name}"]

@@ -73,7 +73,8 @@ def alone(campaign: Campaign) -> Iterator[tuple[Any, ...]]:
         for entry in campaign.planners:
             for m in range(campaign.settings.missions):
                 seed = campaign.settings.seed + m
-                planner = planner_for(env, entry.planner, seed=m % entry.planner_seeds)
+                dealt = entry.planner_seeds
+                planner = planner_for(env, entry.planner, seed=m % dealt if dealt else seed)
                 yield (entry.name, case.name, seed, *flown(env, planner, seed))
 
 

@@ -4,17 +4,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from random import Random
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import stats
 
 from dsse_ros.campaign.config import Campaign
+from dsse_ros.campaign.estimates import Estimate, clusters, of_mean, of_median, of_share, signs_p
 from dsse_ros.campaign.statistics import (
     Played,
     holm,
     horizon_of,
-    of_mean,
-    of_median,
-    of_share,
     pairs,
     pos_at,
     restricted_s,
@@ -26,11 +31,25 @@ CAMPAIGN = Campaign.from_dict(
 CASE = CAMPAIGN.cases[0]
 
 
-def played(planner: str, found: list[bool], steps: list[int]) -> Played:
+def played(
+    planner: str, found: list[bool], steps: list[int], seeds: list[int] | None = None
+) -> Played:
     hit, taken = np.array(found), np.array(steps, float)
+    drawn = np.array(seeds or [-1] * len(hit))
     none = np.zeros(len(hit))
     time_s = np.where(hit, taken * CASE.scenario.step_duration_s, np.inf)
-    return Played(planner, CASE, np.arange(len(hit)), hit, taken, time_s, none, none, none)
+    return Played(
+        planner,
+        CASE,
+        np.arange(len(hit)),
+        drawn,
+        hit,
+        taken,
+        time_s,
+        none,
+        none,
+        none,
+    )
 
 
 def test_an_interval_of_a_share_is_wilsons() -> None:
@@ -86,3 +105,91 @@ def test_planners_that_do_alike_do_not_differ() -> None:
 def test_p_values_are_adjusted_by_holm() -> None:
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([]) == []
+
+
+SIZES = st.lists(st.integers(0, 5), min_size=3, max_size=40)
+
+
+@given(SIZES, st.randoms(use_true_random=False))
+def test_clusters_of_one_mission_each_change_nothing(values: list[int], random: Random) -> None:
+    numbers = np.array(values, float)
+    alone = np.array(random.sample(range(len(values)), len(values)))
+    mean, same = of_mean(numbers, 0.9), of_mean(numbers, 0.9, alone)
+    assert (same.low, same.high) == pytest.approx((mean.low, mean.high))
+    assert of_share(numbers > 2, 0.9, alone) == of_share(numbers > 2, 0.9)
+    assert of_median(numbers, 0.9, alone) == of_median(numbers, 0.9)
+
+
+@given(SIZES, st.integers(2, 6))
+def test_missions_played_again_with_the_same_draws_say_nothing_more(
+    values: list[int], times: int
+) -> None:
+    once, again = np.array(values, float), np.repeat(values, times).astype(float)
+    labels = np.repeat(np.arange(len(values)), times)
+    one, more = of_mean(once, 0.9), of_mean(again, 0.9, labels)
+    assert (more.value, more.low, more.high) == pytest.approx((one.value, one.low, one.high))
+    share, shares = of_share(once > 2, 0.9), of_share(again > 2, 0.9, labels)
+    assert shares.value == pytest.approx(share.value)
+    # Student's quantile stands in place of the normal one.
+    assert shares.low <= share.low + 1e-9 and shares.high >= share.high - 1e-9
+
+
+def test_missions_of_one_seed_say_nothing_of_others() -> None:
+    one = np.zeros(1000, np.int64)
+    assert of_share(one > 0, 0.95, one) == Estimate(0, 0, 1)
+    assert of_mean(np.arange(1000.0), 0.95, one).high == np.inf
+    assert signs_p(np.ones(1000), one, one) == 1
+    a = played("greedy", [True] * 30, [5] * 30, [4] * 30)
+    (pair,) = pairs(CAMPAIGN, [a, played("sweep", [False] * 30, [20] * 30)])
+    assert (pair.only_first, pair.found_p, pair.time_p) == (30, 1, 1)
+    assert (pair.found.low, pair.time_s.high) == (-np.inf, np.inf)
+
+
+def test_missions_that_drew_nothing_are_independent_of_one_another() -> None:
+    a, b, c, d, e = clusters(np.array([-1, 3, -1, 3, 0])).tolist()
+    assert b == d and len({a, b, c, e}) == 4
+
+
+DEALT = np.arange(400) % 20
+"""Clusters of 20 missions each."""
+
+
+def drawn(rng: np.random.Generator, spread: float) -> NDArray[np.float64]:
+    """Return 400 values of mean 0, of which each cluster shares a part."""
+    values: NDArray[np.float64] = rng.normal(size=400) + spread * rng.normal(size=20)[DEALT]
+    return values
+
+
+def test_intervals_of_clusters_hold_as_often_as_the_level_promises() -> None:
+    rng = np.random.default_rng(3)
+    samples = [drawn(rng, 1.0) for _ in range(1000)]
+    means = [of_mean(values, 0.9, DEALT) for values in samples]
+    shares = [of_share(values < 0, 0.9, DEALT) for values in samples]
+    medians = [of_median(values, 0.9, DEALT) for values in samples]
+    assert np.mean([one.low <= 0 <= one.high for one in means]) == pytest.approx(0.9, abs=0.03)
+    assert 0.88 < np.mean([one.low <= 0.5 <= one.high for one in shares]) < 0.96
+    assert 0.86 < np.mean([one.low <= 0 <= one.high for one in medians]) < 0.96
+    # As if missions were independent, they do not.
+    plain = [of_mean(values, 0.9) for values in samples]
+    assert np.mean([one.low <= 0 <= one.high for one in plain]) < 0.6
+
+
+def test_pairs_of_planners_with_other_seeds_hold_as_often_as_the_level_promises() -> None:
+    rng = np.random.default_rng(4)
+    other = np.arange(400) // 16
+    samples = [drawn(rng, 0.7) + 0.7 * rng.normal(size=25)[other] for _ in range(1000)]
+    means = [of_mean(values, 0.9, DEALT, other) for values in samples]
+    assert np.mean([one.low <= 0 <= one.high for one in means]) == pytest.approx(0.9, abs=0.04)
+
+
+@pytest.mark.parametrize("of", [np.sign, lambda x: np.sign(x) * stats.rankdata(abs(x))])
+def test_planners_that_differ_by_their_seeds_only_are_seldom_told_apart(
+    of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+) -> None:
+    rng = np.random.default_rng(5)
+    p = [signs_p(of(drawn(rng, 1.0)), DEALT, np.arange(400)) for _ in range(1000)]
+    assert 0.01 < np.mean(np.array(p) < 0.05) < 0.05
+    # As if missions were independent, they are.
+    p = [signs_p(of(drawn(rng, 1.0)), np.arange(400)) for _ in range(1000)]
+    assert np.mean(np.array(p) < 0.05) > 0.3
+    assert signs_p(of(drawn(rng, 1.0) + 3), DEALT, DEALT) < 1e-3

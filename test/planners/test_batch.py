@@ -60,6 +60,42 @@ def test_missions_that_share_a_planner_are_what_single_ones_are(
         assert (missions.found[m], missions.steps[m]) == alone(env, planner, seed, lost)
 
 
+CROWDED: dict[str, Any] = {"grid_size": 5, "num_drones": 4, "sigma": 2, "timestep_limit": 40}
+"""Drones are in one another's way, so that routes are left at random."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("case", ["crowded", "v2", "several"])
+def test_each_mission_has_a_planner_of_its_own_seed_by_default(name: str, case: str) -> None:
+    fields = CROWDED if case == "crowded" else CASES[case]
+    env, options = parallel_env(**fields), OPTIONS.get(name, {})
+    missions = play_missions(len(SEEDS), name, seed=SEEDS, options=options, threads=2, **fields)
+    for m, seed in enumerate(SEEDS):
+        planner = planner_for(env, name, seed=seed, **options)
+        assert (missions.found[m], missions.steps[m]) == alone(env, planner, seed, None)
+        assert missions.planner_seeds[m] == (seed if getattr(planner, "drawn", True) else -1)
+
+
+def test_seeds_of_planners_that_draw_nothing_do_not_count() -> None:
+    for name in ("greedy", "belief_greedy"):
+        assert (play_missions(5, name, seed=SEEDS[0], **PAPER).planner_seeds == -1).all()
+    assert play_missions(5, "random", seed=SEEDS[0], **PAPER).planner_seeds.tolist() == [*SEEDS[:5]]
+    played = play_missions(5, "random", seed=SEEDS[0], planner_seeds=(4, 5), **PAPER)
+    assert played.planner_seeds.tolist() == [4, 5, 4, 5, 4]
+
+
+def test_a_planner_that_cannot_be_shared_is_made_for_each_seed() -> None:
+    made = []
+
+    def make(search: SearchDefinition, *, seed: int) -> Planner:
+        made.append(seed)
+        return lambda observations, infos: dict.fromkeys(observations, 4)
+
+    missions = play_missions(6, make, seed=SEEDS[0], planner_seeds=(8, 9, 10), **PAPER)
+    assert set(made[1:]) == {8, 9, 10}
+    assert missions.planner_seeds.tolist() == [8, 9, 10, 8, 9, 10]
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_every_planner_plays_missions(name: str) -> None:
     missions = play_missions(5, name, seed=SEEDS[0], options=OPTIONS.get(name), **PAPER)

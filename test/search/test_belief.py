@@ -159,12 +159,3 @@ def test_a_forecast_that_keeps_little_gives_the_same_belief(
                 belief.observe_failed_searches([(6, 5)])
                 belief.advance()
         assert np.array_equal(whole.cells(), passing.cells())
-
-
-def test_a_find_leaves_a_cell_its_share_where_a_search_looks_for_one_person() -> None:
-    _, belief = world_and_belief(1, **CASES["v2, several persons"])
-    before = belief.cells()
-    belief.observe_find((8, 8))
-    assert np.array_equal(belief.cells(), before)
-    belief.observe_failed_searches([(8, 8)])
-    assert belief.cells()[8, 8] < before[8, 8]

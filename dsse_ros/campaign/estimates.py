@@ -1,0 +1,145 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Estimates with confidence intervals, of missions that share draws too.
+
+Missions whose planners have drawn by one seed are a cluster: the intervals take clusters, not
+missions, for independent. Where each mission is a cluster of its own they are those of textbooks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Values = NDArray[Any]
+Labels = NDArray[np.int64]
+"""(M,) the number of each mission's cluster, from 0."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def clusters(planner_seeds: NDArray[np.int64]) -> Labels:
+    """Return the clusters of missions, see `batch.Missions.planner_seeds`."""
+    alone = -1 - np.arange(len(planner_seeds))
+    seeds = np.where(planner_seeds < 0, alone, planner_seeds)
+    return np.unique(seeds, return_inverse=True)[1].reshape(-1)
+
+
+def _effective_count(labels: Labels) -> float:
+    """Return how many clusters of one size would weigh as much as these (Kish 1965)."""
+    sizes = np.bincount(labels).astype(float)
+    return float(sizes.sum() ** 2 / (sizes**2).sum())
+
+
+def _squares(values: Values, labels: Labels) -> float:
+    return float((np.bincount(labels, values) ** 2).sum())
+
+
+def _sum_of_squares(values: Values, by: tuple[Labels, ...]) -> float:
+    """Return the squares of the clusters' sums; by two kinds, Cameron, Gelbach and Miller 2011."""
+    each = [_squares(values, labels) for labels in by]
+    if len(each) == 1:
+        return each[0]
+    both = np.unique(np.stack(by), axis=1, return_inverse=True)[1].reshape(-1)
+    return max(*each, sum(each) - _squares(values, both))
+
+
+def of_mean(values: Values, confidence: float, *by: Labels) -> Estimate:
+    """Return a mean with its interval by Student's t, of clusters.
+
+    With fewer than two clusters the interval is unbounded.
+
+    Args:
+        values: (M,).
+        confidence: Level of the interval.
+        by: The clusters; of pairs those of both planners.
+    """
+    mean = float(values.mean())
+    by = by or (np.arange(len(values)),)
+    count = min(map(_effective_count, by))
+    if count < 2:
+        return Estimate(mean, -np.inf, np.inf)
+    error = (_sum_of_squares(values - mean, by) * count / (count - 1)) ** 0.5 / len(values)
+    reach = error * float(stats.t.ppf(0.5 + confidence / 2, count - 1))
+    return Estimate(mean, mean - reach, mean + reach)
+
+
+def _effective_size(hits: Values, confidence: float, labels: Labels) -> float:
+    """Return how many independent missions would say as much of a share (Korn and Graubard 1998).
+
+    Where all are alike, no more than there are clusters.
+    """
+    size, count = len(hits), _effective_count(labels)
+    if count == size:
+        return size
+    if count < 2:
+        return 1.0
+    squares = size * float(hits.mean()) * (1 - float(hits.mean()))
+    if not squares:
+        return count
+    spread = _squares(hits - hits.mean(), labels) * count / (count - 1)
+    design_effect = max(1.0, spread / (squares * size / (size - 1)))
+    level = 0.5 + confidence / 2
+    quantiles = stats.t.ppf(level, size - 1) / stats.t.ppf(level, count - 1)
+    return max(1.0, float(size / design_effect * quantiles**2))
+
+
+def of_share(hits: NDArray[np.bool_], confidence: float, labels: Labels | None = None) -> Estimate:
+    """Return a share with its Wilson interval (Wilson 1927), of clusters with their effective size.
+
+    Of one cluster it is that of one mission or wider: all from 0 to 1.
+    """
+    share, size = float(hits.mean()), float(len(hits))
+    if labels is not None:
+        size = _effective_size(hits, confidence, labels)
+        if size < 2 <= len(hits):
+            return Estimate(share, 0.0, 1.0)
+    z = float(stats.norm.ppf(0.5 + confidence / 2))
+    centre = (share + z * z / (2 * size)) / (1 + z * z / size)
+    reach = z * (share * (1 - share) / size + z * z / (4 * size * size)) ** 0.5 / (1 + z * z / size)
+    return Estimate(share, max(0.0, centre - reach), min(1.0, centre + reach))
+
+
+def of_median(values: Values, confidence: float, labels: Labels | None = None) -> Estimate:
+    """Return a median with its interval by order statistics, which no distribution is assumed for.
+
+    Of clusters, the ranks are those among as many values as their effective size (Woodruff 1952).
+    With too few values it is that of all of them, which is below the level.
+    """
+    ordered, count = np.sort(values), len(values)
+    median = float(np.median(ordered))
+    size = count
+    if labels is not None:
+        size = int(_effective_size(values <= median, confidence, labels))
+    rank = max(int(stats.binom.ppf(0.5 - confidence / 2, size, 0.5)) - 1, 0)
+    low = rank * count // size
+    return Estimate(median, float(ordered[low]), float(ordered[count - 1 - low]))
+
+
+def signs_p(signed: Values, *by: Labels) -> float:
+    """Return the p-value of the sum of values whose signs would be those of coins.
+
+    By clusters it is the test of Durkalski et al. 2003 where the values are signs, and of Rosner,
+    Glynn and Lee 2006 where they are signed ranks, each with Student's t in the normal's place;
+    with fewer than two clusters 1.
+
+    Args:
+        signed: (M,), of pairs that do not differ 0.
+        by: The clusters of both planners.
+    """
+    count = min(map(_effective_count, by))
+    squares = _sum_of_squares(signed, by)
+    if count < 2 or not squares:
+        return 1.0
+    return float(2 * stats.t.sf(abs(signed.sum()) / squares**0.5, count - 1))
