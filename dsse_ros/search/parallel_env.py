@@ -146,7 +146,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             FieldError: If an option is unknown or not allowed; the mission under way stays as
                 it is.
         """
-        start = check_options({} if options is None else options, self.scenario, self.rules)
+        start = check_options(options, self.scenario, self.rules)
         if seed is not None:
             self.world.seed(check_seed(seed))
         self.world.place(**start)
