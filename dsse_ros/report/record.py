@@ -32,7 +32,8 @@ _MAX_DECIMALS = 9
 class RecordedMission:
     """K recorded steps of N drones, and of P persons where these are known.
 
-    Cells are (col, row), row 0 in the north.
+    Cells are (col, row), row 0 in the north: where the drones were or, of a bag of drones that
+    observe wrong positions, where they observed to be.
 
     Attributes:
         number: Number of the mission.
@@ -257,6 +258,9 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     metres = [column(name, np.float64, everybody).ravel() for name in ("east_m", "north_m")]
     size, cell_m = grid_of(cells.reshape(-1, 2), *metres)
     pos = table[:, 0, COLUMNS.index("pos")]
+    # Not what was observed, which metres belong to.
+    true = [name for name in ("true_col", "true_row") if name in columns]
+    of_drones = np.stack([column(name, np.int64, drones) for name in true or ("col", "row")], 2)
 
     def flag(name: str, agents: slice = drones) -> NDArray[np.bool_]:
         return column(name, np.int64, agents).astype(bool)
@@ -268,7 +272,7 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
         number=int(table[0, 0, 0]),
         steps=numbers,
         times_s=column("time_s", np.float64, drones)[:, 0],
-        cells=cells[:, drones],
+        cells=of_drones,
         actions=column("action", np.str_, drones),
         rewards=column("reward", np.float64, drones),
         terminated=flag("terminated"),

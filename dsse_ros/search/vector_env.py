@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.fields import FieldError, Spec, shown
+from dsse_ros.search.observed_beliefs import observed_beliefs
 from dsse_ros.search.options import OBSERVED, check_mapping, check_options, check_seed
 from dsse_ros.search.recycling import Recycler
 from dsse_ros.search.rules import Rules
@@ -100,9 +101,10 @@ class VectorEnv:
     float64, in percent.
 
     With `observe="belief"` `probability` is what can be known in each world from the searches there
-    (`belief.Belief`), and infos have `pos` (B,) float64, the cumulative probability of success of
-    the searches of the mission. Beliefs take 8 B C K (G + 4)^2 bytes, with C different
-    `person_pod_multipliers` and K = 1, or 64 where persons have a drift of their own (`v2`).
+    (`belief.Belief`), in the cells that the drones observed, and infos have `pos` (B,) float64, the
+    cumulative probability of success of the searches of the mission there. Beliefs take 8 B C K (G
+    + 4)^2 bytes, with C different `person_pod_multipliers` and K = 1, or 64 where persons have a
+    drift of their own (`v2`).
 
     Where the task is coverage, `probability` is what is left to cover, `Found` whether all is
     covered, and infos have the metrics of `coverage.Coverage`, (B,) float64 each.
@@ -146,7 +148,7 @@ class VectorEnv:
             threads=threads,
         )  # fmt: skip
         self.scenario = self.world.scenario
-        self._beliefs = WorldBeliefs(self.world) if of_belief else None
+        self._beliefs = observed_beliefs(self.world) if of_belief else None
         g = self.world.grid_size
         self.lazy = lazy
         self._lazy = LazyMaps(self.world) if lazy else None

@@ -13,9 +13,12 @@ from flights import Flown, Log, environment, fly
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.report.record import RecordedMission, grid_of, is_bag, read_csv
 from dsse_ros.report.replay import follow_belief, forecast_for, views, with_search
 from dsse_ros.search import FieldError, SearchEnv
+from msg_adapters.frames import scenario_frame
 
 
 def recorded(
@@ -63,6 +66,32 @@ def test_belief_pos_and_maps_come_out_again(rules: str, tmp_path: Path) -> None:
         assert shown.step == last and shown.tracks.shape == (3, last + 1, 2)
     assert shown.searches is not None and shown.searches.any()
     assert np.array_equal(shown.searches, env.view().searches)
+
+
+def test_what_drones_did_is_read_of_where_they_were_whatever_they_observed(tmp_path: Path) -> None:
+    env = environment("v2", position_noise=2.0, grid_size=12, probability_of_detection=0.1)
+    path = tmp_path / "mission.csv"
+    log = MissionLog(path, scenario_frame(env.scenario), faults=True)
+    mission, draw, cells = Mission(env, 3), np.random.default_rng(1), []
+    while True:
+        log.write(mission, mission.result)
+        drones = env.world.drones[0]
+        cells.append(np.stack([drones["x"], drones["y"]], axis=1))
+        if mission.done:
+            break
+        mission.command_all(draw.integers(4, 9, 3).tolist())
+        mission.advance("hold")
+    log.close()
+    (record,) = read_csv(path)
+    assert np.array_equal(record.cells, cells)
+    assert (record.grid_size, record.cell_size_m) == (12, 130)
+    known = with_search(record, env.rules, env.scenario)
+    forecast = forecast_for(known, None)
+    assert forecast is not None
+    pos, _ = follow_belief(known, forecast)
+    assert pos == pytest.approx(record.pos, abs=1e-9)
+    # It compares the map with the probability of each search.
+    assert views(known, {len(record.steps) - 1})
 
 
 def test_a_step_that_comes_too_late_is_no_work_with_the_scenario_and_without(
