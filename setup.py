@@ -66,7 +66,7 @@ setup(
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
         # What `recorder` and `replay` write and read.
-        "record": ["mcap>=1.6"],
+        "record": ["lz4>=4.3", "mcap>=1.6", "zstandard>=0.21"],
         # The site of `make docs`.
         "docs": ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8.1"],
         # It brings an ffmpeg with it.

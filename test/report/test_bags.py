@@ -259,3 +259,13 @@ def test_a_bag_without_a_mission_is_refused(
     fly(env, Bag(tmp_path / "mission.mcap", env, topics=topics))
     with pytest.raises(FieldError, match=says):
         MissionBag(tmp_path / "mission.mcap")
+
+
+def test_a_bag_of_a_larger_grid_than_is_allowed_is_refused(tmp_path: Path) -> None:
+    env = environment()
+    fly(env, Bag(tmp_path / "mission.mcap", env))
+    with pytest.raises(FieldError, match="mission 1: grid_size: 9 is not allowed; at most 8, for"):
+        MissionBag(tmp_path / "mission.mcap", max_cells=80)
+    assert MissionBag(tmp_path / "mission.mcap", max_cells=81).missions
+    line = "--max-cells=80"
+    assert main([str(tmp_path / "mission.mcap"), line, "--out", str(tmp_path / "out")]) == 2

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -189,3 +190,52 @@ def test_a_bag_is_known_by_its_first_bytes(tmp_path: Path) -> None:
     (tmp_path / "log").write_bytes(b"\x89MCAP")
     paths = ("bag", "log", "nothing", ".")
     assert [is_bag(tmp_path / path) for path in paths] == [True, False, False, True]
+
+
+def changed(path: Path, cells: dict[str, str]) -> Path:
+    """Change these columns of the first row of a log."""
+    head, first, *rest = path.read_text().splitlines()
+    row = dict(zip(head.split(","), first.split(","), strict=True)) | cells
+    path.write_text("\n".join([head, ",".join(row.values()), *rest, ""]))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("cells", "says"),
+    [
+        ({"action": "x" * 100_000}, "a field of 100000 characters is not allowed; at most 100"),
+        ({"agent": "drone" + "1" * 96}, "a field of 101 characters is not allowed; at most 100"),
+        ({"action": "x" * 200_000}, "is neither the CSV of a mission nor a bag"),
+    ],
+)
+def test_a_field_takes_no_room_in_all_others(
+    cells: dict[str, str], says: str, tmp_path: Path, little_memory: Any
+) -> None:
+    env = environment(probability_of_detection=0.0)
+    fly(env, Log(tmp_path / "mission.csv", env), seeds=tuple(range(1, 30)))
+    path = changed(tmp_path / "mission.csv", cells)
+    with little_memory(), pytest.raises(FieldError, match=says):
+        read_csv(path)
+
+
+def test_a_grid_that_is_larger_than_it_may_be_gets_no_memory(
+    tmp_path: Path, little_memory: Any
+) -> None:
+    env = environment(num_drones=1, drones_positions=[(0, 0)], person_amount=1)
+    fly(env, Log(tmp_path / "mission.csv", env), steps=0)
+    rows = (tmp_path / "mission.csv").read_text().splitlines()[:2]
+    row = rows[1].split(",")
+    row[7] = f"{130 * 29_999.5:.3f}"
+    path = tmp_path / "large.csv"
+    path.write_text("\n".join([rows[0], ",".join(row), ""]))
+    says = "mission 1: grid_size: 30000 is not allowed; at most 2000, for max_cells 4000000"
+    with little_memory(), pytest.raises(FieldError, match=says):
+        read_csv(path)
+    assert read_csv(path, max_cells=30_000**2)[0].grid_size == 30_000
+
+
+def test_a_step_that_no_mission_of_the_scenario_has_is_refused(tmp_path: Path) -> None:
+    _, env, (one, _) = recorded(tmp_path / "mission.csv")
+    late = replace(one, steps=np.array([*one.steps[:-1], 10**15]))
+    with pytest.raises(FieldError, match=f"timestep_limit 14 is not allowed; step {10**15} was"):
+        with_search(late, env.rules, env.scenario)

@@ -24,7 +24,7 @@ from dsse_ros.search import (
     profile,
     vector_env,
 )
-from dsse_ros.search.area import Area, runs_of
+from dsse_ros.search.area import Area, area_mask, runs_of
 
 SQUARE = [[-24.035, -46.165], [-24.035, -46.15], [-24.02, -46.15], [-24.02, -46.165]]
 PLACE = {"origin_lat": ORIGIN[0], "origin_lon": ORIGIN[1], "cell_size": CELL_M}
@@ -305,3 +305,23 @@ def test_land_is_left_out_where_the_land_mask_is_installed() -> None:
     assert mask is not None and mask[39, 0] and not mask[0, 39]
     with pytest.raises(FieldError, match="land: true is not allowed; the grid has no cell at sea"):
         parallel_env(land=True, origin_lat=mountains[0], origin_lon=mountains[1])
+
+
+def test_a_large_grid_is_looked_at_in_parts(
+    monkeypatch: pytest.MonkeyPatch, little_memory: Any
+) -> None:
+    ring = [(-24.05, -46.18), (-23.9, -46.1), (-23.95, -46.0)]
+    whole = area_mask(Area.of(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    monkeypatch.setattr("dsse_ros.search.area._BLOCK_CELLS", 7 * 300)
+    area_mask.cache_clear()
+    parts = area_mask(Area.of(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    assert whole is not None and parts is not None and 0 < parts.sum() < 90_000
+    np.testing.assert_array_equal(parts, whole)
+    with pytest.raises(
+        FieldError,
+        match=r"a cell of the grid, -24\.03986 to -23\.95885 N and -46\.16985 to -46\.08167 E",
+    ):
+        area_mask(Area.of([(10, 10), (10, 11), (11, 11)]), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    monkeypatch.undo()
+    with little_memory():
+        area_mask(Area.of(ring), False, 2000, 4.0, (-24.04, -46.17, 0.0))
