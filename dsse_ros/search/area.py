@@ -158,8 +158,9 @@ def area_mask(
                 f"a cell of the grid, {south:.5f} to {north:.5f} N and {west:.5f} to {east:.5f} E"
             )
     if land:
+        is_land = _land_mask()
         for rows in _blocks(grid_size):
-            mask[rows] &= ~_is_land(*_centres(grid_size, cell_size_m, origin, rows))
+            mask[rows] &= ~is_land(*_centres(grid_size, cell_size_m, origin, rows))
         if not mask.any():
             where = "the grid" if area is None else "the area"
             raise FieldError(f"land: true is not allowed; {where} has no cell at sea")
@@ -195,13 +196,26 @@ def runs_of(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.stack([rows, first, end - 1], axis=1).astype(np.int64)
 
 
-def _is_land(lat_deg: NDArray[Any], lon_deg: NDArray[Any]) -> NDArray[np.bool_]:
+def _land_mask() -> Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]:
+    """Return what says which places (latitudes, longitudes) are on land; it takes 1.3 GB.
+
+    The shoreline is that of GSHHG, full resolution (Wessel and Smith, "A global, self-consistent,
+    hierarchical, high-resolution shoreline database", J. Geophys. Res. 101, 1996).
+
+    Raises:
+        FieldError: If the package is missing.
+    """
     try:
-        from global_land_mask import globe
+        from roaring_landmask import RoaringLandmask
     except ModuleNotFoundError:
-        raise FieldError(f"land: global-land-mask is missing; {pip_install('land')}") from None
-    land: NDArray[np.bool_] = globe.is_land(lat_deg, lon_deg)
-    return land
+        raise FieldError(f"land: roaring-landmask is missing; {pip_install('land')}") from None
+    shores = RoaringLandmask.new()
+
+    def is_land(lat_deg: NDArray[np.float64], lon_deg: NDArray[np.float64]) -> NDArray[np.bool_]:
+        land = shores.contains_many(lon_deg.ravel(), lat_deg.ravel())
+        return np.asarray(land, np.bool_).reshape(lat_deg.shape)
+
+    return is_land
 
 
 def _read(source: str | os.PathLike[str]) -> Any:
