@@ -97,7 +97,6 @@ CLOSE = {"drones_positions": [(3, 4), (3, 5), (2, 4)]}
         {"command_drop_rate": 0.4},
         {"command_delay": 2},
         {"stuck_rate": 0.2, "stuck_steps": 3},
-        {"position_noise": 1.5},
         {"loss_rate": 0.05, "false_alarm_rate": 0.3},
         {"battery_move": 6.0, "relief_steps": 2},
     ],
@@ -142,8 +141,9 @@ def test_what_drones_did_is_not_what_they_were_commanded() -> None:
         steps.append(step)
         return np.zeros(step.actions.shape)
 
-    fields = {**MISSION, "rules": "v2", "command_delay": 1, "position_noise": 3.0}
-    slots = DroneSlots(vector_env(2, **fields), reward=note)
+    fields = {**MISSION, **CLOSE, "rules": "v2", "command_delay": 1, "position_noise": 3.0}
+    fields["person_pod_multipliers"] = [0.0]
+    slots = DroneSlots(vector_env(2, observe="belief", **fields), reward=note)
     slots.reset(seed=0)
     starts = slots.env.world.starts
     for number in (8, 2, 8):
@@ -151,6 +151,10 @@ def test_what_drones_did_is_not_what_they_were_commanded() -> None:
     assert [step.actions[0].tolist() for step in steps] == [[-1] * 3, [8] * 3, [2] * 3]
     assert all(np.array_equal(step.cells, starts) for step in steps)
     assert any((step.before["positions"] != step.cells).any() for step in steps)
+    # The first command, a search, was done in the second step: where the drones were.
+    searched = steps[1]
+    there = searched.before["probability"][np.arange(2)[:, None], starts[..., 1], starts[..., 0]]
+    assert searched_probability(searched) == pytest.approx(there, abs=1e-7) and there.any()
 
 
 @pytest.mark.parametrize(
