@@ -62,11 +62,11 @@ setup(
         "sitl": ["MAVProxy>=1.8.71,<1.8.75", "future>=1.0", "mavsdk>=4.1,<5"],
         # What a scenario's fields of the same names need.
         "area": ["shapely>=2.0.3"],
-        "land": ["global-land-mask>=1.0"],
+        "land": ["roaring-landmask>=0.11"],
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
         # What `recorder` and `replay` write and read.
-        "record": ["mcap>=1.6"],
+        "record": ["lz4>=4.3", "mcap>=1.6", "zstandard>=0.21"],
         # The site of `make docs`.
         "docs": ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8.1"],
         # It brings an ffmpeg with it.

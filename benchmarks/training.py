@@ -56,6 +56,7 @@ class PublishedSlots:
         # It has no masks: a drone stays where it would leave the grid.
         self._masks = np.ones((self.num_slots, ACTIONS), np.int8)
         self._steps = np.zeros(WORLDS, np.int64)
+        self.acting = np.ones(self.num_slots, np.bool_)
 
     def reset(self, seed: Any = None) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
         """Start a new mission in every world."""
@@ -84,8 +85,8 @@ class PublishedSlots:
         steps = self._steps.copy()
         self._steps[over] = 0
         return SlotStep(
-            np.concatenate(seen), np.array(rewards), np.array(ended), np.array(cut), self._masks,
-            np.concatenate(final), np.array(over), np.array(found), steps,
+            np.concatenate(seen), np.array(rewards), np.array(ended), np.array(cut), np.array(cut),
+            self._masks, np.concatenate(final), np.array(over), np.array(found), steps,
         )  # fmt: skip
 
     def close(self) -> None:

@@ -8,6 +8,8 @@ import os
 import stat
 from pathlib import Path
 
+_LARGEST = 1 << 16
+"""Bytes: a key has 32, a token a line."""
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
@@ -15,15 +17,18 @@ def read_private(path: str | Path) -> bytes:
     """Return what is in a file that its owner alone may use.
 
     Raises:
-        ValueError: If it cannot be read, or if others than its owner may use it; one line.
+        ValueError: If it cannot be read, is too large, or if others than its owner may use
+            it; one line.
     """
     try:
         with open(path, "rb") as file:
             # Of the file that is open, whatever the path leads to by now.
             mode = os.fstat(file.fileno()).st_mode
-            data = file.read()
+            data = file.read(_LARGEST + 1)
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}") from error
     if mode & _OTHERS:
         raise ValueError(f"{path}: mode {mode & 0o777:o} is not allowed; 600 keeps it secret")
+    if len(data) > _LARGEST:
+        raise ValueError(f"{path}: more than {_LARGEST} bytes are not allowed")
     return data

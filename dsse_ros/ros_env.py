@@ -29,7 +29,7 @@ from std_msgs.msg import Int32MultiArray, String
 from std_srvs.srv import Trigger
 
 from dsse_ros.nodes import security
-from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE
+from dsse_ros.nodes.qos import COMMANDS, COMPLETE, LATCHED
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.fields import shown
@@ -128,7 +128,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._node = node
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(node)
-        self._publisher = node.create_publisher(Int32MultiArray, "joint_action", RELIABLE)
+        self._publisher = node.create_publisher(Int32MultiArray, "joint_action", COMMANDS)
         inbox = self._inbox
         topics: list[tuple[Any, str, Callable[[Any], Any], Any]] = [
             (String, "agents", inbox.take_agents, LATCHED),

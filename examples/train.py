@@ -33,6 +33,7 @@ from dsse_ros.search import vector_env
 from dsse_ros.search.drone_slots import DroneSlots, Transition, searched_probability
 from dsse_ros.training.export import export
 from dsse_ros.training.foveated import foveated
+from dsse_ros.training.rollouts import ActingRolloutBuffer
 from dsse_ros.training.vec_env import DroneVecEnv
 
 SEARCH: dict[str, Any] = {
@@ -61,12 +62,13 @@ def reward(step: Transition) -> NDArray[np.float64]:
 
     It is over the root of the highest one: late in a mission, when little is left anywhere, a drone
     would hardly learn otherwise.
-    What is paid for coming nearer is a potential, taken back at the end: it changes no optimum (Ng,
-    Harada and Russell, "Policy invariance under reward transformations", 1999).
+    What is paid for coming nearer is a potential, taken back at the end, but where the time is out,
+    as the learner goes on from there: it changes no optimum (Ng, Harada and Russell, "Policy
+    invariance under reward transformations", 1999).
     """
     highest = step.before["probability"].max(axis=(1, 2))
     own = searched_probability(step) / np.sqrt(highest)[:, None]
-    nearer = GAMMA * potential(step.after) * ~step.over[:, None] - potential(step.before)
+    nearer = GAMMA * potential(step.after) * ~step.terminal - potential(step.before)
     return (1 - TEAM) * own + TEAM * own.sum(axis=1, keepdims=True) + nearer
 
 
@@ -99,6 +101,7 @@ def make_model(env: DroneVecEnv) -> MaskablePPO:
         clip_range=0.2,
         ent_coef=ENTROPY,
         max_grad_norm=0.5,
+        rollout_buffer_class=ActingRolloutBuffer,
         policy_kwargs={
             "net_arch": {"pi": [128, 128], "vf": [128, 128]},
             "activation_fn": torch.nn.ReLU,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from dsse_ros.search.definition import SearchDefinition
+from dsse_ros.search.limits import MAX_SIDE
 from dsse_ros.search.rules import profile
 from dsse_ros.search.scenario import SPECS, Scenario
 from msg_adapters.frames import GridFrame
@@ -122,11 +123,16 @@ def agents_message(info: AgentsInfo) -> String:
     return String(data=json.dumps(values, sort_keys=True, allow_nan=False))
 
 
-def _definition(keys: Keys) -> SearchDefinition:
+def _definition(keys: Keys, num_drones: int, grid_size: int) -> SearchDefinition:
     """Return the rules and the scenario that a message states.
 
+    Args:
+        keys: What is stated.
+        num_drones: How many drones the message has.
+        grid_size: Of its grid: what is derived of a scenario takes memory by both.
+
     Raises:
-        ValueError: If a value is not allowed or a field is missing.
+        ValueError: If a value is not allowed or a field is missing, or of another search.
     """
     parts = {name: keys.value(name) for name in ("rules", "scenario")}
     for name, value in parts.items():
@@ -139,7 +145,16 @@ def _definition(keys: Keys) -> SearchDefinition:
         keys.inner("scenario").refuse("probability_matrix", "an object or null")
     try:
         rules = profile("paper", **parts["rules"])
-        return SearchDefinition(rules, Scenario.from_dict(parts["scenario"]).resolve(rules))
+        scenario = Scenario.from_dict(parts["scenario"])
+        side, _ = scenario.grid_of(rules)
+        drones = scenario.num_drones or len(scenario.drones_positions or [0])
+        for name, stated, value in (
+            ("grid_size", side, grid_size),
+            ("num_drones", drones, num_drones),
+        ):
+            if stated != value:
+                raise ValueError(f"{name}: {stated} is not allowed; {value}, as agents has it")
+        return SearchDefinition(rules, scenario.resolve(rules))
     except (TypeError, ValueError) as error:
         raise ValueError(f"agents.definition: {error}") from None
 
@@ -159,7 +174,7 @@ def agents_from_message(message: String) -> AgentsInfo:
         actions=keys.names("actions"),
         rules=keys.text("rules"),
         seed=None if keys.value("seed") is None else keys.integer("seed", None),
-        grid_size=keys.integer("grid_size", 1),
+        grid_size=keys.integer("grid_size", 1, MAX_SIDE),
         cell_size_m=keys.number("cell_size_m"),
         timestep_limit=keys.integer("timestep_limit", 1),
         step_duration_s=keys.number("step_duration_s"),
@@ -174,7 +189,13 @@ def agents_from_message(message: String) -> AgentsInfo:
         mission=keys.integer("mission", 0, MAX_ID),
         run_id=keys.integer("run_id", 1, MAX_ID),
         definition=(
-            None if keys.value("definition") is None else _definition(keys.inner("definition"))
+            None
+            if keys.value("definition") is None
+            else _definition(
+                keys.inner("definition"),
+                len(keys.names("agents")),
+                keys.integer("grid_size", 1, MAX_SIDE),
+            )
         ),
         area=_area_of(keys),
         decision_time_s=_decision_time_s(keys),
@@ -209,7 +230,7 @@ def _area_of(keys: Keys) -> tuple[str, ...] | None:
     """
     if keys.value("area") is None:
         return None
-    size = keys.integer("grid_size", 1)
+    size = keys.integer("grid_size", 1, MAX_SIDE)
     rows = keys.entries("area", size)
     if not all(isinstance(row, str) and len(row) == size and not row.strip("01") for row in rows):
         keys.refuse("area", f"{size} texts of {size} digits 0 and 1")

@@ -1,7 +1,11 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How Hypothesis looks for examples, and which tests come first."""
+"""How Hypothesis looks for examples, which tests come first, and how memory is measured."""
 
+import contextlib
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
@@ -18,6 +22,27 @@ settings.register_profile(
 # Another example in each run is tried with --hypothesis-profile=random.
 settings.register_profile("same", settings.get_profile("random"), derandomize=True, database=None)
 settings.load_profile("same")
+
+
+LITTLE_BYTES = 1 << 25
+"""What a refusal may take, with modules that it is the first to import."""
+
+
+@pytest.fixture
+def little_memory() -> Callable[[], AbstractContextManager[None]]:
+    """Return a context in which Python and NumPy ask for little memory, or the test fails."""
+
+    @contextlib.contextmanager
+    def measured() -> Iterator[None]:
+        tracemalloc.start()
+        try:
+            yield
+            _, peak = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert peak < LITTLE_BYTES
+
+    return measured
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

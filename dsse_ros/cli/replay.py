@@ -14,9 +14,11 @@ from dsse_ros.nodes.bag_player import play
 from dsse_ros.nodes.exit_codes import FAILED, fail
 from dsse_ros.nodes.ros_arguments import split_ros_arguments
 from dsse_ros.recording.bag import read_bag
-from dsse_ros.recording.replay import ReplayedMission, replay
+from dsse_ros.recording.replay import replay
+from dsse_ros.recording.replayed import ReplayedMission
 from dsse_ros.search import FieldError
 from dsse_ros.search.compiler import announced
+from dsse_ros.search.limits import LARGEST_GRID_CELLS
 
 
 def line(mission: ReplayedMission) -> str:
@@ -59,6 +61,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar="RATE",
         help="publish it again, at so many times the speed (default: 1)",
     )
+    parser.add(
+        "--max-cells",
+        type=int,
+        default=LARGEST_GRID_CELLS,
+        help="cells of the largest grid whose missions are flown again",
+    )
     arguments = parser.parse_args(own)
     if arguments.play is not None:
         return play(arguments.bag, arguments.play, ros)
@@ -67,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     replayed = different = 0
     try:
         with announced(lambda text: print(text, file=sys.stderr, flush=True)):
-            for mission in replay(read_bag(arguments.bag)):
+            for mission in replay(read_bag(arguments.bag), arguments.max_cells):
                 print(line(mission), flush=True)
                 replayed += mission.steps > 0 or not mission.incomplete
                 different += mission.difference is not None

@@ -30,6 +30,7 @@ from dsse_ros.report.report import Report, chosen_steps
 from dsse_ros.search import PROFILES, FieldError
 from dsse_ros.search.belief import Forecast
 from dsse_ros.search.compiler import announced
+from dsse_ros.search.limits import LARGEST_GRID_CELLS
 from dsse_ros.search.progress import progress
 from dsse_ros.search.rendering import MissionView
 
@@ -48,6 +49,8 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add("--steps", type=int, nargs="+", metavar="STEP",
                help="steps that maps are drawn of, by default six from start to end")  # fmt: skip
     parser.add("--namespace", help="of the simulation, if a bag has several")
+    parser.add("--max-cells", type=int, default=LARGEST_GRID_CELLS,
+               help="cells of the largest grid")  # fmt: skip
     # Of the scenario, whose drones are those of the record.
     parser.set_defaults(seed=0, fields={})
     return parser.parse_with_ros(argv, {})
@@ -139,19 +142,19 @@ def pictures(
     }
 
 
-def read(path: Path, namespace: str | None) -> tuple[list[RecordedMission], Any]:
+def read(path: Path, namespace: str | None, max_cells: int) -> tuple[list[RecordedMission], Any]:
     """Return the missions of a file, and the `MissionBag` if it is one.
 
     Raises:
-        FieldError: If it is neither a log nor a bag.
+        FieldError: If it is neither a log nor a bag, or is of a grid of more cells.
         ImportError: If it is a bag, and ROS or what reads bags is not installed.
     """
     if not is_bag(path):
-        return read_csv(path), None
+        return read_csv(path, max_cells), None
     # A log is read without them.
     from dsse_ros.report.bags import MissionBag
 
-    bag = MissionBag(path, namespace)
+    bag = MissionBag(path, namespace, max_cells)
     return bag.missions, bag
 
 
@@ -159,7 +162,7 @@ def main(argv: list[str] | None = None) -> int:
     """Write the report; returns the exit code, 2 for bad input."""
     arguments = parse(argv)
     try:
-        found, bag = read(arguments.file, arguments.namespace)
+        found, bag = read(arguments.file, arguments.namespace, arguments.max_cells)
         missions = searches(found, arguments)
         at = missions.index(choose(missions, arguments.mission))
         try:

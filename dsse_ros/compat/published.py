@@ -126,6 +126,11 @@ class PublishedEnv:
         """Steps of the mission that are done."""
         return self._search.steps_done
 
+    @property
+    def rules(self) -> Rules:
+        """The rules of the search, with the rewards of the last reset."""
+        return self._search.rules
+
     def get_agents(self) -> list[str]:
         """Return the names of all drones."""
         return self.possible_agents

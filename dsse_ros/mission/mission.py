@@ -191,9 +191,10 @@ class Mission:
     def pos(self) -> float | None:
         """Cumulative probability of success of the searches so far, None without a belief.
 
-        The probability that searches like these find the person, before it is known how they
-        ended; of several persons the expected share of finds. See `belief.Belief`. Where the task
-        is coverage, it is that of `coverage.Coverage`.
+        The probability that searches like these find the person, before it is known how they ended,
+        in the cells where the drones were, whatever they observed; of several persons the expected
+        share of finds. See `belief.Belief`. Where the task is coverage, it is that of
+        `coverage.Coverage`.
         """
         if self._beliefs is not None:
             return float(self._beliefs.pos[0])
@@ -212,6 +213,8 @@ class Mission:
 
     def belief(self) -> NDArray[np.float32]:
         """Return the probability of where the persons are who were not found, (G, G) as [y, x].
+
+        It learns in the cells where the drones were, whatever they observed.
 
         Raises:
             ValueError: If no belief follows the mission.
@@ -360,8 +363,9 @@ class Mission:
         return terminated
 
     def _probabilities(self) -> NDArray[np.float64]:
-        """Return the probability of each drone's cell, 0 outside the grid."""
-        cells, grid = self.result.cells, self.env.world.grid_size
+        """Return the probability of each drone's cell, the true one, 0 outside the grid."""
+        drones, grid = self.env.world.drones[0], self.env.world.grid_size
+        cells = np.stack([drones["x"], drones["y"]], axis=1)
         inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < grid), axis=1)
         col, row = np.where(inside[:, None], cells, 0).T
         return np.where(inside, self.env.probability[row, col], 0.0).astype(float)

@@ -51,7 +51,7 @@ def check_mission(snapshot: Snapshot, mission: Mission) -> None:
         ),
     }
     of_now = mission.snapshot().arrays
-    for name in ("result_actions", "result_held", "result_probabilities"):
+    for name in [name for name in of_now if name.startswith("result_")]:
         stored, now = arrays.get(name), of_now[name]
         possible[name] = stored is not None and (stored.shape, stored.dtype) == (
             now.shape,
@@ -66,8 +66,9 @@ def check_mission(snapshot: Snapshot, mission: Mission) -> None:
         and arrays["worlds"].shape == (1,)
         and len(history) == arrays["worlds"]["t"][0]
     )
-    if possible["result_actions"]:
-        possible["result_actions"] = bool(np.isin(arrays["result_actions"], actions).all())
+    for name in ("result_actions", "result_commands"):
+        if possible[name]:
+            possible[name] = bool(np.isin(arrays[name], actions).all())
     wrong = [name for name, is_possible in possible.items() if not is_possible]
     if wrong:
         raise SnapshotError(f"the snapshot is of no mission that can be: {', '.join(wrong)}")

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from dsse_ros.search.mission_view import MissionView
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import HOLD
+from dsse_ros.search.world_beliefs import WorldBeliefs
 
 
 def mission_views(
@@ -26,18 +28,28 @@ def mission_views(
         scenario: What was searched.
         rules: The rules of the search.
         seed: Of the mission.
-        belief: Whether the belief is shown instead of the map.
+        belief: Whether the belief is shown instead of the map: that of `Mission`.
 
     Raises:
         ValueError: If the drones were elsewhere: the mission is not of that seed and scenario.
     """
-    env = SearchEnv(scenario, rules, "ansi", observe="belief" if belief else "map")
+    env = SearchEnv(scenario, rules, "ansi")
     env.reset(seed=seed)
+    beliefs = WorldBeliefs(env.world) if belief else None
     numbers = {name: number for number, name in enumerate(rules.actions)}
     for step, cells in enumerate(record.tracks.swapaxes(0, 1)):
         if step:
             joint = [numbers.get(name, HOLD) for name in record.commands[:, step].tolist()]
-            env.advance(np.array(joint, np.int8))
+            actions = np.array(joint, np.int8)
+            if beliefs is not None:
+                beliefs.before_step(actions[None])
+            env.advance(actions)
+            if beliefs is not None:
+                beliefs.after_step()
         if not np.array_equal(env.positions, cells):
             raise ValueError(f"step {step} is not of the mission that began with seed {seed}")
-        yield env.view()
+        view = env.view()
+        if beliefs is not None:
+            pos = float(beliefs.pos[0])
+            view = replace(view, probability=beliefs.write()[0], pos=pos, belief=True)
+        yield view

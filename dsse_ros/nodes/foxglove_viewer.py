@@ -23,7 +23,7 @@ from rclpy.publisher import Publisher
 
 from dsse_ros.nodes.client_commands import ENCODINGS, check_offer, command_type, read_command
 from dsse_ros.nodes.parameters import declare, take_overrides
-from dsse_ros.nodes.qos import RELIABLE, Endpoints
+from dsse_ros.nodes.qos import COMMANDS, Endpoints
 from dsse_ros.nodes.raw_topics import RawTopics
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import ViewerSettings
@@ -230,7 +230,7 @@ class ViewerNode(AlarmNode):
             if not self.count_subscribers(offer.topic):
                 raise FieldError("nobody obeys it")
             self._commands[offer.topic] = self.create_publisher(
-                message_class(type_name), offer.topic, RELIABLE
+                message_class(type_name), offer.topic, COMMANDS
             )
         publisher = self._commands[offer.topic]
         if not publisher.get_subscription_count():

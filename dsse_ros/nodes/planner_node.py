@@ -17,7 +17,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.parameters import declare, take_overrides
-from dsse_ros.nodes.qos import COMPLETE, LATCHED, Endpoints
+from dsse_ros.nodes.qos import COMMANDS, LATCHED, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
@@ -73,8 +73,7 @@ class PlannerNode(AlarmNode):
         self._late: tuple[NDArray[Any], list[int]] | None = None
         self._waits_for = ""
         endpoints = Endpoints(self, qos)
-        # Latched, as a recorder may discover the planner later than the simulation does.
-        self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", COMPLETE)
+        self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", COMMANDS)
         self._inputs = [
             endpoints.subscription(kind, topic, partial(self._on, topic, read), LATCHED)
             for kind, topic, read in (

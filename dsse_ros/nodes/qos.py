@@ -38,7 +38,11 @@ COMPLETE = QoSProfile(
 """For a listener that must not have a latched message overtaken by the next."""
 
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-"""Commands, odometry, clock and diagnostics."""
+"""Odometry, clock and diagnostics."""
+
+COMMANDS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+"""What drones do next; never latched: a simulation that is started again numbers its missions and
+steps as the one before, and must not take what that one was commanded."""
 
 SENSOR = qos_profile_sensor_data
 """Fixes: fresh rather than complete."""
@@ -122,4 +126,9 @@ class Endpoints:
         }
         declare(self._node, specs, values)
         changed = {policy: _POLICIES[policy][1](values[prefix + policy]) for policy in policies}
+        if qos is COMMANDS and changed.get("durability") == DurabilityPolicy.TRANSIENT_LOCAL:
+            raise FieldError(
+                f"{prefix}durability: 'transient_local' is not allowed; volatile, as a command is "
+                "for the moment"
+            )
         return QoSProfile(**{policy: getattr(qos, policy) for policy in _POLICIES} | changed)

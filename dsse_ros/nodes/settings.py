@@ -10,13 +10,12 @@ from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.mission.vehicle_missions import FlightSettings
 from dsse_ros.planners import PLANNER_NAMES
 from dsse_ros.search.fields import FieldError, check_all, field
+from dsse_ros.search.limits import LARGEST_GRID_CELLS
 from dsse_ros.search.rules import PROFILES
 from msg_adapters.agents import MAX_ID
 
 LARGEST_AUTO_GRID = 50
 """Cells a side of the largest grid whose missions have a belief without being asked for one."""
-LARGEST_GRID_CELLS = 4_000_000
-"""Cells of the largest grid that is searched without being asked for one as large."""
 
 
 @dataclass(frozen=True, kw_only=True)

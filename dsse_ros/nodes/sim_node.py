@@ -31,7 +31,7 @@ from dsse_ros.nodes import sim_services, simulation_interfaces
 from dsse_ros.nodes.parameters import check_changes, check_flat
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
 from dsse_ros.nodes.publishers import MissionPublishers
-from dsse_ros.nodes.qos import RELIABLE, Endpoints
+from dsse_ros.nodes.qos import COMMANDS, RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.sim_parameters import (
     OF_TIMING,
@@ -147,7 +147,7 @@ class SimNode(AlarmNode):
             endpoints.subscription(kind, topic, callback, RELIABLE)
 
         def command(kind: Any, topic: str, take: Callable[[Any], bool]) -> None:
-            subscribe(kind, topic, partial(self._on_command, take))
+            endpoints.subscription(kind, topic, partial(self._on_command, take), COMMANDS)
 
         commands = self._commands
         command(Int32MultiArray, "joint_action", commands.joint_action)

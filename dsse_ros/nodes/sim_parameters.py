@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import secrets
 from typing import Any
 
@@ -21,6 +20,7 @@ from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
 from dsse_ros.search import FieldError, Scenario, SearchEnv, profile
 from dsse_ros.search.compiler import prepared_env
 from dsse_ros.search.fields import specs
+from dsse_ros.search.limits import check_cells
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario
 from msg_adapters.agents import MAX_ID
@@ -75,11 +75,7 @@ def _check_size(settings: SimSettings, scenario: Scenario, rules: Rules) -> None
         FieldError: If it is one, or there is no such grid.
     """
     side, _ = scenario.grid_of(rules)
-    if side * side > settings.max_cells:
-        raise FieldError(
-            f"grid_size: {side} is not allowed; at most {math.isqrt(settings.max_cells)}, for "
-            f"max_cells {settings.max_cells}"
-        )
+    check_cells(side, settings.max_cells)
 
 
 def grid_frame(scenario: ResolvedScenario, settings: SimSettings) -> GridFrame:

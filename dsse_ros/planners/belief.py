@@ -365,7 +365,8 @@ class BeliefPlanner:
 
         A find that is known has not ended the mission: there are others. What a drone has done is
         what its info says, else what it was commanded. One that is no longer there has done
-        nothing: it was withdrawn.
+        nothing: it was withdrawn. One that is observed elsewhere now has not searched, or, where
+        drones observe wrong positions, it is not known where.
         """
         search = self._actions.search
         return [

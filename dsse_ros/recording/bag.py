@@ -6,15 +6,21 @@ from __future__ import annotations
 
 import contextlib
 import os
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import InvalidMagic, RecordLengthLimitExceeded
+from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from rclpy.serialization import deserialize_message
 
@@ -25,6 +31,8 @@ from dsse_ros.search import FieldError
 _OF_A_MISSION = ("agents", "step_report", "mission_report")
 """Last parts of the names of topics, one of which is in each bag of a mission."""
 _CHUNK_BYTES = 1 << 20
+MAX_CHUNK_BYTES = 1 << 29
+"""Bytes of the largest chunk that is uncompressed: one message is the map of the largest grid."""
 
 
 @dataclass(frozen=True)
@@ -208,15 +216,14 @@ def _records(path: Path) -> Iterator[McapRecord]:
             file.seek(max(size - len(MCAP0_MAGIC), 0))
             ended = file.read() == MCAP0_MAGIC
             file.seek(0)
-            records = StreamReader(file, emit_chunks=True, record_size_limit=size).records
+            whole: Any = _Bounded(file, size)
+            reader = StreamReader(whole, emit_chunks=True, record_size_limit=size)
+            records = _flat(reader.records, f"bag: {str(path)!r}")
             while True:
                 try:
                     record = next(records)
-                    parts = (
-                        breakup_chunk(record, validate_crc=True)
-                        if isinstance(record, Chunk)
-                        else [record]
-                    )
+                except FieldError:
+                    raise
                 except InvalidMagic:
                     raise FieldError(f"bag: {str(path)!r} is no MCAP file") from None
                 except Exception as error:
@@ -229,6 +236,70 @@ def _records(path: Path) -> Iterator[McapRecord]:
                     raise FieldError(f"bag: {str(path)!r} is damaged before byte {at}") from None
                 if isinstance(record, DataEnd):
                     return
-                yield from parts
+                yield record
     except OSError as error:
         raise FieldError(f"bag: {str(path)!r}: {error.strerror}") from None
+
+
+class _Bounded:
+    """A file that is never asked for more than it has: a length in it may be any number."""
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        self._file = file
+        self._size = size
+
+    def read(self, length: int) -> bytes:
+        return self._file.read(min(length, self._size - self._file.tell()))
+
+
+def _flat(records: Iterator[McapRecord], name: str) -> Iterator[McapRecord]:
+    """Yield records, in the place of each chunk those in it.
+
+    Raises:
+        FieldError: If a chunk is too large; it begins with the name of the bag.
+        Exception: If one is damaged.
+    """
+    for record in records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        if record.uncompressed_size > MAX_CHUNK_BYTES:
+            raise FieldError(
+                f"{name} has a chunk of {record.uncompressed_size} bytes; at most "
+                f"{MAX_CHUNK_BYTES} are allowed"
+            )
+        content = ReadDataStream(BytesIO(_uncompressed(record)))
+        while content.count < record.uncompressed_size:
+            opcode, length = content.read1(), content.read8()
+            match opcode:
+                case Opcode.SCHEMA:
+                    yield Schema.read(content)
+                case Opcode.CHANNEL:
+                    yield Channel.read(content)
+                case Opcode.MESSAGE:
+                    yield Message.read(content, length)
+                case _:
+                    content.read(length)
+
+
+def _uncompressed(chunk: Chunk) -> bytes:
+    """Return what is in a chunk; no more memory is taken than it states.
+
+    Raises:
+        Exception: If it is damaged.
+    """
+    size = chunk.uncompressed_size
+    match chunk.compression:
+        case "":
+            content: bytes = chunk.data
+        case "zstd":
+            content = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+        case "lz4":
+            content = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size + 1)
+        case _:
+            raise ValueError(f"compression {chunk.compression!r}")
+    if len(content) != size:
+        raise ValueError(f"{len(content)} bytes in place of {size}")
+    if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+        raise ValueError("its checksum does not match")
+    return content

@@ -9,7 +9,7 @@ with their vehicles, and what a drone did that had no command.
 from __future__ import annotations
 
 import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,7 +22,9 @@ from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import Recorded
+from dsse_ros.recording.replayed import Difference, ReplayedMission
 from dsse_ros.search import HOLD, FieldError, SearchEnv
+from dsse_ros.search.limits import LARGEST_GRID_CELLS, check_cells
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message, step_report_message
@@ -56,59 +58,6 @@ LATENCY_NS = 100_000_000
 before."""
 _SURE_NS = 500_000_000
 """What was published that long before the diagnostics is counted in them."""
-
-
-@dataclass(frozen=True)
-class Difference:
-    """The first thing that is not the same.
-
-    Attributes:
-        step: Step of the mission.
-        drone: Name of the drone, "" where it is not of one.
-        field: What differs: a field of the step report, or a topic of commands.
-        recorded, replayed: What it is in the bag and in the replay.
-    """
-
-    step: int
-    drone: str
-    field: str
-    recorded: str
-    replayed: str
-
-    def __str__(self) -> str:
-        of = f", {self.drone}" if self.drone else ""
-        return (
-            f"step {self.step}{of}: {self.field} is {self.recorded} in the bag, "
-            f"{self.replayed} in the replay"
-        )
-
-
-@dataclass
-class ReplayedMission:
-    """How the replay of a mission has gone.
-
-    Attributes:
-        namespace: Of its topics, with a slash at the end.
-        run_id, number: Which mission it is.
-        seed: Its seed.
-        steps: Steps that were replayed.
-        uncommanded: Actions of drones that had no command in the bag for a step.
-        refused: Commands that were refused, by code.
-        lost: Names of the drones that were lost with their vehicles.
-        difference: The first difference; nothing is replayed after it.
-        incomplete: Why it cannot be replayed, or not on; "" if it can.
-    """
-
-    namespace: str
-    run_id: int
-    number: int
-    seed: int | None = None
-    steps: int = 0
-    uncommanded: int = 0
-    refused: Counter[str] = field(default_factory=Counter)
-    lost: list[str] = field(default_factory=list)
-    difference: Difference | None = None
-    incomplete: str = ""
 
 
 @dataclass(frozen=True)
@@ -165,7 +114,9 @@ class _Recording:
     events: list[_Command | _Report] = field(default_factory=list)
 
 
-def replay(messages: Iterable[Recorded]) -> Iterator[ReplayedMission]:
+def replay(
+    messages: Iterable[Recorded], max_cells: int = LARGEST_GRID_CELLS
+) -> Iterator[ReplayedMission]:
     """Replay all missions of a bag, and yield each when it is done.
 
     Messages are ordered by the time at which they were published: of one machine, and where they
@@ -173,6 +124,7 @@ def replay(messages: Iterable[Recorded]) -> Iterator[ReplayedMission]:
 
     Args:
         messages: Of a bag, as `read_bag` yields them.
+        max_cells: Cells of the largest grid; missions on larger ones are not replayed.
 
     Raises:
         FieldError: If `agents` or a report cannot be read, or there is no mission in the bag.
@@ -183,7 +135,8 @@ def replay(messages: Iterable[Recorded]) -> Iterator[ReplayedMission]:
         reports = [event for event in recording.events if isinstance(event, _Report)]
         for run_id in dict.fromkeys(report.search[0] for report in reports):
             of_run = [status for status in statuses if status.run_id == run_id]
-            yield from _Run(namespace, run_id, recording.infos, of_run).replay(recording.events)
+            run = _Run(namespace, run_id, recording.infos, of_run, max_cells)
+            yield from run.replay(recording.events)
 
 
 def _collect(messages: Iterable[Recorded]) -> tuple[dict[str, _Recording], list[_Status]]:
@@ -244,8 +197,10 @@ class _Run:
         run_id: int,
         infos: dict[tuple[int, int], AgentsInfo],
         statuses: list[_Status],
+        max_cells: int,
     ) -> None:
         self._namespace = namespace
+        self._max_cells = max_cells
         self._run_id = run_id
         self._infos = infos
         self._statuses = sorted(statuses, key=lambda status: status.time_ns)
@@ -294,7 +249,12 @@ class _Run:
         elif len(report.points) != len(info.agents):
             outcome.incomplete = "agents and step_report are not of the same drones"
         else:
-            return _Flight(info, outcome, last)
+            try:
+                check_cells(info.grid_size, self._max_cells)
+            except FieldError as error:
+                outcome.incomplete = str(error)
+            else:
+                return _Flight(info, outcome, last)
         return last
 
     def _go_on(self, flight: _Flight, report: _Report) -> None:

@@ -16,6 +16,7 @@ from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.report.record import RecordedMission
 from dsse_ros.report.replay import Maps
 from dsse_ros.search import FieldError
+from dsse_ros.search.limits import LARGEST_GRID_CELLS, check_cells
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.images import image_to_probability
 from msg_adapters.mission_report import mission_report_from_message
@@ -61,15 +62,22 @@ class MissionBag:
     Args:
         path: The bag.
         namespace: Of the simulation; None for the only one.
+        max_cells: Cells of the largest grid.
 
     Attributes:
         missions: Those of which a step was recorded, in this order.
 
     Raises:
-        FieldError: If the bag cannot be read or has no step, or the namespace is not in it.
+        FieldError: If the bag cannot be read or has no step, or the namespace is not in it, or it
+            is of a larger grid.
     """
 
-    def __init__(self, path: str | os.PathLike[str], namespace: str | None = None) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        namespace: str | None = None,
+        max_cells: int = LARGEST_GRID_CELLS,
+    ) -> None:
         self._path = path
         self._name = f"file: {os.fspath(path)!r}"
         infos: dict[str, dict[Key, AgentsInfo]] = {}
@@ -88,7 +96,7 @@ class MissionBag:
         self.missions = []
         for key, of in self._reports.items():
             try:
-                self.missions.append(_mission(key, known.get(key), of.rows))
+                self.missions.append(_mission(key, known.get(key), of.rows, max_cells))
             except ValueError as error:
                 raise FieldError(f"{self._name}: mission {key[1]}: {error}") from None
 
@@ -158,7 +166,9 @@ def _note(reports: dict[Key, _Reports], of_steps: NDArray[Any], one: Recorded) -
         of.heard.setdefault(int(first["step"]), (stamp_ns, one.log_time_ns))
 
 
-def _mission(key: Key, info: AgentsInfo | None, rows: dict[int, NDArray[Any]]) -> RecordedMission:
+def _mission(
+    key: Key, info: AgentsInfo | None, rows: dict[int, NDArray[Any]], max_cells: int
+) -> RecordedMission:
     """Return a mission of its reports (N,) by step.
 
     Raises:
@@ -166,6 +176,7 @@ def _mission(key: Key, info: AgentsInfo | None, rows: dict[int, NDArray[Any]]) -
     """
     if info is None:
         raise ValueError("no message of the topic agents")
+    check_cells(info.grid_size, max_cells)
     steps = sorted(rows)
     if any(len(row) != len(info.agents) for row in rows.values()):
         raise ValueError(f"step_report is not of the {len(info.agents)} drones of agents")

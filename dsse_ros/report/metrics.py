@@ -114,11 +114,50 @@ def _pos(record: RecordedMission, of: Curves) -> float | None:
     return None if of.pos is None else float(of.pos[-1])
 
 
-def _expected_time(record: RecordedMission, of: Curves) -> float | None:
-    if of.pos is None:
-        return None
-    spent_s = np.diff(of.times_s) * record.acted[1:].any(axis=1)
-    return float(((1.0 - of.pos[:-1]) * spent_s).sum())
+def _horizon(record: RecordedMission) -> int | None:
+    """Return the number of steps that a mission has time for, None if it is not known."""
+    if record.rules is not None and record.scenario is not None:
+        limit = record.scenario.timestep_limit + record.rules.time_out_grace
+        return limit + int(record.rules.time_out_acts)
+    # A last step without an action has found the time out.
+    acted = np.asarray(record.acted.any(axis=1))
+    return int(record.steps[acted].max(initial=0)) if record.complete and not acted[-1] else None
+
+
+def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, float | None]:
+    """Return the least and the most that E[min(T, H)] can be, in seconds; None for not known.
+
+    T is the time until the searches detect, H the horizon. It is the sum of P(T > t) = 1 - POS over
+    the steps up to H, each with the POS of the steps before it. What was searched after the first
+    find was chosen by luck, and after the record is not known: at least the next step would have
+    detected for sure, at most no other one would have.
+    """
+    if of.pos is None or record.covers:
+        return None, None
+    finds = np.flatnonzero(record.found.any(axis=1))
+    acted = record.acted.any(axis=1)
+    end = int(finds[0]) if len(finds) else int(np.flatnonzero(acted).max(initial=0))
+    missed, steps = 1.0 - of.pos[: end + 1], record.steps[: end + 1]
+    # Between recorded steps, and before the first one, the POS has grown at unknown ones.
+    gaps = np.diff(steps, prepend=0)
+    earlier = np.concatenate([[1.0], missed[:-1]])
+    low = float((earlier * np.minimum(gaps, 1) + missed * np.maximum(gaps - 1, 0)).sum())
+    high: float | None = float((earlier * gaps).sum())
+    horizon = _horizon(record)
+    if horizon is None or high is None:
+        high = None
+    else:
+        left = float(missed[-1]) * max(horizon - int(steps[-1]), 0)
+        high += left
+        # Nobody was left to search.
+        low += left if record.complete and not len(finds) else 0.0
+    step_s = _step_s(record)
+    return low * step_s, None if high is None else high * step_s
+
+
+def _step_s(record: RecordedMission) -> float:
+    """Return the duration of a step in seconds, 0 where there was none."""
+    return float(record.times_s[-1] / record.steps[-1]) if record.steps[-1] else 0.0
 
 
 def _first_detection(record: RecordedMission, of: Curves) -> float | None:
@@ -181,12 +220,23 @@ METRICS = (
         _pos,
     ),
     Metric(
-        "expected_time_to_detection", "Expected time to detection", "s",
-        "The sum of 1 - POS over the mission, times the duration of a step: the mean time until "
-        "searches like these detect a person, where one that is not detected counts with the whole "
-        "duration.",
-        "Bourgault, Furukawa and Durrant-Whyte 2003; Lanillos and others 2014",
-        _expected_time,
+        "expected_time_at_least", "Expected time to detection, at least", "s",
+        "The mean time until searches like these detect, where a mission that does not within its "
+        "time limit counts as that (a restricted mean): the sum of 1 - POS over the steps up to "
+        "the limit, times the duration of a step; of several persons that of any one of them. Who "
+        "finds sooner by luck has not searched better: from the first find on, or the end of the "
+        "record, it is not known what was to be searched, and the next step counts as if it "
+        "detected for sure.",
+        "Lanillos and others 2014; Royston and Parmar 2013",
+        lambda record, of: _expected_time(record, of)[0],
+    ),
+    Metric(
+        "expected_time_at_most", "Expected time to detection, at most", "s",
+        "The same, as if nobody searched any more from there to the time limit. Where nobody was "
+        "found both are the same, and the restricted mean itself. Not known from a CSV without its "
+        "scenario, unless the time has run out.",
+        "Lanillos and others 2014; Royston and Parmar 2013",
+        lambda record, of: _expected_time(record, of)[1],
     ),
     Metric(
         "time_to_detection", "Time to detection", "s",

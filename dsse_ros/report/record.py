@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE, columns_of
 from dsse_ros.search import FieldError, Rules
+from dsse_ros.search.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search.scenario import ResolvedScenario
 
 SEARCH = "search"
@@ -26,13 +27,16 @@ _MCAP = b"\x89MCAP0\r\n"
 _ROUNDING_M = 6e-4
 """A log has metres with three decimals."""
 _MAX_DECIMALS = 9
+_LONGEST_FIELD = 100
+"""Characters of a field of a log; NumPy makes room for as many in every one."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedMission:
     """K recorded steps of N drones, and of P persons where these are known.
 
-    Cells are (col, row), row 0 in the north.
+    Cells are (col, row), row 0 in the north: where the drones were or, of a bag of drones that
+    observe wrong positions, where they observed to be.
 
     Attributes:
         number: Number of the mission.
@@ -166,11 +170,18 @@ def is_bag(path: str | os.PathLike[str]) -> bool:
         return False
 
 
-def read_csv(path: str | os.PathLike[str]) -> list[RecordedMission]:
+def read_csv(
+    path: str | os.PathLike[str], max_cells: int = LARGEST_GRID_CELLS
+) -> list[RecordedMission]:
     """Return the missions of a log; a step that is there in part, at its end, is left out.
 
+    Args:
+        path: The file.
+        max_cells: Cells of the largest grid.
+
     Raises:
-        FieldError: If the file cannot be read, or is no log, or holds no step.
+        FieldError: If the file cannot be read, or is no log, or holds no step, or is of a larger
+            grid.
     """
     name = f"file: {os.fspath(path)!r}"
     missions: dict[str, list[list[list[str]]]] = {}
@@ -190,7 +201,9 @@ def read_csv(path: str | os.PathLike[str]) -> list[RecordedMission]:
     read = []
     for mission, steps in missions.items():
         try:
-            read.append(_mission(steps))
+            one = _mission(steps)
+            check_cells(one.grid_size, max_cells)
+            read.append(one)
         except (ValueError, OverflowError, IndexError) as error:
             raise FieldError(f"{name}: mission {mission}: {error}") from None
     if not read:
@@ -220,6 +233,11 @@ def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[l
         if len(row) != len(columns):
             # Cut off while it was written; in the middle the step's other rows show it.
             continue
+        if max(map(len, row)) > _LONGEST_FIELD:
+            raise FieldError(
+                f"{name}: a field of {max(map(len, row))} characters is not allowed; at most "
+                f"{_LONGEST_FIELD}"
+            )
         if key is not None and (row[0], row[1]) != key:
             yield key[0], rows
             rows = []
@@ -257,6 +275,9 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     metres = [column(name, np.float64, everybody).ravel() for name in ("east_m", "north_m")]
     size, cell_m = grid_of(cells.reshape(-1, 2), *metres)
     pos = table[:, 0, COLUMNS.index("pos")]
+    # Not what was observed, which metres belong to.
+    true = [name for name in ("true_col", "true_row") if name in columns]
+    of_drones = np.stack([column(name, np.int64, drones) for name in true or ("col", "row")], 2)
 
     def flag(name: str, agents: slice = drones) -> NDArray[np.bool_]:
         return column(name, np.int64, agents).astype(bool)
@@ -268,7 +289,7 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
         number=int(table[0, 0, 0]),
         steps=numbers,
         times_s=column("time_s", np.float64, drones)[:, 0],
-        cells=cells[:, drones],
+        cells=of_drones,
         actions=column("action", np.str_, drones),
         rewards=column("reward", np.float64, drones),
         terminated=flag("terminated"),

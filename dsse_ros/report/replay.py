@@ -44,6 +44,13 @@ def with_search(
             raise FieldError(
                 f"scenario: {name} {given} is not allowed; {recorded} is, as it was recorded"
             )
+    # The step after the last one finds the time out.
+    last = scenario.timestep_limit + rules.time_out_grace + 1
+    if record.steps[-1] > last:
+        raise FieldError(
+            f"scenario: timestep_limit {scenario.timestep_limit} is not allowed; step "
+            f"{record.steps[-1]} was recorded"
+        )
     return replace(record, rules=rules, scenario=scenario, area=scenario.area_mask)
 
 

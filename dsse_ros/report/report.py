@@ -29,8 +29,8 @@ from dsse_ros.report.record import RecordedMission
 from dsse_ros.search.rendering import MissionView
 
 DEFAULT_MAPS = 6
-FACTS = ("pos", "time_to_detection", "expected_time_to_detection", "coverage", "path_length",
-         "collisions")  # fmt: skip
+FACTS = ("pos", "time_to_detection", "expected_time_at_least", "expected_time_at_most", "coverage",
+         "path_length", "collisions")  # fmt: skip
 """Metrics that are read first."""
 IN_OVERVIEW = ("pos", "time_to_detection", "coverage", "redundancy", "path_length", "collisions")
 """Metrics that are compared where a file has several missions."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from dsse_ros.search.geodesy import Origin
 
 MAX_BYTES = 10_000_000
+_BLOCK_CELLS = 1 << 16
 ALLOWED = "a GeoJSON file of a Polygon or MultiPolygon, or a list of three or more [lat, lon]"
 
 Point = tuple[float, float]
@@ -79,11 +80,19 @@ class Area:
         Raises:
             FieldError: If a polygon is none, or Shapely is missing.
         """
+        return self.prepared()(lat_deg, lon_deg)
+
+    def prepared(self) -> Callable[[NDArray[Any], NDArray[Any]], NDArray[np.bool_]]:
+        """Return `contains` for points that come in parts.
+
+        Raises:
+            FieldError: As there.
+        """
         try:
             import shapely
         except ModuleNotFoundError:
             raise FieldError(f"area: Shapely is missing; {pip_install('area')}") from None
-        inside = np.zeros(lat_deg.shape, np.bool_)
+        polygons = []
         for rings in self.polygons:
             shell, *holes = ([(lon, lat) for lat, lon in ring] for ring in rings)
             polygon = shapely.Polygon(shell, holes)
@@ -93,8 +102,15 @@ class Area:
                     "polygons whose outlines do not cross or touch themselves"
                 )
             shapely.prepare(polygon)
-            inside |= shapely.contains_xy(polygon, lon_deg, lat_deg)
-        return inside
+            polygons.append(polygon)
+
+        def contains(lat_deg: NDArray[Any], lon_deg: NDArray[Any]) -> NDArray[np.bool_]:
+            inside = np.zeros(lat_deg.shape, np.bool_)
+            for polygon in polygons:
+                inside |= shapely.contains_xy(polygon, lon_deg, lat_deg)
+            return inside
+
+        return contains
 
 
 def cell_centre(grid_size: int, cell_size_m: float, col: Any, row: Any) -> tuple[Any, Any]:
@@ -127,21 +143,24 @@ def area_mask(
     """
     if area is None and not land:
         return None
-    from dsse_ros.search.geodesy import surface_to_geodetic
-
-    row, col = np.indices((grid_size, grid_size))
-    lat, lon = surface_to_geodetic(origin, *cell_centre(grid_size, cell_size_m, col, row))
     mask = np.ones((grid_size, grid_size), np.bool_)
     if area is not None:
-        mask &= area.contains(lat, lon)
+        contains = area.prepared()
+        south, north, west, east = 90.0, -90.0, 180.0, -180.0
+        for rows in _blocks(grid_size):
+            lat, lon = _centres(grid_size, cell_size_m, origin, rows)
+            mask[rows] = contains(lat, lon)
+            south, north = min(south, lat.min()), max(north, lat.max())
+            west, east = min(west, lon.min()), max(east, lon.max())
         if not mask.any():
             raise FieldError(
                 f"area: {shown(area.polygons[0][0])} is not allowed; polygons with the centre of "
-                f"a cell of the grid, {lat.min():.5f} to {lat.max():.5f} N and "
-                f"{lon.min():.5f} to {lon.max():.5f} E"
+                f"a cell of the grid, {south:.5f} to {north:.5f} N and {west:.5f} to {east:.5f} E"
             )
     if land:
-        mask &= ~_is_land(lat, lon)
+        is_land = _land_mask()
+        for rows in _blocks(grid_size):
+            mask[rows] &= ~is_land(*_centres(grid_size, cell_size_m, origin, rows))
         if not mask.any():
             where = "the grid" if area is None else "the area"
             raise FieldError(f"land: true is not allowed; {where} has no cell at sea")
@@ -149,6 +168,24 @@ def area_mask(
         return None
     mask.flags.writeable = False
     return mask
+
+
+def _blocks(grid_size: int) -> Iterator[slice]:
+    """Yield rows that make a grid: of a large one the places of all cells take gigabytes."""
+    count = max(_BLOCK_CELLS // grid_size, 1)
+    for first in range(0, grid_size, count):
+        yield slice(first, min(first + count, grid_size))
+
+
+def _centres(
+    grid_size: int, cell_size_m: float, origin: Origin, rows: slice
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return latitude and longitude of the centres of the cells of some rows, (R, G) each."""
+    from dsse_ros.search.geodesy import surface_to_geodetic
+
+    row, col = np.meshgrid(np.arange(rows.start, rows.stop), np.arange(grid_size), indexing="ij")
+    lat, lon = surface_to_geodetic(origin, *cell_centre(grid_size, cell_size_m, col, row))
+    return lat, lon
 
 
 def runs_of(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -159,13 +196,26 @@ def runs_of(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.stack([rows, first, end - 1], axis=1).astype(np.int64)
 
 
-def _is_land(lat_deg: NDArray[Any], lon_deg: NDArray[Any]) -> NDArray[np.bool_]:
+def _land_mask() -> Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]:
+    """Return what says which places (latitudes, longitudes) are on land; it takes 1.3 GB.
+
+    The shoreline is that of GSHHG, full resolution (Wessel and Smith, "A global, self-consistent,
+    hierarchical, high-resolution shoreline database", J. Geophys. Res. 101, 1996).
+
+    Raises:
+        FieldError: If the package is missing.
+    """
     try:
-        from global_land_mask import globe
+        from roaring_landmask import RoaringLandmask
     except ModuleNotFoundError:
-        raise FieldError(f"land: global-land-mask is missing; {pip_install('land')}") from None
-    land: NDArray[np.bool_] = globe.is_land(lat_deg, lon_deg)
-    return land
+        raise FieldError(f"land: roaring-landmask is missing; {pip_install('land')}") from None
+    shores = RoaringLandmask.new()
+
+    def is_land(lat_deg: NDArray[np.float64], lon_deg: NDArray[np.float64]) -> NDArray[np.bool_]:
+        land = shores.contains_many(lon_deg.ravel(), lat_deg.ravel())
+        return np.asarray(land, np.bool_).reshape(lat_deg.shape)
+
+    return is_land
 
 
 def _read(source: str | os.PathLike[str]) -> Any:

@@ -8,10 +8,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dsse_ros.search.fields import FieldError
-from dsse_ros.search.vector_env import RESET_MASK, Observations, VectorEnv
+from dsse_ros.search.vector_env import RESET_MASK, Observations, VectorEnv, check_integers
+from dsse_ros.search.world import HOLD
 from dsse_ros.search.wrappers import FLATTENED, Encoding
 
 
@@ -21,16 +23,22 @@ class Transition(NamedTuple):
     Attributes:
         env: The worlds.
         before: Observations before it.
-        actions: (B, N) int8, numbers of the rules.
+        cells: (B, N, 2) int64, where the drones were before it as (x, y), whatever they observe.
+        actions: (B, N) int8, what the drones did, numbers of the rules; -1 for nothing. With
+            faults that may be another thing than they were commanded.
         after: Observations after it, before any world is reset.
         over: (B,) bool, the worlds whose mission it has ended.
+        terminal: (B, N) bool, the drones whose search it has ended, but for those whose time is
+            out: for them nothing comes after it.
     """
 
     env: VectorEnv
     before: Observations
+    cells: NDArray[np.int64]
     actions: NDArray[np.int8]
     after: Observations
     over: NDArray[np.bool_]
+    terminal: NDArray[np.bool_]
 
 
 Reward = Callable[[Transition], NDArray[np.float64]]
@@ -43,8 +51,11 @@ class SlotStep(NamedTuple):
     Attributes:
         observations: (S, ...) float32; where a world's mission has ended, those of its next one.
         rewards: (S,) float64.
-        terminated: (S,) bool.
-        truncated: (S,) bool.
+        terminated: (S,) bool, as the rules flag it.
+        truncated: (S,) bool, likewise; some rules set both at every end.
+        out_of_time: (S,) bool, the drones whose search this step has ended because time is out:
+            what was to come counts for them, see Pardo et al., "Time limits in reinforcement
+            learning", 2018.
         action_masks: (S, A) int8, those of `observations`.
         final_observations: (S, ...) float32, those at the ends of missions too.
         over: (B,) bool, the worlds whose mission has ended.
@@ -56,6 +67,7 @@ class SlotStep(NamedTuple):
     rewards: NDArray[np.float64]
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
+    out_of_time: NDArray[np.bool_]
     action_masks: NDArray[np.int8]
     final_observations: NDArray[np.float32]
     over: NDArray[np.bool_]
@@ -66,17 +78,19 @@ class SlotStep(NamedTuple):
 def searched_probability(step: Transition) -> NDArray[np.float64]:
     """Return the probability (B, N) that each drone's search finds; drones in one cell share it.
 
+    Searches that were done count, in the cells that they were done in.
+
     With the belief as observation their sum is what the step is expected to find, whether it does
     or not: a dense reward without the chance of a find. Several persons count with their mean.
     """
-    env, positions, probability = step.env, step.before["positions"], step.before["probability"]
+    env, probability = step.env, step.before["probability"]
     grid = probability.shape[-1]
     searches = step.actions == env.rules.actions.index("search")
-    cells = np.where(searches, positions[..., 1] * grid + positions[..., 0], -1)
-    inside = searches & ((positions >= 0) & (positions < grid)).all(axis=-1)
-    together = (cells[:, :, None] == cells[:, None, :]).sum(axis=-1)
-    flat = probability.reshape(len(cells), -1)
-    there = np.take_along_axis(flat, np.where(inside, cells, 0), axis=1)
+    inside = searches & ((step.cells >= 0) & (step.cells < grid)).all(axis=-1)
+    searched = np.where(inside, step.cells[..., 1] * grid + step.cells[..., 0], -1)
+    together = (searched[:, :, None] == searched[:, None, :]).sum(axis=-1)
+    flat = probability.reshape(len(searched), -1)
+    there = np.take_along_axis(flat, np.where(inside, searched, 0), axis=1)
     detected = 1.0 - (1.0 - env.scenario.probability_of_detection) ** together
     shares: NDArray[np.float64] = np.where(inside, there * detected / together, 0.0)
     return shares
@@ -92,7 +106,8 @@ class DroneSlots:
     Args:
         env: The batch; not a lazy one.
         encoding: What a drone observes. Where `encode` returns a tuple, its second part is
-            (..., N, A), the actions of the rules that the numbers of each slot stand for.
+            (..., N, A), the actions of the rules that the numbers of each slot stand for. Its space
+            is a `Box`.
         reward: What it is rewarded for, by default as the rules say.
 
     Attributes:
@@ -100,11 +115,13 @@ class DroneSlots:
         num_slots: S.
         num_actions: A.
         single_observation_space: Of one slot.
+        acting: (S,) bool, the slots whose drones act upon the last observation: those that are
+            still in the search, and have time left.
         order: (S, A), the actions of the rules that the numbers of each slot stand for at the last
             observation; None for the same.
 
     Raises:
-        FieldError: If the batch is lazy.
+        FieldError: If the batch is lazy, or an observation is no array.
     """
 
     def __init__(
@@ -117,10 +134,19 @@ class DroneSlots:
         self._drones = env.world.num_drones
         self.num_slots = env.num_envs * self._drones
         self.num_actions = len(env.rules.actions)
-        self.single_observation_space = encoding.space(self._drones, env.world.grid_size)
+        space = encoding.space(self._drones, env.world.grid_size, env.rules.margin)
+        if not isinstance(space, spaces.Box):
+            raise FieldError(
+                f"encoding: observations of a {type(space).__name__} are not allowed with slots; "
+                "those of a Box"
+            )
+        self.single_observation_space = spaces.Box(
+            space.low.astype(np.float32), space.high.astype(np.float32), dtype=np.float32
+        )
         self._observations: Observations = {}
         self.order: NDArray[np.int64] | None = None
         self._out = np.zeros((env.num_envs, self._drones), np.bool_)
+        self.acting = np.zeros(self.num_slots, np.bool_)
 
     def reset(self, seed: Any = None) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
         """Start a new mission in every world, see `VectorEnv.reset`.
@@ -130,6 +156,7 @@ class DroneSlots:
         """
         self._observations, infos = self.env.reset(seed)
         self._out[:] = False
+        self._note_acting(infos)
         encoded, self.order = self._encoded()
         return encoded, self._masks(infos)
 
@@ -137,36 +164,68 @@ class DroneSlots:
         """Advance every world by one step.
 
         Args:
-            actions: (S,) integers.
+            actions: (S,) integers from 0 to A - 1; those of slots that are out do not count.
+
+        Raises:
+            FieldError: If they are not; the missions stay as they are.
         """
-        numbers = np.asarray(actions)
-        if self.order is not None:
-            numbers = np.take_along_axis(self.order, numbers[:, None], axis=1)
-        joint = numbers.reshape(self._out.shape).astype(np.int8)
-        before = self._observations
+        joint = self._joint_action(actions)
+        before, out = self._observations, self._out
+        drones = self.env.world.drones
+        cells = np.stack([drones["x"], drones["y"]], axis=-1)
         self._observations, rewards, terminated, truncated, infos = self.env.step(joint)
         over = infos["over"]
+        ended = (terminated | truncated) & ~out
+        out_of_time = ended & self.env.out_of_time(infos)[:, None]
+        if not self.env.rules.both_flags:
+            out_of_time &= ~terminated
         if self._reward is not None:
-            rewards = self._reward(Transition(self.env, before, joint, self._observations, over))
-        rewards = np.where(self._out, 0.0, rewards)
+            did = joint if self.env.world.faults is None else infos["action"]
+            did = np.where(self.acting.reshape(out.shape), did, np.int8(HOLD))
+            after, terminal = self._observations, ended & ~out_of_time
+            rewards = self._reward(Transition(self.env, before, cells, did, after, over, terminal))
+        rewards = np.where(out, 0.0, rewards)
         self._out = (terminated | truncated) & ~over[:, None]
         ends, now = None, infos
         if over.any():
             ends, _ = self._encoded(over)
             self._observations, now = self.env.reset(options={RESET_MASK: over})
+        self._note_acting(now)
         observed, self.order = self._encoded()
         final = observed
         if ends is not None:
             final = observed.copy()
             final[np.repeat(over, self._drones)] = ends
         return SlotStep(
-            observed, rewards.ravel(), terminated.ravel(), truncated.ravel(), self._masks(now),
-            final, over, infos["Found"], infos["step"],
+            observed, rewards.ravel(), terminated.ravel(), truncated.ravel(), out_of_time.ravel(),
+            self._masks(now), final, over, infos["Found"], infos["step"],
         )  # fmt: skip
 
     def close(self) -> None:
         """End the batch's threads."""
         self.env.close()
+
+    def _joint_action(self, actions: NDArray[Any]) -> NDArray[np.int8]:
+        """Return the actions of the rules (B, N) that the numbers of the slots stand for.
+
+        Raises:
+            FieldError: If a number stands for none.
+        """
+        numbers = check_integers("actions", actions, (self.num_slots,))
+        wrong = (numbers < 0) | (numbers >= self.num_actions)
+        if wrong.any():
+            raise FieldError(
+                f"actions: {numbers[wrong][0]} is not allowed; from 0 to {self.num_actions - 1}"
+            )
+        if self.order is not None:
+            numbers = np.take_along_axis(self.order, numbers[:, None].astype(np.int64), axis=1)
+        return numbers.reshape(self._out.shape).astype(np.int8)
+
+    def _note_acting(self, infos: Mapping[str, NDArray[Any]]) -> None:
+        """Note which drones act next, by the infos of what they observe."""
+        rules = self.env.rules
+        in_time = rules.time_out_acts | (infos["step"] < self.env.last_step)
+        self.acting = (~self._out & in_time[:, None]).ravel()
 
     def _masks(self, infos: Mapping[str, NDArray[Any]]) -> NDArray[np.int8]:
         masks: NDArray[np.int8] = infos["action_mask"].reshape(self.num_slots, -1)

@@ -32,9 +32,7 @@ AgentObservation = tuple[NDArray[np.integer[Any]], NDArray[np.float32]]
 
 def observation_space(grid_size: int, rules: Rules) -> spaces.Tuple:  # type: ignore[type-arg]
     """Return the space of a drone's observations, for grid_size cells along a side."""
-    # A drone that flies on outside is one cell off the grid when its search ends.
-    margin = int(rules.leave_policy == "fly_on")
-    span, first = [grid_size + 2 * margin] * 2, [-margin] * 2
+    span, first = [grid_size + 2 * rules.margin] * 2, [-rules.margin] * 2
     return spaces.Tuple(
         (
             spaces.MultiDiscrete(span, start=first),

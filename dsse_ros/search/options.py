@@ -34,16 +34,28 @@ IGNORED_OPTION = "options"
 """What PettingZoo's own tests pass to every environment."""
 
 
+def check_mapping(options: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    """Return the options of a reset, an empty mapping for none.
+
+    Raises:
+        FieldError: If they are no mapping.
+    """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise FieldError(f"options: {shown(options)} is not allowed; a mapping")
+    return options
+
+
 def check_options(
-    options: Mapping[str, Any], scenario: ResolvedScenario, rules: Rules
+    options: Mapping[str, Any] | None, scenario: ResolvedScenario, rules: Rules
 ) -> dict[str, Any]:
     """Return the reset options that were given, in their canonical types.
 
     Raises:
         FieldError: If an option is unknown or not allowed.
     """
-    if not isinstance(options, Mapping):
-        raise FieldError(f"options: {shown(options)} is not allowed; a mapping")
+    options = check_mapping(options)
     check_known("the reset options", options, (*RESET_OPTIONS, IGNORED_OPTION))
     for name in RESET_OPTIONS[1:] if rules.covers else ():
         if options.get(name) is not None:

@@ -19,12 +19,12 @@ from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.fields import FieldError, Spec, shown
 from dsse_ros.search.mission_view import Past, view_of
 from dsse_ros.search.observation import AgentObservation, observation_space
+from dsse_ros.search.observed_beliefs import observed_beliefs
 from dsse_ros.search.options import OBSERVED, check_options, check_seed
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import ResolvedScenario, Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
-from dsse_ros.search.world_beliefs import WorldBeliefs
 
 
 class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
@@ -38,8 +38,9 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     Actions are numbers of `rules.actions`.
 
     Observed is the map that the rules draw, which no search changes, or with `observe="belief"`
-    what can be known from the searches so far (`belief.Belief`); `infos[agent]` then has `pos`, the
-    cumulative probability of success of the searches of the mission. What infos have with faults
+    what can be known from the searches so far (`belief.Belief`), in the cells that the drones
+    observed; `infos[agent]` then has `pos`, the cumulative probability of success of the searches
+    of the mission there. What infos have with faults
     says `Faults.infos`.
 
     Where the task is coverage, observed is the probability that is left; `Found` is whether all is
@@ -77,7 +78,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self.rules = rules
         self.observed = OBSERVED.check("observe", observe)
         self.world = World(scenario, rules, write_maps=self.observed == "map")
-        self._beliefs = WorldBeliefs(self.world) if self.observed == "belief" else None
+        self._beliefs = observed_beliefs(self.world) if self.observed == "belief" else None
         self._belief_map: NDArray[np.float32] | None = None
         self._note_belief()
         self.scenario = self.world.scenario
@@ -146,7 +147,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             FieldError: If an option is unknown or not allowed; the mission under way stays as
                 it is.
         """
-        start = check_options({} if options is None else options, self.scenario, self.rules)
+        start = check_options(options, self.scenario, self.rules)
         if seed is not None:
             self.world.seed(check_seed(seed))
         self.world.place(**start)
@@ -468,7 +469,8 @@ def parallel_env(
         sigma: Spread of the probability in cells.
         timestep_limit: Steps the drones can do.
         cell_size: Side of a cell in metres.
-        drone_speed: Ground speed in metres per second.
+        drone_speed: Airspeed in metres per second, without wind the ground speed; a step lasts
+            cell_size / drone_speed.
         render_mode: ansi, rgb_array, human or None.
         observe: What the agents observe: `map`, as the rules draw it, or `belief`, which learns
             from the searches.

@@ -6,28 +6,37 @@ from __future__ import annotations
 
 import base64
 import csv
+import math
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
 from dsse_ros.search.area import cell_centre
+from dsse_ros.search.array_files import array_header
 from dsse_ros.search.fields import FieldError, shown
+from dsse_ros.search.limits import MAX_SIDE
 
 if TYPE_CHECKING:
     from dsse_ros.search.geodesy import Origin
 
 NAME = "probability_matrix"
 ALLOWED = (
-    "a square matrix of finite numbers >= 0, not all 0, or a file of one: .npy, .csv, .tif or .tiff"
+    f"a square matrix of finite numbers >= 0, not all 0, at most {MAX_SIDE} a side, or a file of "
+    "one: .npy, .csv, .tif or .tiff"
 )
+
+_KINDS = "fiu"
+"""Kinds of numbers, as NumPy has them."""
+_LONGEST_LINE = 32 * MAX_SIDE
+"""Characters of a line of a CSV; a float64 has 25."""
 
 _M_PER_DEG = 111_320.0
 """Of latitude; near enough to see whether a cell lies where it should."""
@@ -75,7 +84,7 @@ class ProbabilityMatrix:
             raise FieldError(f"{NAME}: {shown(value)}: {reason}; {ALLOWED}") from None
         except FieldError:
             raise
-        except (EOFError, KeyError, MemoryError, TypeError, ValueError):
+        except (EOFError, KeyError, MemoryError, TypeError, ValueError, csv.Error):
             raise FieldError(f"{NAME}: {shown(value)} is not allowed; {ALLOWED}") from None
 
     @cached_property
@@ -126,7 +135,7 @@ def _content(matrix: NDArray[Any]) -> str:
     Raises:
         ValueError: If it is not allowed.
     """
-    if matrix.dtype.kind not in "fiu" or matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+    if matrix.dtype.kind not in _KINDS or matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ValueError
     if not np.isfinite(matrix).all() or not matrix.any() or matrix.min() < 0:
         raise ValueError
@@ -136,13 +145,48 @@ def _content(matrix: NDArray[Any]) -> str:
 _Read = tuple[NDArray[Any], tuple[tuple[float, float], ...] | None]
 
 
+def _check_shape(shape: tuple[int, ...]) -> None:
+    """Raise unless a matrix of this shape may be read, before there is memory for it.
+
+    Raises:
+        ValueError: If it may not.
+    """
+    if len(shape) != 2 or shape[0] != shape[1] or not 1 <= shape[0] <= MAX_SIDE:
+        raise ValueError
+
+
 def _read_npy(path: str) -> _Read:
+    with open(path, "rb") as file:
+        shape, dtype = array_header(file)
+        _check_shape(shape)
+        if dtype.kind not in _KINDS:
+            raise ValueError
+        if os.path.getsize(path) - file.tell() < math.prod(shape) * dtype.itemsize:
+            raise EOFError
     return np.asarray(np.load(path, allow_pickle=False)), None
 
 
 def _read_csv(path: str) -> _Read:
+    rows: list[NDArray[np.float64]] = []
     with open(path, newline="", encoding="utf-8") as file:
-        return np.array([[float(value) for value in row] for row in csv.reader(file) if row]), None
+        for row in csv.reader(_lines(file)):
+            if row:
+                rows.append(np.array([float(value) for value in row]))
+                if len(rows) > MAX_SIDE or len(rows[-1]) != len(rows[0]):
+                    raise ValueError
+    return np.array(rows), None
+
+
+def _lines(file: TextIO) -> Iterator[str]:
+    """Yield the lines of a CSV, none longer than those of the largest matrix.
+
+    Raises:
+        ValueError: If one is.
+    """
+    while line := file.readline(_LONGEST_LINE):
+        if len(line) == _LONGEST_LINE:
+            raise ValueError
+        yield line
 
 
 def _read_tiff(path: str) -> _Read:
@@ -162,6 +206,10 @@ def _read_tiff(path: str) -> _Read:
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             raster = rasterio.open(path)
         with raster:
+            _check_shape(raster.shape)
+            # One is read as a whole, also where it is larger than the image.
+            if math.prod(raster.block_shapes[0]) > MAX_SIDE**2:
+                raise ValueError
             values = raster.read(1, masked=True).filled(0)
             if raster.crs is None:
                 return values, None

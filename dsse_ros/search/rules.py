@@ -213,6 +213,11 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
         """Whether the task is to cover cells."""
         return self.task == "cover"
 
+    @property
+    def margin(self) -> int:
+        """Cells off the grid that a drone can be: one that flies on is there when it ends."""
+        return int(self.leave_policy == "fly_on")
+
     @cached_property
     def action_set(self) -> ActionSet:
         """The actions with their moves and masks."""

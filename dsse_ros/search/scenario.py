@@ -62,7 +62,7 @@ class Scenario(FaultFields):
     )
     land: bool = field(
         "bool",
-        "Whether cells on land, in a land mask of 1 km, are left out; it takes 6 s and 1 GB.",
+        "Whether cells on land, by the shoreline of GSHHG, are left out; it takes 6 s and 1.3 GB.",
         False,
     )
     probability_matrix: ProbabilityMatrix | None = field(
@@ -90,7 +90,7 @@ class Scenario(FaultFields):
         above=0, high=175, unit="deg",
     )  # fmt: skip
     drone_speed: float = field(
-        "float", "Ground speed of the drones.", 10.0, low=1e-3, high=1000, unit="m/s"
+        "float", "Airspeed of the drones.", 10.0, low=1e-3, high=1000, unit="m/s"
     )
     num_drones: int | None = field(
         "int", "Number of drones; by default one per start cell given, else 1.", None,

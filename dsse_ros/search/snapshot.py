@@ -8,8 +8,10 @@ import contextlib
 import hashlib
 import io
 import json
+import math
 import os
 import tempfile
+import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,8 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.search.array_files import array_header
+
 MAGIC = b"dsse_ros snapshot"
 VERSION = 3
+_LONGEST_HEAD = 200
+"""Bytes of the first line, and more."""
 
 
 class SnapshotError(ValueError):
@@ -57,17 +63,13 @@ class Snapshot:
             SnapshotError: If it is of another kind or version, or damaged.
         """
         head, _, body = data.partition(b"\n")
-        if not head.startswith(MAGIC + b" "):
-            raise SnapshotError("not a snapshot of dsse_ros")
-        version, _, digest = head[len(MAGIC) + 1 :].decode("ascii", "replace").partition(" ")
-        if version != str(VERSION):
-            raise SnapshotError(f"snapshot version {version[:20]!r}; version {VERSION} is read")
+        digest = _digest_of(head)
         if hashlib.sha256(body).hexdigest() != digest:
             raise SnapshotError("the snapshot is damaged: its checksum does not match")
         try:
+            _check_sizes(body)
             with np.load(io.BytesIO(body), allow_pickle=False) as stored:
-                # NumPy hands out a part that is no array as bytes.
-                arrays = {name: np.asarray(stored[name]) for name in stored.files}
+                arrays = {name: stored[name] for name in stored.files}
             meta = json.loads(str(arrays.pop("meta")))
             identity = {part: dict(values) for part, values in meta["identity"].items()}
             return cls(identity, arrays, dict(meta["extra"]))
@@ -105,7 +107,13 @@ class Snapshot:
             SnapshotError: If the file cannot be read or is no whole snapshot.
         """
         try:
-            data = Path(path).read_bytes()
+            with Path(path).open("rb") as file:
+                # Nothing is known of how long a file is that is none.
+                data = file.readline(_LONGEST_HEAD)
+                _digest_of(data.rstrip(b"\n"))
+                data += file.read()
+        except SnapshotError as error:
+            raise SnapshotError(f"{os.fspath(path)!r}: {error}") from None
         except OSError as error:
             raise SnapshotError(f"{os.fspath(path)!r}: {error.strerror}") from None
         except ValueError as error:
@@ -131,3 +139,39 @@ class Snapshot:
             stored = self.arrays.get(name)
             if stored is None or stored.shape != array.shape or stored.dtype != array.dtype:
                 raise SnapshotError(f"the snapshot is of another shape: {name} differs")
+
+
+def _digest_of(head: bytes) -> str:
+    """Return the checksum that the first line of a snapshot states.
+
+    Raises:
+        SnapshotError: If it is of another kind or version.
+    """
+    if not head.startswith(MAGIC + b" "):
+        raise SnapshotError("not a snapshot of dsse_ros")
+    version, _, digest = head[len(MAGIC) + 1 :].decode("ascii", "replace").partition(" ")
+    if version != str(VERSION):
+        raise SnapshotError(f"snapshot version {version[:20]!r}; version {VERSION} is read")
+    return digest
+
+
+def _check_sizes(body: bytes) -> None:
+    """Raise unless the arrays in an archive take no more memory than the archive itself.
+
+    `to_bytes` compresses nothing. What NumPy makes room for is what the header of an array states.
+
+    Raises:
+        ValueError: If they take more.
+    """
+    with zipfile.ZipFile(io.BytesIO(body)) as archive:
+        parts = archive.infolist()
+        if any(part.compress_type != zipfile.ZIP_STORED for part in parts):
+            raise ValueError("compressed arrays are not allowed")
+        if sum(part.file_size for part in parts) > len(body):
+            raise ValueError("arrays that are larger than the file are not allowed")
+        for part in parts:
+            with archive.open(part) as file:
+                shape, dtype = array_header(file)
+                stated, there = math.prod(shape) * dtype.itemsize, part.file_size - file.tell()
+                if stated != there:
+                    raise ValueError(f"{part.filename}: {stated} bytes are not allowed; {there}")

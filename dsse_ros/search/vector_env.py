@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import kernels
 from dsse_ros.search.fields import FieldError, Spec, shown
-from dsse_ros.search.options import OBSERVED, check_options, check_seed
+from dsse_ros.search.observed_beliefs import observed_beliefs
+from dsse_ros.search.options import OBSERVED, check_mapping, check_options, check_seed
 from dsse_ros.search.recycling import Recycler
 from dsse_ros.search.rules import Rules
 from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
@@ -47,7 +48,7 @@ class LazyMaps:
         Raises:
             FieldError: If the cells are not (B, K, 2) integers.
         """
-        cells = _integers("cells", cells, (self._world.num_worlds, None, 2))
+        cells = check_integers("cells", cells, (self._world.num_worlds, None, 2))
         return self._world.cells(cells[..., 0], cells[..., 1])
 
     def windows(self, centres: NDArray[np.int64], reach: int) -> NDArray[np.float32]:
@@ -64,7 +65,8 @@ class LazyMaps:
             FieldError: If the centres are not (B, K, 2) integers, or the reach is not from 0 to
                 `MAX_REACH`.
         """
-        centres = _integers("centres", centres, (self._world.num_worlds, None, 2)).astype(np.int64)
+        centres = check_integers("centres", centres, (self._world.num_worlds, None, 2))
+        centres = centres.astype(np.int64)
         reach = Spec("int", "", low=0, high=MAX_REACH).check("reach", reach)
         offsets = np.arange(-reach, reach + 1)
         batch, count = centres.shape[:2]
@@ -99,9 +101,10 @@ class VectorEnv:
     float64, in percent.
 
     With `observe="belief"` `probability` is what can be known in each world from the searches there
-    (`belief.Belief`), and infos have `pos` (B,) float64, the cumulative probability of success of
-    the searches of the mission. Beliefs take 8 B C K (G + 4)^2 bytes, with C different
-    `person_pod_multipliers` and K = 1, or 64 where persons have a drift of their own (`v2`).
+    (`belief.Belief`), in the cells that the drones observed, and infos have `pos` (B,) float64, the
+    cumulative probability of success of the searches of the mission there. Beliefs take 8 B C K (G
+    + 4)^2 bytes, with C different `person_pod_multipliers` and K = 1, or 64 where persons have a
+    drift of their own (`v2`).
 
     Where the task is coverage, `probability` is what is left to cover, `Found` whether all is
     covered, and infos have the metrics of `coverage.Coverage`, (B,) float64 each.
@@ -145,7 +148,7 @@ class VectorEnv:
             threads=threads,
         )  # fmt: skip
         self.scenario = self.world.scenario
-        self._beliefs = WorldBeliefs(self.world) if of_belief else None
+        self._beliefs = observed_beliefs(self.world) if of_belief else None
         g = self.world.grid_size
         self.lazy = lazy
         self._lazy = LazyMaps(self.world) if lazy else None
@@ -222,7 +225,7 @@ class VectorEnv:
         Raises:
             FieldError: If the actions are not (B, N) integers; the missions stay as they are.
         """
-        actions = _integers("actions", actions, self._shape)
+        actions = check_integers("actions", actions, self._shape)
         if actions.dtype != np.int8:
             known = (actions >= 0) & (actions < len(self.rules.actions))
             actions = np.where(known, actions, HOLD).astype(np.int8)
@@ -241,6 +244,17 @@ class VectorEnv:
         observations = self._observations(positions, maps)
         return observations, rewards, terminated, truncated, self._infos(masks)
 
+    def out_of_time(self, infos: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+        """Return which worlds (B,) have ended as their time was out, by the infos of a step."""
+        # Not by the flags: where the rules set both at once, a crash has both too.
+        over: NDArray[np.bool_] = infos["over"] & ~infos["Found"]
+        return over & (infos["step"] > self.last_step)
+
+    @property
+    def last_step(self) -> int:
+        """The last step that drones act in, counted from 1; the one after it is out of time."""
+        return self.scenario.timestep_limit + self.rules.time_out_grace
+
     def close(self) -> None:
         """End the threads; a later step starts them again."""
         self.world.close()
@@ -253,12 +267,13 @@ class VectorEnv:
         Raises:
             FieldError: If an option is not allowed.
         """
-        if not isinstance(options, Mapping) or options.get(RESET_MASK) is None:
-            start = check_options({} if options is None else options, self.scenario, self.rules)
+        others = {k: v for k, v in check_mapping(options).items() if k != RESET_MASK}
+        mask = None if options is None else options.get(RESET_MASK)
+        if mask is None:
+            start = check_options(others, self.scenario, self.rules)
             return start, np.ones(self.num_envs, np.bool_)
-        mask = options[RESET_MASK]
-        if others := [name for name in options if name != RESET_MASK]:
-            raise FieldError(f"{RESET_MASK}: not allowed together with {shown(others[0])}")
+        if others:
+            raise FieldError(f"{RESET_MASK}: not allowed together with {shown(next(iter(others)))}")
         shape = (self.num_envs,)
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != shape:
             raise FieldError(f"{RESET_MASK}: {shown(mask)} is not allowed; bool {shape}")
@@ -322,7 +337,7 @@ def _check_seeds(seed: Any, count: int) -> Any:
     return [None if number is None else check_seed(number) for number in seed]
 
 
-def _integers(name: str, value: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
+def check_integers(name: str, value: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Return an array of integers of this shape, where None is any length.
 
     Raises:
@@ -383,7 +398,7 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise FieldError("lazy: true is not allowed here; observations must be arrays")
         self.num_envs = env.num_envs
         g, n = env.world.grid_size, env.world.num_drones
-        margin = int(env.rules.leave_policy == "fly_on")
+        margin = env.rules.margin
         cells = spaces.Box(-margin, g - 1 + margin, (n, 2), np.int64)
         self.single_observation_space = spaces.Dict(
             positions=cells, probability=spaces.Box(0.0, 1.0, (g, g), np.float32)
@@ -401,9 +416,7 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Advance every world by one step."""
         observations, rewards, _, _, infos = self.env.step(actions)
         done = infos["over"]
-        # Not by the flags: where the rules set both at once, a crash has both too.
-        last = self.env.scenario.timestep_limit + self.env.rules.time_out_grace
-        out_of_time = done & ~infos["Found"] & (infos["step"] > last)
+        out_of_time = self.env.out_of_time(infos)
         return observations, rewards.sum(axis=1), done & ~out_of_time, out_of_time, infos
 
     def close_extras(self, **kwargs: Any) -> None:

@@ -5,7 +5,8 @@
 An encoding is two functions. `encode` takes the cells of all drones (..., N, 2) as (x, y) and the
 map (..., G, G) as [y, x], and returns what each drone observes (..., N, ...), or a tuple of that
 and the map, which all drones share; leading axes are B in a batch and none in one mission. `space`
-is that of one drone. Shapes and values are those of the wrappers of DSSE 1.1.9.
+is that of one drone; where the rules let drones fly on outside, cells are a margin off the grid.
+Shapes and values are those of the wrappers of DSSE 1.1.9, whose drones stay on the grid.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
 from dsse_ros.search.fields import FieldError, Spec, shown
-from dsse_ros.search.options import check_options
-from dsse_ros.search.vector_env import VectorEnv
+from dsse_ros.search.options import check_mapping, check_options
+from dsse_ros.search.vector_env import RESET_MASK, VectorEnv
 
 Array = NDArray[Any]
 
@@ -32,11 +33,12 @@ class Encoding(NamedTuple):
 
     Attributes:
         encode: encode(positions, probability), see the module.
-        space: space(num_drones, grid_size) of one drone's observation.
+        space: space(num_drones, grid_size, margin) of one drone's observation, for cells that are
+            up to `Rules.margin` off the grid.
     """
 
     encode: Callable[[Array, Array], Any]
-    space: Callable[[int, int], spaces.Space[Any]]
+    space: Callable[[int, int, int], spaces.Space[Any]]
 
 
 def own_first(positions: Array) -> Array:
@@ -66,8 +68,8 @@ def _for_each(drones: int, values: Array, axes: int) -> Array:
 
 
 def with_all_positions(positions: Array, probability: Array) -> tuple[Array, Array]:
-    """Return (..., N, 2N) int64, the cells of `own_first`, and the map, which all share."""
-    return _own_first_flat(positions.astype(np.int64)), probability
+    """Return (..., N, 2N) int64, the cells of `own_first`, and the map float32, which all share."""
+    return _own_first_flat(positions.astype(np.int64)), probability.astype(np.float32, copy=False)
 
 
 def flattened(positions: Array, probability: Array) -> Array:
@@ -81,7 +83,8 @@ def flattened(positions: Array, probability: Array) -> Array:
 def most_probable_cells(positions: Array, probability: Array, *, count: int) -> Array:
     """Return (..., N, 2N + 2 count) int64: the cells of `own_first`, then the most probable ones.
 
-    The best one is first; of equally probable ones the one further south, then further east.
+    The best one is first; of equally probable ones the one further south, then further east. A
+    grid of fewer cells has all of them.
     """
     drones, grid = positions.shape[-2], probability.shape[-1]
     flat = probability.reshape(*probability.shape[:-2], grid * grid)
@@ -93,13 +96,13 @@ def most_probable_cells(positions: Array, probability: Array, *, count: int) -> 
 
 
 def encoded_in_matrix(positions: Array, probability: Array) -> Array:
-    """Return (..., N, G, G): the map with -1 in the other drones' cells, and 2 more in one's own.
+    """Return (..., N, G, G) float32: the map with -1 in others' cells, and 2 more in one's own.
 
     Drones are written one after the other, so that those after oneself hide oneself in the same
     cell; those off the grid are left out.
     """
     drones, grid = positions.shape[-2], probability.shape[-1]
-    out = _for_each(drones, probability, 2).copy()
+    out = _for_each(drones, probability, 2).astype(np.float32)
     flat = out.reshape(-1, drones, grid, grid)
     for world, cells in zip(flat, positions.reshape(-1, drones, 2).tolist(), strict=True):
         for i, (x, y) in enumerate(cells):
@@ -110,29 +113,38 @@ def encoded_in_matrix(positions: Array, probability: Array) -> Array:
     return out
 
 
-def _positions_space(drones: int, grid: int, more: int = 0) -> spaces.Box:
-    return spaces.Box(0, grid, (2 * drones + 2 * more,), np.int64)
+def _cells_space(count: int, grid: int, margin: int) -> spaces.Box:
+    return spaces.Box(-margin, grid, (2 * count,), np.int64)
+
+
+def _flattened_space(drones: int, grid: int, margin: int) -> spaces.Box:
+    edge = max(grid - 1, 1)
+    low, high = np.zeros(2 * drones + grid * grid), np.ones(2 * drones + grid * grid)
+    low[: 2 * drones], high[: 2 * drones] = -margin / edge, max((grid - 1 + margin) / edge, 1.0)
+    return spaces.Box(low, high, dtype=np.float64)
 
 
 ALL_POSITIONS = Encoding(
     with_all_positions,
-    lambda drones, grid: spaces.Tuple(
-        (_positions_space(drones, grid), spaces.Box(0, 1, (grid, grid), np.float32))
+    lambda drones, grid, margin: spaces.Tuple(
+        (_cells_space(drones, grid, margin), spaces.Box(0, 1, (grid, grid), np.float32))
     ),
 )
 """The cells of all drones, and the map."""
 
-FLATTENED = Encoding(
-    flattened, lambda drones, grid: spaces.Box(0, 1, (2 * drones + grid * grid,), np.float64)
-)
+FLATTENED = Encoding(flattened, _flattened_space)
 """One vector: the cells of all drones from 0 to 1, and the map."""
 
-IN_MATRIX = Encoding(encoded_in_matrix, lambda _, grid: spaces.Box(-1, 3, (grid, grid), np.float32))
+IN_MATRIX = Encoding(
+    encoded_in_matrix, lambda _, grid, margin: spaces.Box(-1, 3, (grid, grid), np.float32)
+)
 """The map alone, with the drones drawn into it."""
 
 
 def top_cells(count: int = 10) -> Encoding:
     """Return the encoding of the cells of all drones and the `count` most probable ones.
+
+    A grid of fewer cells than `count` has all of them, in a space of as many.
 
     Raises:
         FieldError: If the count is not an integer >= 1.
@@ -140,7 +152,7 @@ def top_cells(count: int = 10) -> Encoding:
     count = Spec("int", "", low=1).check("count", count)
     return Encoding(
         partial(most_probable_cells, count=count),
-        lambda drones, grid: _positions_space(drones, grid, count),
+        lambda drones, grid, margin: _cells_space(drones + min(count, grid * grid), grid, margin),
     )
 
 
@@ -167,12 +179,15 @@ class SeenDiscount:
         self._last_seen = np.zeros((*batch, grid + 2, grid + 2))
 
     def see(self, positions: Array, steps: Array | int) -> None:
-        """Note the cells (..., N, 2) after that many steps; a mission at step 0 begins anew."""
+        """Note the cells (..., N, 2) after that many steps.
+
+        A mission at step 0 begins anew; what was seen later than that was seen in another one.
+        """
         side = self._last_seen.shape[-1]
         seen = self._last_seen.reshape(-1, side, side)
         cells = positions.reshape(len(seen), -1, 2) + 1
         step = np.broadcast_to(steps, len(seen))
-        seen[step == 0] = 0.0
+        seen[seen >= step[:, None, None]] = 0.0
         seen[np.arange(len(seen))[:, None], cells[..., 1], cells[..., 0]] = step[:, None]
 
     def discount(self, probability: Array, steps: Array | int) -> Array:
@@ -209,7 +224,7 @@ class RetainedPositions(BaseParallelWrapper[str, Any, int]):
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Start a new mission; see the environment's own."""
-        options = {**(options or {}), "drones_positions": self.drones_positions}
+        options = {**check_mapping(options), "drones_positions": self.drones_positions}
         return self.env.reset(seed=seed, options=options)
 
 
@@ -220,7 +235,7 @@ class _ChangedObservations(BaseParallelWrapper[str, Any, int]):
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Start a new mission; see the environment's own."""
-        observations, infos = self.env.reset(seed=seed, options=dict(options or {}))
+        observations, infos = self.env.reset(seed=seed, options=dict(check_mapping(options)))
         return self._begin(observations), infos
 
     def step(self, actions: Mapping[str, int]) -> tuple[dict[str, Any], Any, Any, Any, Any]:
@@ -248,7 +263,9 @@ class EncodedObservations(_ChangedObservations):
         self.encoding = encoding
         self._search: Any = env.unwrapped
         self._number = {agent: i for i, agent in enumerate(env.possible_agents)}
-        space = encoding.space(len(env.possible_agents), len(self._search.probability))
+        space = encoding.space(
+            len(env.possible_agents), len(self._search.probability), self._search.rules.margin
+        )
         self.observation_spaces = dict.fromkeys(env.possible_agents, space)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -319,16 +336,31 @@ class EncodedVectorEnv:
             raise FieldError("lazy: true is not allowed with other observations")
         self.env = env
         self._encoding, self._seen = encoding, seen
-        self._start = {"drones_positions": drones_positions}
+        self._start = {}
+        if drones_positions is not None:
+            self._start["drones_positions"] = drones_positions
+        self._begun = False
         check_options(self._start, env.scenario, env.rules)
         world = env.world
         self.single_observation_space = encoding and encoding.space(
-            world.num_drones, world.grid_size
+            world.num_drones, world.grid_size, env.rules.margin
         )
 
     def reset(self, seed: Any = None, options: Mapping[str, Any] | None = None) -> tuple[Any, Any]:
-        """Start a new mission in every world, see `VectorEnv.reset`."""
-        observations, infos = self.env.reset(seed, {**(options or {}), **self._start})
+        """Start a new mission in every world, or in those of `reset_mask`, see `VectorEnv.reset`.
+
+        Raises:
+            FieldError: As there, or if some worlds are to be reset before all of them have been.
+        """
+        options = check_mapping(options)
+        if options.get(RESET_MASK) is not None:
+            if not self._begun:
+                raise FieldError(f"{RESET_MASK}: not allowed before a reset of every world")
+            # The drones were placed by that one; the worlds at step 0 forget what was seen.
+            observations, infos = self.env.reset(seed, options)
+            return self._observe(observations, infos), infos
+        observations, infos = self.env.reset(seed, {**options, **self._start})
+        self._begun = True
         if self._seen is not None:
             self._seen.reset(observations["probability"])
         return self._observe(observations, infos), infos

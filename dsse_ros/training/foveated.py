@@ -139,4 +139,5 @@ def foveated(names: Sequence[str]) -> Encoding:
         features, turns = _seen(positions, probability)
         return features, order[turns]
 
-    return Encoding(encode, lambda drones, grid: spaces.Box(-1.0, np.inf, (FEATURES,), np.float32))
+    space = spaces.Box(-1.0, np.inf, (FEATURES,), np.float32)
+    return Encoding(encode, lambda drones, grid, margin: space)

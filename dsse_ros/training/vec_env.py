@@ -18,8 +18,13 @@ from dsse_ros.search.drone_slots import DroneSlots
 class DroneVecEnv(VecEnv):
     """A `VecEnv` of one environment for each drone of each world, with action masks.
 
-    At the end of a mission infos have what `Monitor` writes (`episode`), and `is_success`, whether
-    every person was found.
+    When a drone's search ends, infos have what `Monitor` writes (`episode`), `is_success`, whether
+    every person was found, and `TimeLimit.truncated`, whether it ended because time was out: then
+    the learner takes the value of `terminal_observation` for what was to come.
+
+    A drone that does not act, as it is out of a mission that others go on with or as its time is
+    out, still has its place in the arrays, for they cannot shrink. No action is allowed to it: its
+    mask is all False. `rollouts.ActingRolloutBuffer` keeps what such drones do from the learner.
 
     Args:
         slots: The drones.
@@ -29,13 +34,8 @@ class DroneVecEnv(VecEnv):
 
     def __init__(self, slots: DroneSlots) -> None:
         self.slots = slots
-        space = slots.single_observation_space
-        if not isinstance(space, spaces.Box):
-            raise TypeError(f"observations are a {type(space).__name__}, not a Box")
-        observed = spaces.Box(
-            space.low.astype(np.float32), space.high.astype(np.float32), dtype=np.float32
-        )
-        super().__init__(slots.num_slots, observed, spaces.Discrete(slots.num_actions))
+        actions = spaces.Discrete(slots.num_actions)
+        super().__init__(slots.num_slots, slots.single_observation_space, actions)
         self._began_s = time.monotonic()
         self._returns = np.zeros(slots.num_slots)
         self._lengths = np.zeros(slots.num_slots, np.int64)
@@ -44,14 +44,14 @@ class DroneVecEnv(VecEnv):
         self._actions = np.zeros(slots.num_slots, np.int64)
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """Return (S, A) bool, the actions that are allowed."""
+        """Return (S, A) bool, the actions that are allowed; none to a drone that does not act."""
         return self._masks
 
     def reset(self) -> NDArray[np.float32]:
         """Start a new mission in every world; after `seed(s)` world b is that of seed s + b."""
         observations, masks = self.slots.reset(self._seeds[0])
         self._reset_seeds()
-        self._masks = masks.astype(np.bool_)
+        self._note_masks(masks)
         self._returns[:], self._lengths[:], self._out[:] = 0.0, 0, False
         return observations
 
@@ -62,7 +62,7 @@ class DroneVecEnv(VecEnv):
     def step_wait(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], list[dict[str, Any]]]:
         """Advance every world by one step."""
         step = self.slots.step(self._actions)
-        self._masks = step.action_masks.astype(np.bool_)
+        self._note_masks(step.action_masks)
         self._returns += step.rewards
         self._lengths += ~self._out
         dones = step.terminated | step.truncated
@@ -77,10 +77,14 @@ class DroneVecEnv(VecEnv):
                     "t": time.monotonic() - self._began_s,
                 },
                 "is_success": bool(step.found[slot // drones]),
+                "TimeLimit.truncated": bool(step.out_of_time[slot]),
             }
             self._returns[slot], self._lengths[slot] = 0.0, 0
         self._out = dones & ~np.repeat(step.over, drones)
         return step.observations, step.rewards.astype(np.float32), dones, infos
+
+    def _note_masks(self, masks: NDArray[np.int8]) -> None:
+        self._masks = masks.astype(np.bool_) & self.slots.acting[:, None]
 
     def close(self) -> None:
         """End the batch's threads."""

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from golden import EPISODES, META
 from pettingzoo.test import parallel_api_test
 
-from dsse_ros.compat import DroneSwarmSearch, wrappers
+from dsse_ros.compat import CoverageDroneSwarmSearch, DroneSwarmSearch, wrappers
 from dsse_ros.search import parallel_env, vector_env
 from dsse_ros.search import wrappers as native
 
@@ -177,3 +178,17 @@ def test_wrappers_pass_the_api_test_of_pettingzoo() -> None:
         env: Any = parallel_env(rules="v2", grid_size=6, num_drones=2, timestep_limit=20)
         parallel_api_test(native.EncodedObservations(env, encoding), num_cycles=50)
         assert name
+
+
+@pytest.mark.parametrize("name", ["all_positions", "flatten", "matrix", "top"])
+def test_what_the_coverage_task_observes_through_wrappers_lies_in_its_spaces(
+    name: str, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "poc.npy", np.arange(9.0).reshape(3, 3))
+    search = CoverageDroneSwarmSearch(prob_matrix_path=str(tmp_path / "poc.npy"), drone_amount=2)
+    env = native.EncodedObservations(search, encodings()[name])
+    observations, _ = env.reset()
+    while env.agents:
+        for agent, observed in observations.items():
+            assert env.observation_space(agent).contains(observed)
+        observations, *_ = env.step(dict.fromkeys(env.agents, 1))

@@ -271,3 +271,41 @@ def test_mission_time_never_leaves_what_a_stamp_holds() -> None:
     assert flown.live
     assert flown.result.stamp_ns + 10**8 * 10**9 >= END_NS
     assert flown.reset(0).stamp_ns == 10**8 * 10**9
+
+
+def parts_of(snapshot: Snapshot) -> list[tuple[str, str]]:
+    return [("arrays", name) for name in snapshot.arrays] + [("extra", n) for n in snapshot.extra]
+
+
+def of_faults() -> Mission:
+    return mission(3, position_noise=0.5, probability_of_detection=0.3)
+
+
+def state(flown: Mission) -> tuple[object, ...]:
+    parts = flown.snapshot()
+    return flown.env.world.state_bytes(), flown.pos, flown.belief().tobytes(), parts.extra
+
+
+@pytest.mark.parametrize("part", parts_of(of_faults().snapshot()), ids=lambda part: part[1])
+def test_a_snapshot_that_lacks_a_part_is_refused_and_nothing_changes(part: tuple[str, str]) -> None:
+    flown, other = of_faults(), of_faults()
+    fly(flown, [SEARCH, 1, 3])
+    fly(other, [1, SEARCH, SEARCH])
+    fly(other, [3, SEARCH, SEARCH])
+    snapshot, (of, name) = flown.snapshot(), part
+    del getattr(snapshot, of)[name]
+    result, before = other.result, state(other)
+    with pytest.raises(SnapshotError) as refusal:
+        other.restore(snapshot)
+    assert "\n" not in str(refusal.value)
+    assert other.result is result and state(other) == before
+
+
+@pytest.mark.parametrize("name", ["result_actions", "result_commands"])
+def test_a_snapshot_with_an_action_that_is_none_is_refused(name: str) -> None:
+    flown, other = of_faults(), of_faults()
+    snapshot, before = flown.snapshot(), state(other)
+    snapshot.arrays[name][1] = 7
+    with pytest.raises(SnapshotError, match=f"is of no mission that can be: {name}"):
+        other.restore(snapshot)
+    assert state(other) == before

@@ -18,7 +18,9 @@ from dsse_ros.mission.mission_log import MissionLog, columns_of, last_pos, read_
 from dsse_ros.mission.mission_views import mission_views
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.search import HOLD, Snapshot, parallel_env
+from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.fault_kernels import STATUSES
+from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from msg_adapters.frames import scenario_frame
 from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_stamp
@@ -78,6 +80,38 @@ def test_the_record_has_what_faults_did_and_gives_the_same_pictures(tmp_path: Pa
     views = list(mission_views(record, scenario, rules, seed=3, belief=True))
     assert len(views) == len(results)
     assert views[-1].pos == mission.pos
+
+
+def test_what_the_simulation_knows_of_searches_is_of_the_cells_where_they_were_done(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "mission.csv"
+    starts = [(4, 4), (5, 4), (4, 3)]
+    mission = make(
+        position_noise=1.5, command_drop_rate=0.3, person_amount=1, drones_positions=starts,
+        person_initial_position=(4, 4), probability_of_detection=0.05,
+    )  # fmt: skip
+    belief = Belief(Forecast(mission.env.scenario, mission.env.rules, drift_samples=DRIFT_SAMPLES))
+    log, draw, elsewhere = logged(path, mission), np.random.default_rng(2), 0
+    while mission.result.step < 30 and not mission.done:
+        drones, probability = mission.env.world.drones[0], mission.env.probability.copy()
+        cells = list(zip(drones["x"].tolist(), drones["y"].tolist(), strict=True))
+        elsewhere += int((mission.result.cells != cells).any(axis=1).sum())
+        mission.command_all([8 if draw.random() < 0.5 else int(draw.integers(8)) for _ in starts])
+        result = mission.advance("hold")
+        log.write(mission, result)
+        searched = [i for i in range(3) if result.actions[i] == 8]
+        expected = [float(probability[y, x]) for x, y in (cells[i] for i in searched)]
+        assert result.probabilities[searched].tolist() == expected
+        belief.observe_failed_searches([cells[i] for i in searched if not result.found[i]])
+        for i in searched:
+            if result.found[i]:
+                belief.observe_find(cells[i])
+        belief.advance()
+        assert mission.pos == pytest.approx(belief.pos, abs=1e-9)
+        assert mission.belief() == pytest.approx(belief.cells(), abs=1e-6)
+    log.close()
+    assert elsewhere > 20
 
 
 def test_a_mission_resumed_from_its_snapshot_writes_the_same_record(tmp_path: Path) -> None:

@@ -88,7 +88,9 @@ def test_the_same_information_gives_the_same_ascii_text(info):
 def test_an_area_comes_back_as_its_mask_and_as_its_polygons():
     square = [[-24.035, -46.165], [-24.035, -46.15], [-24.02, -46.15], [-24.02, -46.165]]
     rules = profile("paper")
-    given = Scenario(area=square, grid_size=8, cell_size=200, person_initial_position=(4, 4))
+    given = Scenario(
+        area=square, grid_size=8, cell_size=200, person_initial_position=(4, 4), num_drones=2
+    )
     scenario = given.resolve(rules)
     mask = scenario.area_mask
     area = area_rows(mask)
@@ -104,7 +106,7 @@ def test_what_is_to_be_covered_comes_back_without_the_file_that_it_was_in(tmp_pa
     matrix = np.arange(64.0).reshape(8, 8)
     np.save(tmp_path / "matrix.npy", matrix)
     rules = profile("coverage")
-    scenario = Scenario(probability_matrix=tmp_path / "matrix.npy").resolve(rules)
+    scenario = Scenario(probability_matrix=tmp_path / "matrix.npy", num_drones=2).resolve(rules)
     message = agents_message(
         dataclasses.replace(INFO, definition=SearchDefinition(rules, scenario))
     )
@@ -116,13 +118,40 @@ def test_what_is_to_be_covered_comes_back_without_the_file_that_it_was_in(tmp_pa
 
 def test_a_message_names_no_file_to_be_read(tmp_path):
     rules = profile("paper")
-    definition = SearchDefinition(rules, Scenario().resolve(rules))
+    definition = SearchDefinition(rules, Scenario(num_drones=2).resolve(rules))
     document = json.loads(agents_message(dataclasses.replace(INFO, definition=definition)).data)
     for name, wanted in (("area", "a GeoJSON object"), ("probability_matrix", "an object")):
         message = json.loads(json.dumps(document))
         message["definition"]["scenario"][name] = str(tmp_path / "file")
         with pytest.raises(ValueError, match=rf"^agents.definition.scenario.{name}: .* {wanted}"):
             agents_from_message(String(data=json.dumps(message)))
+
+
+@pytest.mark.parametrize(
+    ("fields", "line"),
+    [
+        (
+            {"num_drones": 10**8, "drones_positions": None},
+            "num_drones: 100000000 is not allowed; 2,",
+        ),
+        ({"num_drones": 3, "drones_positions": None}, "num_drones: 3 is not allowed; 2,"),
+        ({"grid_size": 10_000}, "grid_size: 10000 is not allowed; 8,"),
+        ({"grid_size": None, "zone_size": 1e6}, "grid_size: 7693 is not allowed; 8,"),
+    ],
+)
+def test_a_definition_of_another_search_takes_no_memory(fields, line, little_memory):
+    rules = profile("paper")
+    definition = SearchDefinition(rules, Scenario(num_drones=2).resolve(rules))
+    document = json.loads(agents_message(dataclasses.replace(INFO, definition=definition)).data)
+    document["definition"]["scenario"] |= fields
+    message = String(data=json.dumps(document))
+    with little_memory(), pytest.raises(ValueError, match=f"^agents.definition: {line}"):
+        agents_from_message(message)
+
+
+def test_no_grid_is_larger_than_that_of_a_scenario():
+    with pytest.raises(ValueError, match="^agents.grid_size: 10001 is not allowed; at most 10000"):
+        agents_from_message(changed(["grid_size"], 10_001))
 
 
 def test_the_grid_of_the_information_is_the_simulators():

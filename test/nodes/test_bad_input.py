@@ -135,6 +135,19 @@ CASES = {
     "unknown QoS policy": Case("-p qos_overrides./clock.publisher.dept:=3", "did you mean depth?"),
     "wrong QoS": Case("-p qos_overrides./clock.publisher.reliability:=maybe", "best_effort"),
     "wrong QoS depth": Case("-p qos_overrides./clock.publisher.depth:=0", "depth: 0"),
+    "joint actions of another time": Case(
+        "-p qos_overrides./joint_action.subscription.durability:=transient_local",
+        "joint_action.subscription.durability: 'transient_local' is not allowed; volatile",
+    ),
+    "actions of another time": Case(
+        "-p qos_overrides./drone0/cmd_action.subscription.durability:=transient_local",
+        "drone0/cmd_action.subscription.durability: 'transient_local' is not allowed; volatile",
+    ),
+    "joint actions for another time": Case(
+        "-p qos_overrides./joint_action.publisher.durability:=transient_local",
+        "joint_action.publisher.durability: 'transient_local' is not allowed; volatile",
+        "planner_node",
+    ),
     "parameter without a value": Case("-p num_drones", "num_drones"),
     "two contradicting types": Case("-p num_drones:=[1,two]", "num_drones"),
     "missing parameter file": Case("--params-file /no/such.yaml", "/no/such.yaml"),

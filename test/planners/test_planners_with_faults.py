@@ -12,9 +12,11 @@ from test_batch import OPTIONS, alone
 
 from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
 from dsse_ros.planners.batch import play_missions
+from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.search import parallel_env
 from dsse_ros.search.actions import ActionSet
+from dsse_ros.search.belief import Belief
 
 NAMES = [name for name in PLANNER_NAMES if name not in (*COVERAGE_PLANNERS, "onnx")]
 """Planners that look for persons and need no file."""
@@ -28,6 +30,47 @@ FAULTS: dict[str, Any] = {
     "loss_rate": 0.01, "stuck_rate": 0.05, "stuck_steps": 2, "command_drop_rate": 0.1,
     "false_alarm_rate": 0.1, "position_noise": 0.3, "wind_speed": 3.0, "wind_toward": 200.0,
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"position_noise": 0.8},
+        {"position_noise": 0.8, "command_drop_rate": 0.3, "command_delay": 1},
+        {"command_drop_rate": 0.3, "stuck_rate": 0.2},
+    ],
+    ids=lambda fault: ", ".join(fault),
+)
+def test_a_planner_learns_from_searches_of_cells_that_it_observed_before_and_after_them(
+    fault: dict[str, Any],
+) -> None:
+    env = parallel_env(
+        grid_size=9, drones_positions=[(4, 4), (6, 4), (4, 2)], sigma=3.0, vector=(0.2, 0.1),
+        collisions=False, pre_search_minutes=2.0, probability_of_detection=0.3,
+        person_initial_position=(4, 4), **fault,
+    )  # fmt: skip
+    planner = planner_for(env, "belief_greedy", learn_drift=False)
+    assert isinstance(planner, BeliefPlanner)
+    searches = 0
+    for seed in range(12):
+        observations, infos = env.reset(seed=seed)
+        actions = planner(observations, infos)
+        assert planner.belief is not None
+        expected = Belief(planner.belief.forecast)
+        for _ in range(25):
+            cells = {agent: tuple(cell.tolist()) for agent, (cell, _) in observations.items()}
+            observations, *_, infos = env.step(actions)
+            if not env.agents:
+                break
+            now = {agent: tuple(cell.tolist()) for agent, (cell, _) in observations.items()}
+            search = env.rules.action_set.search
+            did = [a for a in env.agents if infos[a]["action"] == search and now[a] == cells[a]]
+            expected.observe_failed_searches([cells[agent] for agent in did])
+            expected.advance()
+            searches += len(did)
+            actions = planner(observations, infos)
+            assert planner.belief.cells() == pytest.approx(expected.cells(), abs=1e-12)
+    assert searches > 12
 
 
 def test_an_action_that_a_mask_forbids_is_a_search_or_what_is_left() -> None:

@@ -9,15 +9,20 @@ import random
 import struct
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import lz4.frame
 import pytest
+import zstandard
 from flown import Flown, write
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Chunk, DataEnd, Footer, Header
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from dsse_ros.recording.bag import BagWriter, Recorded, read_bag
+from dsse_ros.recording.bag import MAX_CHUNK_BYTES, BagWriter, Recorded, read_bag
 from dsse_ros.search import FieldError
 from msg_adapters.step_report import step_report_from_message
 
@@ -189,3 +194,85 @@ def test_an_end_in_the_midst_of_the_magic_bytes_is_no_bag(bag: Path, tmp_path: P
     cut.write_bytes(io.BytesIO(bag.read_bytes()).read(5))
     with pytest.raises(FieldError, match="none of the topics"):
         list(read_bag(cut))
+
+
+def bag_of(folder: Path, *records: Any) -> Path:
+    """A bag of these records, whole with its end."""
+    builder = RecordBuilder()
+    Header(profile="ros2", library="").write(builder)
+    for record in records:
+        if isinstance(record, bytes):
+            builder.write(record)
+        else:
+            record.write(builder)
+    DataEnd(data_section_crc=0).write(builder)
+    Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
+    path = folder / "bag.mcap"
+    path.write_bytes(MCAP0_MAGIC + builder.end() + MCAP0_MAGIC)
+    return path
+
+
+def chunk_of(compression: str, data: bytes, size: int) -> Chunk:
+    return Chunk(
+        compression=compression, data=data, message_start_time=0, message_end_time=0,
+        uncompressed_crc=0, uncompressed_size=size,
+    )  # fmt: skip
+
+
+def states_much(zstd: bytes) -> bytes:
+    """A frame of zstd whose header states 4 GB (RFC 8878, 3.1.1.1)."""
+    at = 5 + (not zstd[4] & 0x20)
+    assert zstd[4] >> 6 == 2 and struct.unpack_from("<I", zstd, at)[0] == len(MUCH)
+    return zstd[:at] + struct.pack("<I", 2**32 - 1) + zstd[at + 4 :]
+
+
+MUCH = bytes(10**8)
+
+
+@pytest.mark.parametrize(
+    ("chunk", "says"),
+    [
+        (
+            lambda: chunk_of("zstd", zstandard.compress(MUCH), MAX_CHUNK_BYTES + 1),
+            f"has a chunk of {MAX_CHUNK_BYTES + 1} bytes; at most {MAX_CHUNK_BYTES} are allowed",
+        ),
+        (lambda: chunk_of("lz4", lz4.frame.compress(MUCH), 2**60), "are allowed"),
+        (lambda: chunk_of("zstd", zstandard.compress(MUCH), 1000), "is damaged before byte"),
+        (lambda: chunk_of("zstd", states_much(zstandard.compress(MUCH)), 1000), "is damaged"),
+        (lambda: chunk_of("lz4", lz4.frame.compress(MUCH), 1000), "is damaged before byte"),
+        (lambda: chunk_of("", b"x" * 1001, 1000), "is damaged before byte"),
+        (lambda: chunk_of("zstd", b"none", 1000), "is damaged before byte"),
+        (lambda: chunk_of("brotli", b"none", 4), "is damaged before byte"),
+        # Lengths within a record that are larger than the record, and than the file.
+        (lambda: b"\x06" + struct.pack("<QQQQII", 36, 0, 0, 100, 0, 2**32 - 1), "is damaged"),
+        (lambda: b"\x06" + struct.pack("<QQQQIIQ", 40, 0, 0, 8, 0, 0, 2**62), "is damaged"),
+        (lambda: chunk_of("", b"\x03" + struct.pack("<QHI", 6, 1, 2**32 - 1), 15), "is damaged"),
+    ],
+)
+def test_a_bag_takes_no_more_memory_than_it_states(
+    chunk: Any, says: str, tmp_path: Path, little_memory: Any
+) -> None:
+    path = bag_of(tmp_path, chunk())
+    assert path.stat().st_size < 10**6
+    with little_memory(), pytest.raises(FieldError, match=says) as refusal:
+        list(read_bag(path))
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("compression", ["", "zstd", "lz4"])
+def test_a_bag_of_any_compression_is_read_message_by_message(
+    compression: str, tmp_path: Path, little_memory: Any
+) -> None:
+    path = tmp_path / "another.mcap"
+    kinds = {"": CompressionType.NONE, "zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4}
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1 << 24, compression=kinds[compression])
+        writer.start(profile="ros2", library="")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        topic = writer.register_channel("/agents", "cdr", schema)
+        for number in range(90_000):
+            writer.add_message(topic, number, b"", number)
+        writer.finish()
+    with little_memory():
+        # All in one chunk of 3 MB: one object for each would take 45 MB.
+        assert sum(1 for _ in read_bag(path)) == 90_000

@@ -21,7 +21,8 @@ from std_msgs.msg import Empty, String
 
 from dsse_ros.cli.replay import main
 from dsse_ros.recording.bag import Recorded
-from dsse_ros.recording.replay import ReplayedMission, replay
+from dsse_ros.recording.replay import replay
+from dsse_ros.recording.replayed import ReplayedMission
 from dsse_ros.search import FieldError
 from msg_adapters.frames import cell_to_map
 
@@ -409,3 +410,13 @@ def test_a_bag_without_agents_is_refused() -> None:
     of = Flown()
     with pytest.raises(FieldError, match="no message on agents"):
         list(replay(of.messages[1:]))
+
+
+def test_a_mission_on_a_larger_grid_than_is_allowed_is_not_replayed() -> None:
+    of = Flown()
+    of.fly(5)
+    cells = of.mission.env.scenario.grid_size**2
+    (mission,) = replay(of.messages, max_cells=cells - 1)
+    assert mission.incomplete.startswith("grid_size: ") and mission.steps == 0
+    (mission,) = replay(of.messages, max_cells=cells)
+    assert not mission.incomplete and mission.difference is None

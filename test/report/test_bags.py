@@ -88,10 +88,13 @@ def metrics_of(
     flying = set(drones)
     length = [0.0 for _ in drones]
     cells: list[tuple[float, float]] = []
-    pos, expected_s, first_s, collisions, nearest, total = 0.0, 0.0, None, 0, math.inf, 0.0
+    pos, waited_s, first_s, collisions, nearest, total = 0.0, 0.0, None, 0, math.inf, 0.0
+    left_s = info["timestep_limit"] * step_s
     for k, rows in enumerate(steps):
+        if k and flying and k <= info["timestep_limit"]:
+            waited_s += (1 - pos) * step_s
+            left_s -= step_s
         if k:
-            expected_s += (1 - pos) * step_s if k <= info["timestep_limit"] else 0
             belief, taken = [list(row) for row in beliefs[number, k - 1]], 0.0
             for i in sorted(flying) if k <= info["timestep_limit"] else ():
                 if rows[i]["action"] == search:
@@ -115,7 +118,8 @@ def metrics_of(
                 flying.discard(i)
     return {
         "pos": pos,
-        "expected_time_to_detection": expected_s,
+        "expected_time_at_least": waited_s + (0.0 if first_s else (1 - pos) * left_s),
+        "expected_time_at_most": waited_s + (1 - pos) * left_s,
         "time_to_detection": first_s,
         "coverage": len(set(cells)) / info["grid_size"] ** 2,
         "coverage_factor": len(cells) / info["grid_size"] ** 2,
@@ -255,3 +259,13 @@ def test_a_bag_without_a_mission_is_refused(
     fly(env, Bag(tmp_path / "mission.mcap", env, topics=topics))
     with pytest.raises(FieldError, match=says):
         MissionBag(tmp_path / "mission.mcap")
+
+
+def test_a_bag_of_a_larger_grid_than_is_allowed_is_refused(tmp_path: Path) -> None:
+    env = environment()
+    fly(env, Bag(tmp_path / "mission.mcap", env))
+    with pytest.raises(FieldError, match="mission 1: grid_size: 9 is not allowed; at most 8, for"):
+        MissionBag(tmp_path / "mission.mcap", max_cells=80)
+    assert MissionBag(tmp_path / "mission.mcap", max_cells=81).missions
+    line = "--max-cells=80"
+    assert main([str(tmp_path / "mission.mcap"), line, "--out", str(tmp_path / "out")]) == 2

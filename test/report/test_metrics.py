@@ -20,7 +20,10 @@ from hypothesis import strategies as st
 from dsse_ros.mission.mission import Mission
 from dsse_ros.report.metrics import METRICS, curves, effort, metrics, work
 from dsse_ros.report.record import read_csv
+from dsse_ros.report.replay import with_search
 from dsse_ros.report.texts import outcome
+from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 
 Rows = list[list[dict[str, str]]]
 
@@ -34,13 +37,17 @@ def steps_of(path: Path) -> Rows:
     return list(by_step.values())
 
 
-def expected(steps: Rows, cells_of_area: int, last_step: int) -> dict[str, Any]:
+def expected(
+    steps: Rows, cells_of_area: int, last_step: int, *, scenario_known: bool
+) -> dict[str, Any]:
     """Return the metrics by plain loops; steps after `last_step` come too late to be done."""
     drones = [[row for row in rows if row["agent"].startswith("drone")] for rows in steps]
     count = len(drones[0])
     alive, lengths = [True] * count, [0.0] * count
     searched: list[tuple[str, str]] = []
-    collisions, nearest, first_find, pos_sum, total = 0, math.inf, None, 0.0, 0.0
+    collisions, nearest, first_find, total = 0, math.inf, None, 0.0
+    # The mean time until detection, as if the search ended with the first find, or with the record.
+    waited_s, missed, step = 0.0, 1.0, 0
     for k, rows in enumerate(drones):
         places = [(float(row["east_m"]), float(row["north_m"])) for row in rows]
         flying = [i for i in range(count) if alive[i]]
@@ -60,12 +67,16 @@ def expected(steps: Rows, cells_of_area: int, last_step: int) -> dict[str, Any]:
             collisions += away == 0 and k > 0
         for i, row in enumerate(rows):
             alive[i] = alive[i] and row["terminated"] == "0" and row["truncated"] == "0"
-        if 0 < k <= last_step:
-            pos_sum += (1 - float(drones[k - 1][0]["pos"])) * 13.0
+        if flying and 0 < k <= last_step and step == k - 1 and first_find in (None, k * 13.0):
+            waited_s, step = waited_s + missed * 13.0, k
+            missed = 1 - float(rows[0]["pos"])
+    horizon_known = scenario_known or len(drones) - 1 > last_step
+    left_s = (last_step - step) * missed * 13.0 if horizon_known else None
     persons = [row for row in steps[-1] if row["agent"].startswith("person")]
     return {
         "pos": float(drones[-1][0]["pos"]),
-        "expected_time_to_detection": pos_sum,
+        "expected_time_at_least": waited_s + (left_s or 0.0) * (first_find is None),
+        "expected_time_at_most": None if left_s is None else waited_s + left_s,
         "time_to_detection": first_find,
         "share_found": sum(row["found"] == "1" for row in persons) / len(persons),
         "coverage": len(set(searched)) / cells_of_area,
@@ -103,21 +114,78 @@ def test_metrics_equal_those_of_plain_loops(
     fly(env, Log(path, env), seeds=(seed,), searching=searching)
     (record,) = read_csv(path)
     steps = steps_of(path)
-    plain = expected(steps, 81, env.scenario.timestep_limit)
-    numbers = metrics(record)
-    assert set(plain) | {"drones_lost", "duration"} == set(numbers) == {m.name for m in METRICS}
-    for name, value in plain.items():
-        assert numbers[name] == (None if value is None else pytest.approx(value, abs=1e-6)), name
+    for scenario_known in (True, False):
+        of = with_search(record, env.rules, env.scenario) if scenario_known else record
+        plain = expected(steps, 81, env.scenario.timestep_limit, scenario_known=scenario_known)
+        numbers = metrics(of)
+        assert set(plain) | {"drones_lost", "duration"} == set(numbers) == {m.name for m in METRICS}
+        for name, value in plain.items():
+            close = None if value is None else pytest.approx(value, abs=1e-6)
+            assert numbers[name] == close, name
 
     # The parts make the whole.
-    count, done, of = effort(record), work(record), curves(record)
+    count, done, grown = effort(record), work(record), curves(record)
     assert count.sum() == done.searching.sum() == plain["searches"]
-    assert (count > 0).sum() == of.cells_searched[-1]
+    assert (count > 0).sum() == grown.cells_searched[-1]
     steps_flown = done.searching + done.moving + done.holding
     assert np.array_equal(steps_flown, record.acted.sum(axis=0))
     assert done.returns.sum() == pytest.approx(plain["episode_return"])
     for name in ("num_searches", "cells_searched", "path_length_m", "num_detections"):
-        assert (np.diff(getattr(of, name)) >= 0).all()
+        assert (np.diff(getattr(grown, name)) >= 0).all()
+
+
+def test_the_expected_time_is_that_of_the_plan_whenever_luck_has_it_that_somebody_is_found(
+    tmp_path: Path,
+) -> None:
+    fields: dict[str, Any] = {
+        "probability_of_detection": 0.1, "timestep_limit": 30, "vector": (0.1, 0.1),
+        "drones_positions": [(4, 4), (4, 3), (5, 5)],
+    }  # fmt: skip
+    env = environment("v2", **fields)
+    draw = np.random.default_rng(0)
+    search = env.rules.action_set.search
+    plan = draw.integers(0, 8, (31, 3))
+    plan[draw.random(plan.shape) < 0.8] = search
+    # What the searches of the whole plan come to, with nobody found.
+    belief = Belief(Forecast(env.scenario, env.rules, drift_samples=DRIFT_SAMPLES))
+    blind = environment("v2", **{**fields, "probability_of_detection": 0.0})
+    blind.reset(seed=0)
+    exact_s = 0.0
+    for joint in plan[:30]:
+        exact_s += (1.0 - belief.pos) * 13.0
+        cells = [tuple(cell) for cell in blind.positions.tolist()]
+        searched = np.flatnonzero(joint == search)
+        belief.observe_failed_searches([cells[i] for i in searched])
+        belief.advance()
+        blind.advance(joint.astype(np.int8))
+    mission, times_s, bounds = Mission(env, 0), [], []
+    for seed in range(150):
+        log = Log(tmp_path / "mission.csv", env)
+        mission.reset(seed)
+        while True:
+            log.write(mission)
+            if mission.done:
+                break
+            mission.command_all(plan[mission.result.step].tolist())
+            mission.advance("hold")
+        log.close()
+        (record,) = read_csv(tmp_path / "mission.csv")
+        numbers = metrics(with_search(record, env.rules, env.scenario))
+        low, high = numbers["expected_time_at_least"], numbers["expected_time_at_most"]
+        assert low is not None and high is not None
+        assert low - 1e-6 <= exact_s <= high + 1e-6
+        bounds.append((low, high))
+        time_s = numbers["time_to_detection"]
+        times_s.append(390.0 if time_s is None else time_s)
+        if time_s is None:
+            assert low == pytest.approx(exact_s) == high
+    found = np.array(times_s) < 390.0
+    assert 20 < found.sum() < 130
+    # The mean of what luck made of it is what was to be expected.
+    assert np.mean(times_s) == pytest.approx(exact_s, abs=4 * np.std(times_s) / len(times_s) ** 0.5)
+    # The sooner somebody was found, the less is known of the plan.
+    widths = np.diff(bounds, axis=1).ravel()[np.argsort(times_s, kind="stable")]
+    assert (np.diff(widths) <= 1e-6).all() and widths[0] > 50.0
 
 
 def test_effort_says_which_cell_was_searched_how_often(tmp_path: Path) -> None:
@@ -155,5 +223,6 @@ def test_a_search_that_finds_nobody_has_no_time_to_detection(tmp_path: Path) -> 
     (record,) = read_csv(tmp_path / "mission.csv")
     numbers = metrics(record)
     assert numbers["time_to_detection"] is None and numbers["separation"] is None
-    assert numbers["expected_time_to_detection"] == numbers["duration"] == 14 * 13.0
+    assert numbers["expected_time_at_least"] == numbers["expected_time_at_most"] == 14 * 13.0
+    assert numbers["duration"] == 14 * 13.0
     assert outcome(record) == "not found, out of time"

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +14,12 @@ from flights import Flown, Log, environment, fly
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.report.record import RecordedMission, grid_of, is_bag, read_csv
 from dsse_ros.report.replay import follow_belief, forecast_for, views, with_search
 from dsse_ros.search import FieldError, SearchEnv
+from msg_adapters.frames import scenario_frame
 
 
 def recorded(
@@ -63,6 +67,32 @@ def test_belief_pos_and_maps_come_out_again(rules: str, tmp_path: Path) -> None:
         assert shown.step == last and shown.tracks.shape == (3, last + 1, 2)
     assert shown.searches is not None and shown.searches.any()
     assert np.array_equal(shown.searches, env.view().searches)
+
+
+def test_what_drones_did_is_read_of_where_they_were_whatever_they_observed(tmp_path: Path) -> None:
+    env = environment("v2", position_noise=2.0, grid_size=12, probability_of_detection=0.1)
+    path = tmp_path / "mission.csv"
+    log = MissionLog(path, scenario_frame(env.scenario), faults=True)
+    mission, draw, cells = Mission(env, 3), np.random.default_rng(1), []
+    while True:
+        log.write(mission, mission.result)
+        drones = env.world.drones[0]
+        cells.append(np.stack([drones["x"], drones["y"]], axis=1))
+        if mission.done:
+            break
+        mission.command_all(draw.integers(4, 9, 3).tolist())
+        mission.advance("hold")
+    log.close()
+    (record,) = read_csv(path)
+    assert np.array_equal(record.cells, cells)
+    assert (record.grid_size, record.cell_size_m) == (12, 130)
+    known = with_search(record, env.rules, env.scenario)
+    forecast = forecast_for(known, None)
+    assert forecast is not None
+    pos, _ = follow_belief(known, forecast)
+    assert pos == pytest.approx(record.pos, abs=1e-9)
+    # It compares the map with the probability of each search.
+    assert views(known, {len(record.steps) - 1})
 
 
 def test_a_step_that_comes_too_late_is_no_work_with_the_scenario_and_without(
@@ -160,3 +190,52 @@ def test_a_bag_is_known_by_its_first_bytes(tmp_path: Path) -> None:
     (tmp_path / "log").write_bytes(b"\x89MCAP")
     paths = ("bag", "log", "nothing", ".")
     assert [is_bag(tmp_path / path) for path in paths] == [True, False, False, True]
+
+
+def changed(path: Path, cells: dict[str, str]) -> Path:
+    """Change these columns of the first row of a log."""
+    head, first, *rest = path.read_text().splitlines()
+    row = dict(zip(head.split(","), first.split(","), strict=True)) | cells
+    path.write_text("\n".join([head, ",".join(row.values()), *rest, ""]))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("cells", "says"),
+    [
+        ({"action": "x" * 100_000}, "a field of 100000 characters is not allowed; at most 100"),
+        ({"agent": "drone" + "1" * 96}, "a field of 101 characters is not allowed; at most 100"),
+        ({"action": "x" * 200_000}, "is neither the CSV of a mission nor a bag"),
+    ],
+)
+def test_a_field_takes_no_room_in_all_others(
+    cells: dict[str, str], says: str, tmp_path: Path, little_memory: Any
+) -> None:
+    env = environment(probability_of_detection=0.0)
+    fly(env, Log(tmp_path / "mission.csv", env), seeds=tuple(range(1, 30)))
+    path = changed(tmp_path / "mission.csv", cells)
+    with little_memory(), pytest.raises(FieldError, match=says):
+        read_csv(path)
+
+
+def test_a_grid_that_is_larger_than_it_may_be_gets_no_memory(
+    tmp_path: Path, little_memory: Any
+) -> None:
+    env = environment(num_drones=1, drones_positions=[(0, 0)], person_amount=1)
+    fly(env, Log(tmp_path / "mission.csv", env), steps=0)
+    rows = (tmp_path / "mission.csv").read_text().splitlines()[:2]
+    row = rows[1].split(",")
+    row[7] = f"{130 * 29_999.5:.3f}"
+    path = tmp_path / "large.csv"
+    path.write_text("\n".join([rows[0], ",".join(row), ""]))
+    says = "mission 1: grid_size: 30000 is not allowed; at most 2000, for max_cells 4000000"
+    with little_memory(), pytest.raises(FieldError, match=says):
+        read_csv(path)
+    assert read_csv(path, max_cells=30_000**2)[0].grid_size == 30_000
+
+
+def test_a_step_that_no_mission_of_the_scenario_has_is_refused(tmp_path: Path) -> None:
+    _, env, (one, _) = recorded(tmp_path / "mission.csv")
+    late = replace(one, steps=np.array([*one.steps[:-1], 10**15]))
+    with pytest.raises(FieldError, match=f"timestep_limit 14 is not allowed; step {10**15} was"):
+        with_search(late, env.rules, env.scenario)

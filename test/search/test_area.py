@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import pickle
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from dsse_ros.search import (
     profile,
     vector_env,
 )
-from dsse_ros.search.area import Area, runs_of
+from dsse_ros.search.area import Area, area_mask, runs_of
 
 SQUARE = [[-24.035, -46.165], [-24.035, -46.15], [-24.02, -46.15], [-24.02, -46.165]]
 PLACE = {"origin_lat": ORIGIN[0], "origin_lon": ORIGIN[1], "cell_size": CELL_M}
@@ -298,10 +299,43 @@ def test_persons_have_room_in_the_area_or_are_refused() -> None:
 
 
 def test_land_is_left_out_where_the_land_mask_is_installed() -> None:
-    pytest.importorskip("global_land_mask")
+    pytest.importorskip("roaring_landmask")
     sea, mountains = (-24.04, -46.36), (-23.80, -46.40)
     env = parallel_env(land=True, grid_size=40, origin_lat=sea[0], origin_lon=sea[1], cell_size=130)
     mask = env.scenario.area_mask
-    assert mask is not None and mask[39, 0] and not mask[0, 39]
+    assert mask is not None and mask[39, 0] and not mask[12, 36]
     with pytest.raises(FieldError, match="land: true is not allowed; the grid has no cell at sea"):
         parallel_env(land=True, origin_lat=mountains[0], origin_lon=mountains[1])
+    # An island and a strait that a mask of 1 km does not have: Moela, and the Golden Gate.
+    island = area_mask(None, True, 5, 130.0, (-24.0527, -46.2665, 0.0))
+    assert island is not None and not island[2, 2] and island[0, 0]
+    strait = area_mask(None, True, 1, 130.0, (37.8174, -122.4787, 0.0))
+    assert strait is None
+
+
+def test_without_the_land_mask_land_is_refused_with_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "roaring_landmask", None)
+    with pytest.raises(FieldError, match=r"^land: roaring-landmask is missing; pip install .*land"):
+        parallel_env(land=True, grid_size=3)
+
+
+def test_a_large_grid_is_looked_at_in_parts(
+    monkeypatch: pytest.MonkeyPatch, little_memory: Any
+) -> None:
+    ring = [(-24.05, -46.18), (-23.9, -46.1), (-23.95, -46.0)]
+    whole = area_mask(Area.of(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    monkeypatch.setattr("dsse_ros.search.area._BLOCK_CELLS", 7 * 300)
+    area_mask.cache_clear()
+    parts = area_mask(Area.of(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    assert whole is not None and parts is not None and 0 < parts.sum() < 90_000
+    np.testing.assert_array_equal(parts, whole)
+    with pytest.raises(
+        FieldError,
+        match=r"a cell of the grid, -24\.03986 to -23\.95885 N and -46\.16985 to -46\.08167 E",
+    ):
+        area_mask(Area.of([(10, 10), (10, 11), (11, 11)]), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    monkeypatch.undo()
+    with little_memory():
+        area_mask(Area.of(ring), False, 2000, 4.0, (-24.04, -46.17, 0.0))

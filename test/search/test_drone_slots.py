@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.search import FieldError, parallel_env, vector_env
+from dsse_ros.search import FieldError, VectorEnv, parallel_env, vector_env
 from dsse_ros.search.drone_slots import DroneSlots, Transition, searched_probability
-from dsse_ros.search.wrappers import FLATTENED
+from dsse_ros.search.scenario import scenario_and_rules
+from dsse_ros.search.wrappers import ALL_POSITIONS, FLATTENED, Encoding
 
 WORLDS, DRONES, GRID = 4, 3, 7
 MISSION: dict[str, Any] = {
@@ -69,30 +70,165 @@ def test_a_slot_is_an_agent_of_the_single_environment_mission_after_mission(
     assert ends > WORLDS
 
 
-def test_what_drones_search_adds_up_to_the_probability_of_success() -> None:
-    env = vector_env(
-        3, rules="v2", observe="belief", probability_of_detection=0.7, dispersion_inc=0.3,
-        **{**MISSION, "drones_positions": [(3, 4), (3, 5), (2, 4)]},
-    )  # fmt: skip
-    observations, infos = env.reset(seed=2)
-    search = env.rules.actions.index("search")
-    generator = np.random.default_rng(4)
-    compared = 0
-    for _ in range(40):
-        actions = np.where(
-            generator.random((3, DRONES)) < 0.7, search, generator.integers(0, 8, (3, DRONES))
-        ).astype(np.int8)
-        before, was_over, observed = infos["pos"], infos["over"], observations
-        observations, _, _, truncated, infos = env.step(actions)
-        step = Transition(env, observed, actions, observations, infos["over"])
+class Reported(VectorEnv):
+    """A batch that keeps the infos of its last step."""
+
+    infos: dict[str, Any]
+
+    def step(self, actions: Any) -> Any:
+        result = super().step(actions)
+        self.infos = result[-1]
+        return result
+
+
+def reported(**fields: Any) -> Reported:
+    return Reported(3, *scenario_and_rules(**fields), observe="belief")
+
+
+CLOSE = {"drones_positions": [(3, 4), (3, 5), (2, 4)]}
+"""Drones that meet, where the person is."""
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {},
+        {"rules": "paper", "leave_policy": "terminate", "circle": False},
+        {"command_drop_rate": 0.4},
+        {"command_delay": 2},
+        {"stuck_rate": 0.2, "stuck_steps": 3},
+        {"loss_rate": 0.05, "false_alarm_rate": 0.3},
+        {"battery_move": 6.0, "relief_steps": 2},
+    ],
+    ids=lambda fields: next(iter(fields), "no faults"),
+)
+def test_what_drones_have_searched_adds_up_to_the_probability_of_success(
+    fields: dict[str, Any],
+) -> None:
+    search = {"rules": "v2", "probability_of_detection": 0.7, "dispersion_inc": 0.3}
+    env = reported(**{**search, **MISSION, **CLOSE, **fields})
+    compared = found = idle = 0
+    before = np.zeros(3)
+
+    def compare(step: Transition) -> Any:
+        nonlocal compared, found, idle, before
         shares = searched_probability(step)
-        assert ((shares == 0) | (actions == search)).all()
-        # A search that has found somebody is no failed one, one after the time is none at all.
-        failed = ~was_over & ~infos["Found"] & ~truncated.any(axis=1)
+        # A search that has found somebody is no failed one.
+        failed = ~env.infos["Found"]
         expected = before + (1 - before) * shares.sum(axis=1)
-        assert infos["pos"][failed] == pytest.approx(expected[failed], abs=1e-5)
-        compared += failed.sum()
-    assert compared > 40
+        assert env.infos["pos"][failed] == pytest.approx(expected[failed], abs=1e-5)
+        compared, found = compared + failed.sum(), found + (~failed).sum()
+        idle += (step.actions == -1).sum()
+        before = np.where(step.over, 0.0, env.infos["pos"])
+        return shares
+
+    slots = DroneSlots(env, reward=compare)
+    slots.reset(seed=2)
+    searches = env.rules.actions.index("search")
+    generator = np.random.default_rng(4)
+    for _ in range(60):
+        often = generator.random(slots.num_slots) < 0.7
+        moves = generator.integers(0, searches, slots.num_slots)
+        slots.step(np.where(often, searches, moves))
+    # In every kind of search some drones did nothing, if only as their time was out.
+    assert compared > 60 and found > 0 and idle > 0
+
+
+def test_what_drones_did_is_not_what_they_were_commanded() -> None:
+    steps: list[Transition] = []
+
+    def note(step: Transition) -> Any:
+        steps.append(step)
+        return np.zeros(step.actions.shape)
+
+    fields = {**MISSION, **CLOSE, "rules": "v2", "command_delay": 1, "position_noise": 3.0}
+    fields["person_pod_multipliers"] = [0.0]
+    slots = DroneSlots(vector_env(2, observe="belief", **fields), reward=note)
+    slots.reset(seed=0)
+    starts = slots.env.world.starts
+    for number in (8, 2, 8):
+        slots.step(np.full(slots.num_slots, number))
+    assert [step.actions[0].tolist() for step in steps] == [[-1] * 3, [8] * 3, [2] * 3]
+    assert all(np.array_equal(step.cells, starts) for step in steps)
+    assert any((step.before["positions"] != step.cells).any() for step in steps)
+    # The first command, a search, was done in the second step: where the drones were.
+    searched = steps[1]
+    there = searched.before["probability"][np.arange(2)[:, None], starts[..., 1], starts[..., 0]]
+    assert searched_probability(searched) == pytest.approx(there, abs=1e-7) and there.any()
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"rules": "paper", "grid_size": 5},
+        {"rules": "v1", "drones_positions": [(0, 0), (6, 0), (0, 6)]},
+        {"rules": "v2"},
+        {"rules": "coverage", "grid_size": 3},
+    ],
+    ids=lambda fields: str(fields["rules"]),
+)
+def test_drones_whose_time_is_out_differ_from_those_whose_search_has_ended(
+    fields: dict[str, Any],
+) -> None:
+    terminal: list[Any] = []
+
+    def note(step: Transition) -> Any:
+        terminal.append(step.terminal.ravel())
+        return np.zeros(step.actions.shape)
+
+    search = {**MISSION, "person_initial_position": (1, 2), **fields}
+    slots = DroneSlots(vector_env(WORLDS, **search), reward=note)
+    _, masks = slots.reset(seed=1)
+    last, generator = slots.env.last_step, np.random.default_rng(0)
+    out = np.zeros(slots.num_slots, bool)
+    counts = {"in time": 0, "out of time": 0, "found": 0}
+    for _ in range(150):
+        acting = slots.acting.copy()
+        alive = slots.env.world.drones["alive"].ravel()
+        # Some leave the grid, or meet.
+        allowed = masks | (generator.random(masks.shape) < 0.02)
+        step = slots.step((generator.random(masks.shape) * allowed).argmax(axis=1))
+        masks = step.action_masks
+        ended = (step.terminated | step.truncated) & ~out
+        late = np.repeat(step.steps > last, DRONES)
+        found = np.repeat(step.found, DRONES)
+        assert np.array_equal(step.out_of_time, ended & late & ~found)
+        assert np.array_equal(terminal[-1], ended & ~step.out_of_time)
+        # Where the rules do nothing any more after the last step, no drone acts.
+        acts_late = slots.env.rules.time_out_acts
+        assert np.array_equal(acting, alive & ~out & (~late | acts_late))
+        out = (step.terminated | step.truncated) & ~np.repeat(step.over, DRONES)
+        counts["in time"] += (ended & ~late).sum()
+        counts["out of time"] += step.out_of_time.sum()
+        counts["found"] += (ended & found).sum()
+    assert counts["out of time"] > 0 and counts["in time"] + counts["found"] > 0
+
+
+@pytest.mark.parametrize("encoded", [False, True])
+def test_actions_that_are_none_are_refused_and_the_missions_stay(encoded: bool) -> None:
+    env = vector_env(2, rules="v2", **MISSION)
+    turned = FLATTENED
+    if encoded:
+        count = len(env.rules.actions)
+
+        def encode(positions: Any, probability: Any) -> Any:
+            order = np.broadcast_to(np.arange(count), (*positions.shape[:-1], count))
+            return FLATTENED.encode(positions, probability), order
+
+        turned = Encoding(encode, FLATTENED.space)
+    slots = DroneSlots(env, turned)
+    slots.reset(seed=1)
+    before = env.world.state_bytes()
+    for number in (9, 260, -1, -250, 2**40):
+        actions = np.zeros(slots.num_slots, np.int64)
+        actions[3] = number
+        with pytest.raises(FieldError, match=f"^actions: {number} is not allowed; from 0 to 8$"):
+            slots.step(actions)
+    for wrong in (np.zeros(slots.num_slots), np.zeros(5, int), np.zeros((2, 3), int)):
+        with pytest.raises(FieldError, match=r"^actions: .* is not allowed; integers \(6\)$"):
+            slots.step(wrong)
+    assert env.world.state_bytes() == before
+    slots.step(np.full(slots.num_slots, 8, np.uint8))
 
 
 def test_a_reward_of_ones_own_takes_the_place_of_that_of_the_rules() -> None:
@@ -107,3 +243,8 @@ def test_a_reward_of_ones_own_takes_the_place_of_that_of_the_rules() -> None:
 def test_slots_of_a_lazy_batch_are_refused() -> None:
     with pytest.raises(FieldError, match="lazy: true is not allowed with slots"):
         DroneSlots(vector_env(2, lazy=True))
+
+
+def test_slots_of_observations_that_are_no_arrays_are_refused() -> None:
+    with pytest.raises(FieldError, match="observations of a Tuple are not allowed with slots"):
+        DroneSlots(vector_env(2), ALL_POSITIONS)

@@ -272,6 +272,10 @@ def test_a_drone_makes_its_way_against_the_wind_at_its_ground_speed() -> None:
     for _ in range(20):
         env.advance(np.array([2], np.int8))
     assert env.positions[0].tolist() == [0, 20 - int(20 * 0.75**0.5)]
+    # In the time that it took: 15 cells against a wind of 5 m/s at an airspeed of 10 m/s.
+    scenario = env.scenario
+    assert scenario.step_duration_s == scenario.cell_size / 10.0
+    assert 30 * scenario.step_duration_s == pytest.approx(15 * scenario.cell_size / (10.0 - 5.0))
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import io
 import re
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -178,3 +180,61 @@ def test_a_matrix_with_nothing_in_the_area_is_refused() -> None:
     square = [[-24.035, -46.165], [-24.035, -46.15], [-24.02, -46.15], [-24.02, -46.165]]
     with pytest.raises(FieldError, match=r"^cover_min_probability: .* no cell of the area"):
         parallel_env(rules="coverage", probability_matrix=matrix, area=square, **PLACE)
+
+
+def header_of(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
+    """The header of an array in NumPy's format."""
+    file = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        file, {"descr": dtype, "fortran_order": False, "shape": shape}
+    )
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.npy", header_of((100_000, 100_000))),
+        ("a.npy", header_of((9_000, 9_000)) + bytes(800)),
+        ("a.npy", header_of((10_001, 10_001), "|u1")),
+        ("a.npy", header_of((5_000, 5_000), "<U100")),
+        ("a.npy", header_of((10**8,))),
+        ("a.csv", b"1," * 3_000_000 + b"1"),
+        ("a.csv", b"1\n" * 10_001),
+        ("a.csv", b"1,1\n" + b"1\n" * 100_000),
+        ("a.csv", b"1" * 200_000),
+        ("a.csv", b'"' + b"1\n" * 200_000),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_file_of_a_larger_matrix_is_refused_before_there_is_memory_for_it(
+    name: str, content: bytes, tmp_path: Path, little_memory: Any
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    del content
+    with (
+        little_memory(),
+        pytest.raises(FieldError, match="is not allowed; a square matrix .* at most 10000 a side"),
+    ):
+        Scenario(probability_matrix=tmp_path / name)
+
+
+@pytest.mark.parametrize("block", [16, 60_000])
+def test_a_tiff_is_looked_at_before_it_is_read(
+    block: int, tmp_path: Path, little_memory: Any
+) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    side = 12_000 if block == 16 else 16
+    profile_of_it: dict[str, Any] = {
+        "driver": "GTiff", "width": side, "height": side, "count": 1, "dtype": "uint8",
+        "sparse_ok": True, "tiled": True, "blockxsize": block, "blockysize": block,
+        "compress": "deflate",
+    }  # fmt: skip
+    path = tmp_path / "a.tif"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        with rasterio.open(path, "w", **profile_of_it):
+            pass
+    assert path.stat().st_size < 10_000_000
+    with little_memory(), pytest.raises(FieldError, match="is not allowed; a square matrix"):
+        Scenario(probability_matrix=path)

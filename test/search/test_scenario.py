@@ -196,6 +196,13 @@ def test_a_resolved_scenario_is_checked_like_any_other(field: str, value: Any) -
             attempt()
 
 
+def test_the_speed_of_drones_is_stated_as_the_airspeed_that_the_wind_acts_on() -> None:
+    assert "Airspeed" in SPECS["drone_speed"].doc
+    assert "drone_speed: Airspeed" in str(parallel_env.__doc__)
+    assert "airspeed is drone_speed" in SPECS["wind_speed"].doc
+    assert not [name for name, spec in SPECS.items() if "ground speed" in spec.doc.lower()]
+
+
 def test_the_paper_s_camera_sees_cells_of_130_m_and_a_kilometre_takes_eight() -> None:
     scenario = resolved(zone_size=1000)
     assert scenario.cell_size == 130

@@ -5,10 +5,13 @@
 from __future__ import annotations
 
 import copy
+import hashlib
+import io
 import os
 import pickle
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +23,7 @@ from hypothesis import strategies as st
 from play import some_actions, started
 
 from dsse_ros.search import Snapshot, SnapshotError, aec_env, parallel_env, vector_env
+from dsse_ros.search.snapshot import MAGIC, VERSION
 
 MISSION: dict[str, Any] = {
     "grid_size": 10,
@@ -243,3 +247,78 @@ def test_a_snapshot_that_cannot_be_written_leaves_no_file_behind(tmp_path: Path)
     with pytest.raises(OSError):
         started(seed=0, **MISSION).snapshot().save(tmp_path / "taken")
     assert [p.name for p in tmp_path.iterdir()] == ["taken"]
+
+
+def signed(parts: dict[str, bytes], compression: int = zipfile.ZIP_STORED) -> bytes:
+    """A snapshot of these files, with the checksum that belongs to them."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", compression) as archive:
+        for name, data in parts.items():
+            archive.writestr(name, data)
+    return headed(content.getvalue())
+
+
+def headed(body: bytes) -> bytes:
+    digest = hashlib.sha256(body).hexdigest()
+    return MAGIC + f" {VERSION} {digest}\n".encode() + body
+
+
+def array_file(array: Any, stated: tuple[int, ...] | None = None) -> bytes:
+    """An array as a file, whose header states this shape."""
+    file = io.BytesIO()
+    header = np.lib.format.header_data_from_array_1_0(array)
+    np.lib.format.write_array_header_1_0(file, header | {"shape": stated or array.shape})
+    return file.getvalue() + array.tobytes()
+
+
+def overlapping(count: int) -> bytes:
+    """An archive in which many names stand for the same bytes."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        archive.writestr("a.npy", array_file(np.zeros(100_000)))
+        first = archive.infolist()[0]
+        for number in range(count):
+            again = copy.copy(first)
+            again.filename = f"a{number}.npy"
+            archive.filelist.append(again)
+    return content.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("data", "line"),
+    [
+        (
+            signed({"a.npy": array_file(np.zeros(10**7))}, zipfile.ZIP_DEFLATED),
+            "compressed arrays are not allowed",
+        ),
+        (
+            signed({"a.npy": array_file(np.zeros(10), (10**10,))}),
+            "a.npy: 80000000000 bytes are not allowed; 80",
+        ),
+        (
+            signed({"a.npy": array_file(np.zeros(10), (3,))}),
+            "a.npy: 24 bytes are not allowed; 80",
+        ),
+        (headed(overlapping(1000)), "arrays that are larger than the file are not allowed"),
+        (signed({"a.npy": b"no array at all"}), "the magic string is not correct"),
+        (signed({"a": b""}), "EOF"),
+        (signed({"a.npy": b"\x93NUMPY\x03\x00" + bytes(100)}), "version (3, 0) of the header"),
+        (signed({}), "'meta"),
+        (headed(b"no archive"), "File is not a zip file"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_an_archive_that_states_more_than_it_has_is_refused_before_there_is_memory_for_it(
+    data: bytes, line: str, tmp_path: Path, little_memory: Any
+) -> None:
+    path = tmp_path / "mission.snapshot"
+    path.write_bytes(data)
+    assert len(data) < 2_000_000
+    with little_memory(), pytest.raises(SnapshotError) as refusal:
+        Snapshot.load(path)
+    assert line in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_a_file_that_does_not_end_is_no_snapshot() -> None:
+    with pytest.raises(SnapshotError, match="'/dev/zero': not a snapshot of dsse_ros"):
+        Snapshot.load("/dev/zero")

@@ -44,6 +44,12 @@ CASES: dict[str, dict[str, Any]] = {
         "rules": "v2", "grid_size": 10, "num_drones": 2, "vector": (0.6, 0.3), "timestep_limit": 25,
         "probability_of_detection": 0.5, "person_initial_position": (4, 4),
     },
+    # What is observed of the drones, and not where they are, is all that there is to learn from.
+    "wrong positions": {
+        "rules": "v2", "grid_size": 10, "num_drones": 3, "vector": (0.6, 0.3), "timestep_limit": 25,
+        "probability_of_detection": 0.5, "person_initial_position": (4, 4), "person_amount": 2,
+        "drones_positions": [(4, 4), (5, 4), (4, 3)], "position_noise": 0.8,
+    },
 }  # fmt: skip
 cases = pytest.mark.parametrize("case", CASES)
 copies = pytest.mark.parametrize(

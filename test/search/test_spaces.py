@@ -1,0 +1,162 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Every observation lies in its declared space: of every profile, wrapper, option and grid size."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from play import missions, some_actions
+
+from dsse_ros.search import JointVectorEnv, aec_env, parallel_env, vector_env
+from dsse_ros.search.drone_slots import DroneSlots
+from dsse_ros.search.wrappers import (
+    ALL_POSITIONS,
+    FLATTENED,
+    IN_MATRIX,
+    DiscountedObservations,
+    EncodedObservations,
+    EncodedVectorEnv,
+    Encoding,
+    RetainedPositions,
+    SeenDiscount,
+    top_cells,
+)
+
+STEPS = 12
+
+encodings = st.sampled_from([ALL_POSITIONS, FLATTENED, IN_MATRIX]) | st.integers(1, 120).map(
+    top_cells
+)
+one_array = encodings.filter(lambda encoding: encoding is not ALL_POSITIONS)
+
+
+@st.composite
+def searches(draw: st.DrawFn) -> dict[str, Any]:
+    """Keyword arguments of `parallel_env`: of every profile, with rules and faults of any kind."""
+    rules = draw(st.sampled_from(["paper", "v1", "v2", "coverage"]))
+    fields = draw(missions(max_grid=6, max_drones=4, max_persons=1)) | {"rules": rules}
+    faults = {
+        "position_noise": st.floats(0, 10),
+        "loss_rate": st.floats(0, 0.5),
+        "command_delay": st.integers(0, 3),
+        "battery_move": st.floats(0, 20),
+    }
+    others = {
+        "dispersion_inc": st.floats(0, 2),
+        "leave_policy": st.sampled_from(["terminate", "stay", "fly_on"]),
+        "ends_together": st.booleans(),
+        "collisions": st.booleans(),
+    }
+    for name, values in (faults | others).items():
+        if draw(st.integers(0, 3)) == 0:
+            fields[name] = draw(values)
+    if rules == "coverage":
+        size = fields["grid_size"]
+        if draw(st.booleans()):
+            values = draw(st.lists(st.floats(0.1, 1e3), min_size=size**2, max_size=size**2))
+            fields["probability_matrix"] = np.reshape(values, (size, size))
+    else:
+        fields["observe"] = draw(st.sampled_from(["map", "belief"]))
+    return fields
+
+
+def wrapped(env: Any, encoding: Encoding | None, discount: int, retained: bool) -> Any:
+    """Put wrappers around a search."""
+    if retained:
+        cells = [tuple(cell) for cell in env.scenario.drones_positions[::-1]]
+        env = RetainedPositions(env, cells)
+    if discount:
+        env = DiscountedObservations(env, discount)
+    return env if encoding is None else EncodedObservations(env, encoding)
+
+
+@settings(deadline=None, max_examples=150)
+@given(searches(), st.none() | encodings, st.integers(0, 3), st.booleans(), st.integers(0, 2**32))
+def test_what_agents_observe_lies_in_their_spaces_through_any_wrappers(
+    fields: dict[str, Any], encoding: Encoding | None, discount: int, retained: bool, seed: int
+) -> None:
+    search = parallel_env(**fields)
+    env = wrapped(search, encoding, discount, retained)
+    rng = np.random.default_rng(seed)
+    observations, _ = env.reset(seed=seed)
+    for _ in range(STEPS):
+        for agent, observed in observations.items():
+            assert env.observation_space(agent).contains(observed)
+        assert search.state_space.contains(search.state())
+        if not env.agents:
+            break
+        observations, *_ = env.step(some_actions(search, rng))
+
+
+@settings(deadline=None, max_examples=60)
+@given(searches(), st.integers(0, 2**32))
+def test_what_agents_observe_in_turn_lies_in_their_spaces(
+    fields: dict[str, Any], seed: int
+) -> None:
+    env = aec_env(**fields)
+    env.reset(seed=seed)
+    rng = np.random.default_rng(seed)
+    for turn, agent in enumerate(env.agent_iter()):
+        observed, _, terminated, truncated, _ = env.last()
+        assert env.observation_space(agent).contains(observed)
+        over = terminated or truncated
+        env.step(None if over else int(rng.integers(env.action_space(agent).n)))
+        if turn > 4 * STEPS:
+            break
+
+
+@settings(deadline=None, max_examples=100)
+@given(searches(), st.none() | encodings, st.integers(0, 3), st.booleans(), st.integers(0, 2**16))
+def test_what_worlds_of_a_batch_observe_lies_in_their_spaces(
+    fields: dict[str, Any], encoding: Encoding | None, discount: int, retained: bool, seed: int
+) -> None:
+    inner = vector_env(2, **fields)
+    starts = inner.scenario.drones_positions[::-1] if retained else None
+    seen = SeenDiscount(discount) if discount else None
+    plain = encoding is None and seen is None and not retained
+    batch: Any = JointVectorEnv(inner)
+    space = batch.single_observation_space
+    if not plain:
+        batch = EncodedVectorEnv(inner, encoding, seen=seen, drones_positions=starts)
+        space = batch.single_observation_space or space
+    rng = np.random.default_rng(seed)
+    observed, _ = batch.reset(seed=seed)
+    for step in range(STEPS):
+        for b in range(2):
+            if encoding is None:
+                one = {name: values[b] for name, values in observed.items()}
+                assert space.contains(one)
+                continue
+            for n in range(inner.world.num_drones):
+                of_drone: Any = (
+                    (observed[0][b, n], observed[1][b])
+                    if isinstance(observed, tuple)
+                    else observed[b, n]
+                )
+                assert space.contains(of_drone)
+        if step == STEPS // 2:
+            mask = rng.random(2) < 0.5
+            observed, _ = batch.reset(options={"reset_mask": mask})
+        else:
+            shape = (2, inner.world.num_drones)
+            observed, *_ = batch.step(rng.integers(0, len(inner.rules.actions), shape))
+
+
+@settings(deadline=None, max_examples=60)
+@given(searches(), one_array, st.integers(0, 2**16))
+def test_what_slots_observe_lies_in_their_space(
+    fields: dict[str, Any], encoding: Encoding, seed: int
+) -> None:
+    slots = DroneSlots(vector_env(2, **fields), encoding)
+    space = slots.single_observation_space
+    rng = np.random.default_rng(seed)
+    observed, _ = slots.reset(seed=seed)
+    for _ in range(STEPS):
+        assert all(space.contains(of_slot) for of_slot in observed)
+        step = slots.step(rng.integers(0, slots.num_actions, slots.num_slots))
+        assert all(space.contains(of_slot) for of_slot in step.final_observations)
+        observed = step.observations

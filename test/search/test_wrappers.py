@@ -1,0 +1,136 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Other observations through resets of every kind, of one search and of batches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.search import FieldError, parallel_env, vector_env
+from dsse_ros.search.wrappers import (
+    ALL_POSITIONS,
+    FLATTENED,
+    IN_MATRIX,
+    DiscountedObservations,
+    EncodedObservations,
+    EncodedVectorEnv,
+    Encoding,
+    RetainedPositions,
+    SeenDiscount,
+    top_cells,
+)
+
+MISSION: dict[str, Any] = {
+    "rules": "v2", "grid_size": 6, "num_drones": 2, "timestep_limit": 40, "sigma": 3,
+    "person_initial_position": (3, 3),
+}  # fmt: skip
+STARTS = [(1, 1), (4, 3)]
+
+
+def joint(rng: np.random.Generator, batch: Any) -> Any:
+    return rng.integers(0, 9, (batch.env.num_envs, 2))
+
+
+@pytest.mark.parametrize(
+    "encoding", [None, ALL_POSITIONS, FLATTENED, IN_MATRIX, top_cells(4)], ids=lambda e: str(e)[:40]
+)
+def test_worlds_that_are_reset_by_a_mask_observe_a_start_and_the_others_what_they_did(
+    encoding: Encoding | None,
+) -> None:
+    batch = EncodedVectorEnv(
+        vector_env(4, **MISSION), encoding, seen=SeenDiscount(5), drones_positions=STARTS
+    )
+    rng = np.random.default_rng(1)
+    batch.reset(seed=3)
+    for _ in range(6):
+        before, *_, infos = batch.step(joint(rng, batch))
+    mask = np.array([True, False, False, True])
+    assert not infos["over"].any()
+    after, infos = batch.reset(seed=50, options={"reset_mask": mask})
+    start, _ = EncodedVectorEnv(
+        vector_env(4, **MISSION), encoding, seen=SeenDiscount(5), drones_positions=STARTS
+    ).reset(seed=50)
+    assert infos["step"].tolist() == [0, 6, 6, 0]
+    for now, was, begun in zip(parts(after), parts(before), parts(start), strict=True):
+        np.testing.assert_array_equal(now[~mask], was[~mask])
+        np.testing.assert_array_equal(now[mask], begun[mask])
+
+
+def parts(observed: Any) -> list[Any]:
+    if isinstance(observed, dict):
+        return list(observed.values())
+    return list(observed) if isinstance(observed, tuple) else [observed]
+
+
+def test_a_mask_needs_worlds_that_have_begun_and_stands_alone() -> None:
+    batch = EncodedVectorEnv(vector_env(2, **MISSION), FLATTENED)
+    mask = np.array([True, False])
+    with pytest.raises(FieldError, match="^reset_mask: not allowed before a reset of every world$"):
+        batch.reset(options={"reset_mask": mask})
+    batch.reset(seed=0)
+    state = batch.env.world.state_bytes()
+    with pytest.raises(FieldError, match="^reset_mask: not allowed together with 'vector'$"):
+        batch.reset(options={"reset_mask": mask, "vector": (0, 0)})
+    with pytest.raises(FieldError, match=r"^reset_mask: \[True\] is not allowed; bool \(2,\)$"):
+        batch.reset(options={"reset_mask": [True]})
+    assert batch.env.world.state_bytes() == state
+
+
+def test_no_mask_is_a_reset_of_every_world() -> None:
+    for batch in (vector_env(2, **MISSION), EncodedVectorEnv(vector_env(2, **MISSION), FLATTENED)):
+        batch.reset(seed=0)
+        _, infos = batch.reset(options={"reset_mask": None})
+        assert infos["step"].tolist() == [0, 0]
+
+
+def test_the_cells_of_a_reset_are_those_of_its_options_unless_the_batch_retains_its_own() -> None:
+    other = [(0, 5), (5, 0)]
+    plain = EncodedVectorEnv(vector_env(2, **MISSION))
+    observed, _ = plain.reset(options={"drones_positions": other})
+    assert observed["positions"].tolist() == [[[0, 5], [5, 0]]] * 2
+    retaining = EncodedVectorEnv(vector_env(2, **MISSION), drones_positions=STARTS)
+    observed, _ = retaining.reset(options={"drones_positions": other})
+    assert observed["positions"].tolist() == [[[1, 1], [4, 3]]] * 2
+
+
+def test_options_that_are_no_mapping_are_refused() -> None:
+    env: Any = parallel_env(**MISSION)
+    for wrapped in (
+        env,
+        vector_env(2, **MISSION),
+        EncodedObservations(env, FLATTENED),
+        DiscountedObservations(env, 3),
+        RetainedPositions(env, STARTS),
+        EncodedVectorEnv(vector_env(2, **MISSION), FLATTENED),
+    ):
+        for options in (5, [1], ""):
+            with pytest.raises(FieldError, match=r"^options: .* is not allowed; a mapping$"):
+                wrapped.reset(options=options)
+
+
+def test_a_grid_of_fewer_cells_than_are_asked_for_has_all_of_them() -> None:
+    env = EncodedObservations(parallel_env(grid_size=3, num_drones=2), top_cells(10))
+    observations, _ = env.reset(seed=0)
+    for agent, observed in observations.items():
+        assert env.observation_space(agent).contains(observed)
+        best = {tuple(cell) for cell in observed[4:].reshape(-1, 2).tolist()}
+        assert best == {(x, y) for x in range(3) for y in range(3)}
+
+
+def test_what_was_seen_in_a_mission_that_was_left_does_not_count_in_the_one_gone_back_to() -> None:
+    search = parallel_env(**MISSION, drones_positions=[(0, 0), (1, 2)])
+    env = DiscountedObservations(search, 5)
+    env.reset(seed=0)
+    early = search.snapshot()
+    for action in (1, 1, 3, 3, 1, 3):
+        env.step(dict.fromkeys(search.agents, action))
+    search.restore(early)
+    observations, *_ = env.step(dict.fromkeys(search.agents, 8))
+    fresh = DiscountedObservations(parallel_env(**MISSION, drones_positions=[(0, 0), (1, 2)]), 5)
+    fresh.reset(seed=0)
+    expected, *_ = fresh.step(dict.fromkeys(search.agents, 8))
+    for agent, (_, probability) in observations.items():
+        np.testing.assert_array_equal(probability, expected[agent][1])
