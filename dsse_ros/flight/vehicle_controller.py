@@ -237,7 +237,9 @@ class VehicleController:
             if self.exchange is not None:
                 situation.out += self.exchange.tick(now)
             has_setpoint = self.setpoints.target is not None
-            situation.out += self._requests.due(now, has_setpoint=has_setpoint)
+            state = situation.state
+            reticent = not (state.ready or state.armed or state.unready)
+            situation.out += self._requests.due(now, has_setpoint=has_setpoint, reticent=reticent)
 
     def hand_over(self, hold: Order, now: float) -> list[Outgoing]:
         """Have a vehicle that flies to our setpoints hold by itself; returns what to send.

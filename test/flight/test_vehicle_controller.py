@@ -602,6 +602,21 @@ def test_px4_flies_above_home_wherever_the_origin_of_its_estimate_is() -> None:
     assert flight.vehicle.craft.up_m == pytest.approx(30.0, abs=0.5)
 
 
+@pytest.mark.parametrize("missed", [False, True], ids=["heard", "missed"])
+def test_the_check_that_keeps_px4_on_the_ground_is_named(missed: bool) -> None:
+    flight = VirtualFlight("px4", vehicle={"parameters": (("COM_ARM_MIS_REQ", 1),)})
+    flight.wait(8.0)
+    if missed:
+        # Its report came before we did.
+        flight.restart()
+    flight.give(TakeOff(10.0))
+    flight.wait(15.0)
+    assert flight.outcome.reason == "waiting until it is ready (no valid mission)"
+    flight.vehicle.parameters["COM_ARM_MIS_REQ"] = 0
+    flight.until(lambda: flight.outcome.status != "under_way")
+    assert flight.outcome.status == "done"
+
+
 @pytest.mark.parametrize("home_up_m", [-2.0, 2.0])
 def test_px4_whose_home_moves_rests_at_the_top_of_its_climb_unasked(home_up_m: float) -> None:
     flight = VirtualFlight("px4", alt_tolerance_m=1.0)
