@@ -50,7 +50,7 @@ class FlightRecord:
     alt_m: float = 0.0
 
 
-_COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
+COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
 """Modes in which a vehicle comes down by itself, by what an operator calls that."""
 _ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
 CONTINUES = ("", "offboard", "radio", "gcs")
@@ -335,17 +335,17 @@ class VehicleCustody:
         brought_about: frozenset[str] = autopilot.orderly_modes
         if record.mode in autopilot.take_off_modes - {autopilot.resting_mode}:
             # One that has missed setpoints may have left the guided mode for any of these.
-            brought_about |= autopilot.setpoint_loss_modes | set(_COMING_DOWN.values())
+            brought_about |= autopilot.setpoint_loss_modes | set(COMING_DOWN.values())
             if record.mode == autopilot.take_off_mode and state.mode == autopilot.resting_mode:
                 if not state.has_position:
                     return False
                 if state.alt_m < record.alt_m - RISEN_M:
                     brought_about = frozenset()
         elif self.state is Custody.RECALLED:
-            brought_about = frozenset({_COMING_DOWN[record.end or "return"]})
+            brought_about = frozenset({COMING_DOWN[record.end or "return"]})
         elif self.state is Custody.ENDING:
-            comes_down = record.mode in _COMING_DOWN.values()
-            brought_about |= set(_COMING_DOWN.values())
+            comes_down = record.mode in COMING_DOWN.values()
+            brought_about |= set(COMING_DOWN.values())
             brought_about = frozenset() if comes_down else brought_about
         elif self.state is Custody.HELD:
             brought_about = frozenset({autopilot.resting_mode})

@@ -15,6 +15,7 @@ from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
 from dsse_ros.bridge.fence import Fence, check_take_off
 from dsse_ros.bridge.tasks import Task
 from dsse_ros.bridge.vehicle_custody import (
+    COMING_DOWN,
     CONTINUES,
     RISEN_M,
     Arm,
@@ -448,7 +449,7 @@ class VehicleFollower:
             case Custody.RECALLED:
                 return _ENDS[self.custody.record.end or "return"]
             case Custody.ENDING:
-                return self._wanted_at_the_end(clearance)
+                return self._wanted_at_the_end(state, clearance)
         return None
 
     def _wanted_on_the_ground(self, state: VehicleState, clearance: Clearance) -> Order | None:
@@ -477,8 +478,10 @@ class VehicleFollower:
             return None
         return Hold() if self._task is None or self._holding else self._task
 
-    def _wanted_at_the_end(self, clearance: Clearance) -> Order | None:
+    def _wanted_at_the_end(self, state: VehicleState, clearance: Clearance) -> Order | None:
         end, home = _ENDS["return" if self._whole else self._at_end], clearance.home
+        # An earlier program may have begun it.
         begun = self._given_for is not None and self._given_for[0] == end
+        begun |= state.mode in COMING_DOWN.values()
         there = self._given_for is not None and self._given_for[0] == home and self._done
         return end if home is None or end == Hold() or self.lost or begun or there else home
