@@ -229,6 +229,11 @@ class VehicleFollower:
         return ordered and self.custody.state is Custody.CLEARED
 
     @property
+    def given(self) -> Order | None:
+        """The order given last; None if there is none, or it is void."""
+        return self._given
+
+    @property
     def under_way(self) -> Order | None:
         """The order that it is carrying out; None if it has done that, or has none."""
         return None if self._done else self._given

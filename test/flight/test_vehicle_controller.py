@@ -15,6 +15,7 @@ from autopilot.main import make_vehicle
 from autopilot.px4 import Mode, Px4
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
 from dsse_ros.flight.commands import ControllerSettings
@@ -445,6 +446,17 @@ def test_a_pilot_who_takes_over_is_left_alone(autopilot: str, during: str) -> No
     flight.wait(60.0)
     assert len(flight.sent) == sent
     assert flight.state.mode == mode
+
+
+def test_texts_that_are_no_warnings_are_not_the_reason_of_a_take_over() -> None:
+    flight = flying()
+    flight.give(go_to(flight, 300.0, 0.0))
+    flight.wait(3.0)
+    flight.vehicle.send_text("EKF3 IMU0 MAG0 in-flight yaw alignment complete")
+    flight.vehicle.send_text("EKF variance", mavlink.MAV_SEVERITY_CRITICAL)
+    flight.vehicle.pilot_takes_over("LOITER")
+    flight.until(lambda: flight.outcome.status == "taken_over")
+    assert flight.outcome.reason == "in LOITER (EKF variance)"
 
 
 @both
