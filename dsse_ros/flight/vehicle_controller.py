@@ -40,8 +40,8 @@ Status = Literal["idle", "under_way", "done", "failed", "taken_over", "failsafe"
 
 _MISSION_MESSAGES = get_args(MissionMessage)
 _TICK_S = 0.2
-_CONCERNING = mavlink.MAV_SEVERITY_WARNING
-"""Texts that are not as bad as that say nothing about why something went wrong."""
+_CONCERNING = mavlink.MAV_SEVERITY_NOTICE
+"""The mere information of other texts says nothing about why something went wrong."""
 _logger = logging.getLogger(__name__)
 
 

@@ -448,7 +448,7 @@ def test_a_pilot_who_takes_over_is_left_alone(autopilot: str, during: str) -> No
     assert flight.state.mode == mode
 
 
-def test_texts_that_are_no_warnings_are_not_the_reason_of_a_take_over() -> None:
+def test_texts_that_merely_inform_are_not_the_reason_of_a_take_over() -> None:
     flight = flying()
     flight.give(go_to(flight, 300.0, 0.0))
     flight.wait(3.0)
