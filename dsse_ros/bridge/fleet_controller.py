@@ -301,7 +301,11 @@ class FleetController:
         custody, outcome = follower.custody.state, vehicle.outcome
         # What is done may go on as a stream of setpoints; on the ground it is just done.
         ends = ("under_way", "silent") if custody is Custody.GROUNDED else _NOT_ENDED
-        if not MAY_ORDER[custody] and outcome.order is not None and outcome.status in ends:
+        # Without a link it does not get the next one, and would go on with this one before.
+        void = not MAY_ORDER[custody] or (
+            outcome.order != follower.given and not vehicle.state.connected
+        )
+        if void and outcome.order is not None and outcome.status in ends:
             vehicle.cancel()
 
     # Time

@@ -51,7 +51,7 @@ class FlightRecord:
     alt_m: float = 0.0
 
 
-_COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
+COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
 """Modes in which a vehicle comes down by itself, by what an operator calls that."""
 _ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
 CONTINUES = ("", "offboard", "radio", "gcs")
@@ -361,11 +361,11 @@ class VehicleCustody:
             brought_about |= autopilot.take_off_modes
         # The order of that program goes by what it has recorded.
         if self._inherited is Custody.RECALLED:
-            ordered = {_COMING_DOWN[record.end or "return"]}
+            ordered = {COMING_DOWN[record.end or "return"]}
             brought_about = brought_about | ordered if going else frozenset(ordered)
         elif self._inherited is Custody.ENDING:
-            comes_down = record.mode in _COMING_DOWN.values()
-            brought_about |= {_COMING_DOWN.get(self._at_end, record.mode)}
+            comes_down = record.mode in COMING_DOWN.values()
+            brought_about |= {COMING_DOWN.get(self._at_end, record.mode)}
             brought_about = frozenset() if comes_down else brought_about
         elif self._inherited is Custody.HELD and not going:
             brought_about = frozenset({autopilot.resting_mode})

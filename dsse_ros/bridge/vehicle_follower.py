@@ -15,6 +15,7 @@ from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
 from dsse_ros.bridge.fence import Fence, check_take_off
 from dsse_ros.bridge.tasks import Task
 from dsse_ros.bridge.vehicle_custody import (
+    COMING_DOWN,
     CONTINUES,
     RISEN_M,
     Arm,
@@ -231,6 +232,11 @@ class VehicleFollower:
         """Whether it was ordered to take off, and is on the ground."""
         ordered = isinstance(self._given, TakeOff | FlyMission)
         return ordered and self.custody.state is Custody.CLEARED
+
+    @property
+    def given(self) -> Order | None:
+        """The order given last; None if there is none, or it is void."""
+        return self._given
 
     @property
     def under_way(self) -> Order | None:
@@ -454,7 +460,7 @@ class VehicleFollower:
             case Custody.RECALLED:
                 return _ENDS[self.custody.record.end or "return"]
             case Custody.ENDING:
-                return self._wanted_at_the_end(clearance)
+                return self._wanted_at_the_end(state, clearance)
         return None
 
     def _wanted_on_the_ground(self, state: VehicleState, clearance: Clearance) -> Order | None:
@@ -483,8 +489,10 @@ class VehicleFollower:
             return None
         return Hold() if self._task is None or self._holding else self._task
 
-    def _wanted_at_the_end(self, clearance: Clearance) -> Order | None:
+    def _wanted_at_the_end(self, state: VehicleState, clearance: Clearance) -> Order | None:
         end, home = _ENDS["return" if self._whole else self._at_end], clearance.home
+        # An earlier program may have begun it.
         begun = self._given_for is not None and self._given_for[0] == end
+        begun |= state.mode in COMING_DOWN.values()
         there = self._given_for is not None and self._given_for[0] == home and self._done
         return end if home is None or end == Hold() or self.lost or begun or there else home

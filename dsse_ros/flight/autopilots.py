@@ -260,7 +260,8 @@ PX4 = Autopilot(
     resting_mode="HOLD",
     mission_mode="MISSION",
     take_off_mode="TAKEOFF",
-    boot_modes=frozenset({"MANUAL"}),
+    # Without a remote control it starts in HOLD; another one is chosen with its switches.
+    boot_modes=_NO_MODES,
     landed_modes=frozenset({"RTL", "LAND", "MISSION"}),
     item_modes={
         mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",

@@ -24,6 +24,7 @@ from dsse_ros.flight.mavlink_messages import (
     write,
 )
 from dsse_ros.flight.mission_messages import Address
+from dsse_ros.flight.px4_events import EventMessage
 from dsse_ros.flight.signing import SigningClock
 
 _MARKER = re.compile(rb"[\xfd\xfe]")
@@ -33,6 +34,7 @@ _CHECKSUM = 2
 _SIGNATURE = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN
 _SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 _STALE_S = 0.5
+mavlink.mavlink_map.setdefault(EventMessage.id, EventMessage)
 _INCOMING_NUMBERS = frozenset(
     number for number, kind in mavlink.mavlink_map.items() if kind.msgname in INCOMING_NAMES
 )

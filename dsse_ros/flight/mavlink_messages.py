@@ -144,6 +144,15 @@ class StatusText:
 
 
 @dataclass(frozen=True)
+class Event:
+    """EVENT; log_levels has the external one in its lower half, lower is worse."""
+
+    id: int
+    log_levels: int
+    arguments: bytes
+
+
+@dataclass(frozen=True)
 class CommandAck:
     """COMMAND_ACK."""
 
@@ -210,6 +219,7 @@ Incoming = (
     | MissionCurrent
     | MissionItemReached
     | StatusText
+    | Event
     | CommandAck
     | MissionMessage
 )
@@ -231,6 +241,7 @@ _KINDS: dict[str, type] = {
     "MISSION_CURRENT": MissionCurrent,
     "MISSION_ITEM_REACHED": MissionItemReached,
     "STATUSTEXT": StatusText,
+    "EVENT": Event,
     "COMMAND_ACK": CommandAck,
 }
 _FIELDS = {kind: tuple(field.name for field in fields(kind)) for kind in _KINDS.values()}

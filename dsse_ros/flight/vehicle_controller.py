@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from dsse_ros.flight.commands import (
     CommandSender,
     ControllerSettings,
@@ -38,6 +40,8 @@ Status = Literal["idle", "under_way", "done", "failed", "taken_over", "failsafe"
 
 _MISSION_MESSAGES = get_args(MissionMessage)
 _TICK_S = 0.2
+_CONCERNING = mavlink.MAV_SEVERITY_NOTICE
+"""The mere information of other texts says nothing about why something went wrong."""
 _logger = logging.getLogger(__name__)
 
 
@@ -213,7 +217,7 @@ class VehicleController:
                     situation.excuse_standstill()
                 self.commands.watch_arming()
                 self.modes.watch(before)
-            case StatusText(_, text):
+            case StatusText(severity, text) if severity <= _CONCERNING:
                 situation.note_text(text)
             case CommandAck(_, _, system, component):
                 if system in (0, self.source.system) and component in (0, self.source.component):
@@ -237,7 +241,10 @@ class VehicleController:
             if self.exchange is not None:
                 situation.out += self.exchange.tick(now)
             has_setpoint = self.setpoints.target is not None
-            situation.out += self._requests.due(now, has_setpoint=has_setpoint)
+            state = situation.state
+            waits = self._steps is not None
+            reticent = waits and not (state.ready or state.armed or state.unready)
+            situation.out += self._requests.due(now, has_setpoint=has_setpoint, reticent=reticent)
 
     def hand_over(self, hold: Order, now: float) -> list[Outgoing]:
         """Have a vehicle that flies to our setpoints hold by itself; returns what to send.

@@ -15,6 +15,7 @@ from dsse_ros.flight.mavlink_messages import (
     BatteryStatus,
     CommandLong,
     EkfStatus,
+    Event,
     ExtendedSysState,
     GlobalPosition,
     GpsRaw,
@@ -28,6 +29,7 @@ from dsse_ros.flight.mavlink_messages import (
     SysStatus,
 )
 from dsse_ros.flight.mission_messages import Address
+from dsse_ros.flight.px4_events import SUMMARY, failed_check
 
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE
@@ -75,10 +77,11 @@ _FAILSAFE_TEXTS = (
 _CLEARED = "cleared"
 _ALARM_S = 5.0
 """How long a text about a failsafe counts before the heartbeats report that one is active."""
-_CHECKS = ("prearm:", "arm:", "preflight fail:")
+_CHECKS = ("prearm:", "arm:", "preflight:", "preflight fail:")
 """How status texts begin that say why it cannot be armed."""
 _REPEATED_S = 35.0
 """They are repeated as long as they are true: by ArduPilot every 30 s."""
+_UNTIL_THE_NEXT_REPORT = math.inf
 _MISSION_COMPLETE = mavlink.MISSION_STATE_COMPLETE
 
 SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
@@ -88,6 +91,8 @@ _RATE_HZ = 1.0
 _MISSED = 3
 _GRACE_S = 1.0
 _REQUEST_AGAIN_S = 2.0
+_ASK_AGAIN_S = 10.0
+RUN_PREARM_CHECKS = mavlink.MAV_CMD_RUN_PREARM_CHECKS
 
 
 @dataclass(frozen=True)
@@ -211,6 +216,8 @@ def observe(
             return replace(state, item_reached=seq)
         case StatusText(_, text):
             return _status_text(state, text, now, autopilot)
+        case Event():
+            return _event(state, message)
     return state
 
 
@@ -325,6 +332,17 @@ def _status_text(state: VehicleState, text: str, now: float, autopilot: Autopilo
     return state
 
 
+def _event(state: VehicleState, event: Event) -> VehicleState:
+    complaints = dict(state._complaints)
+    if event.id == SUMMARY:
+        complaints = {
+            text: time_s for text, time_s in complaints.items() if time_s != _UNTIL_THE_NEXT_REPORT
+        }
+    elif text := failed_check(event):
+        complaints[text] = _UNTIL_THE_NEXT_REPORT
+    return replace(state, _complaints=tuple(complaints.items()))
+
+
 class MessageRequests:
     """Requests for the messages that are needed, repeated until they come, and when they stop.
 
@@ -346,6 +364,7 @@ class MessageRequests:
         self._received_s = dict.fromkeys(self._numbers, -math.inf)
         self._requested_s = dict.fromkeys([*self._numbers, HomePosition], -math.inf)
         self._has_home = False
+        self._asked_s = math.inf
 
     def receive(self, message: Incoming, now: float) -> None:
         """Take note of a message."""
@@ -355,14 +374,21 @@ class MessageRequests:
         elif kind is HomePosition:
             self._has_home = True
 
-    def due(self, now: float, *, has_setpoint: bool) -> list[CommandLong]:
+    def due(self, now: float, *, has_setpoint: bool, reticent: bool = False) -> list[CommandLong]:
         """Return the requests to send now.
 
         Args:
             now: Our time in seconds.
             has_setpoint: Whether it flies to a setpoint, and should report it.
+            reticent: Whether it cannot be armed and has not reported why. PX4 reports its checks
+                when they change, and when it is asked.
         """
         requests = []
+        if not (reticent and math.isfinite(self._asked_s)):
+            self._asked_s = now
+        elif now - self._asked_s > _ASK_AGAIN_S:
+            self._asked_s = now
+            requests.append(CommandLong(self._target, RUN_PREARM_CHECKS))
         for kind, number in self._numbers.items():
             rate_hz = self._rates_hz[kind]
             late = now - self._received_s[kind] > _MISSED / rate_hz + _GRACE_S

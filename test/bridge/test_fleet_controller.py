@@ -216,6 +216,29 @@ def test_after_a_silence_a_vehicle_goes_on_or_is_left_on_its_own_way_home(
         fleet.until(lambda: fleet.arrived(search))
 
 
+@both
+def test_an_order_from_before_a_lost_link_is_not_taken_up_after_it(autopilot: str) -> None:
+    fleet = VirtualFleet(1, autopilot, lost_timeout=10.0)
+    search = fleet.simulate(7)
+    fleet.fly(search, 2)
+    fleet.wait(1.0)
+    flight = fleet.flights[0]
+    put = flight._put
+    flight._put = lambda data, *, to_vehicle: None  # type: ignore[method-assign]
+    fleet.wait(12.0)
+    flight._put = put  # type: ignore[method-assign]
+    since_s = flight.now
+    # The program looks at its vehicles late.
+    flight.wait(5.0)
+    assert flight.state.connected and flight.state.flying
+    assert not [
+        message
+        for now_s, message in flight.sent
+        if now_s > since_s and isinstance(message, SetPositionTarget)
+    ]
+    fleet.until(fleet.down)
+
+
 def test_a_battery_failsafe_of_px4_is_left_alone_and_named() -> None:
     faults = (fault("battery", 30.0),)
     fleet = VirtualFleet(1, "px4", vehicle={"faults": faults})

@@ -225,6 +225,17 @@ def test_on_its_way_home_it_goes_there_in_its_layer_first_if_others_fly() -> Non
     assert vehicle.turn() is None
 
 
+@pytest.mark.parametrize("mode", ["RTL", "LAND"])
+def test_what_comes_down_already_is_not_sent_home_by_a_bridge_that_is_started_anew(
+    mode: str,
+) -> None:
+    vehicle = aloft(follower(record=replace(FLOWN, custody=Custody.ENDING, mode=mode)))
+    vehicle.state = replace(FLYING, mode=mode)
+    vehicle.clearance = Clearance(home=GoTo(-23.999, -45.999, 120.0, 10.0))
+    follow(vehicle.follower, 13, 1, 1, over=True)
+    assert [vehicle.turn() for _ in range(3)] == [Return(), None, None]
+
+
 def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
     vehicle = aloft()
     vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")

@@ -15,6 +15,7 @@ from autopilot.main import make_vehicle
 from autopilot.px4 import Mode, Px4
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
 from dsse_ros.flight.commands import ControllerSettings
@@ -447,6 +448,17 @@ def test_a_pilot_who_takes_over_is_left_alone(autopilot: str, during: str) -> No
     assert flight.state.mode == mode
 
 
+def test_texts_that_merely_inform_are_not_the_reason_of_a_take_over() -> None:
+    flight = flying()
+    flight.give(go_to(flight, 300.0, 0.0))
+    flight.wait(3.0)
+    flight.vehicle.send_text("EKF3 IMU0 MAG0 in-flight yaw alignment complete")
+    flight.vehicle.send_text("EKF variance", mavlink.MAV_SEVERITY_CRITICAL)
+    flight.vehicle.pilot_takes_over("LOITER")
+    flight.until(lambda: flight.outcome.status == "taken_over")
+    assert flight.outcome.reason == "in LOITER (EKF variance)"
+
+
 @both
 def test_after_a_take_over_only_an_order_of_a_new_authority_counts(autopilot: str) -> None:
     flight = flying(autopilot)
@@ -600,6 +612,21 @@ def test_px4_flies_above_home_wherever_the_origin_of_its_estimate_is() -> None:
     assert flight.fly(go_to(flight, 40.0, 0.0, 30.0)).status == "done"
     flight.wait(5.0)
     assert flight.vehicle.craft.up_m == pytest.approx(30.0, abs=0.5)
+
+
+@pytest.mark.parametrize("missed", [False, True], ids=["heard", "missed"])
+def test_the_check_that_keeps_px4_on_the_ground_is_named(missed: bool) -> None:
+    flight = VirtualFlight("px4", vehicle={"parameters": (("COM_ARM_MIS_REQ", 1),)})
+    flight.wait(8.0)
+    if missed:
+        # Its report came before we did.
+        flight.restart()
+    flight.give(TakeOff(10.0))
+    flight.wait(15.0)
+    assert flight.outcome.reason == "waiting until it is ready (no valid mission)"
+    flight.vehicle.parameters["COM_ARM_MIS_REQ"] = 0
+    flight.until(lambda: flight.outcome.status != "under_way")
+    assert flight.outcome.status == "done"
 
 
 @pytest.mark.parametrize("home_up_m", [-2.0, 2.0])

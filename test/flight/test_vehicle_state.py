@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
 from hypothesis import given
@@ -36,6 +36,7 @@ READY = 1 << 28
 HERE = GlobalPosition(5000, -240000000, -463000000, 130_000, 120_000, 300, 400, -50, 9000)
 PLAIN = [kind for kind in get_args(Incoming) if not hasattr(kind, "target")]
 NUMBERS = st.integers(-(2**31), 2**32 - 1)
+VALUES: dict[Any, Any] = {"str": st.text(max_size=50), "bytes": st.binary(max_size=40)}
 
 
 def after(*messages: Incoming, autopilot: str = "ardupilot") -> VehicleState:
@@ -190,10 +191,7 @@ def test_without_a_link_it_is_neither_connected_nor_ready_but_last_seen_somewher
 def test_no_message_makes_it_raise(data: st.DataObject, autopilot: str) -> None:
     state = VehicleState()
     for kind in data.draw(st.lists(st.sampled_from(PLAIN), max_size=20)):
-        values = {
-            field.name: data.draw(st.text(max_size=50) if field.type == "str" else NUMBERS)
-            for field in fields(kind)
-        }
+        values = {field.name: data.draw(VALUES.get(field.type, NUMBERS)) for field in fields(kind)}
         state = observe(state, kind(**values), 1.0, AUTOPILOTS[autopilot])
     assert isinstance(state.mode, str)
 

@@ -56,6 +56,9 @@ _FAILSAFE_DELAY_S = 5.0
 _IGNORE_POSITION, _IGNORE_VELOCITY = 0x007, 0x038
 _FIRST_DESCENT_UP_M = 10.0
 _REACHED_REPEATS = 10
+_ALL_MODES = 0xFFFFFFFF
+_PROTOCOL = 8
+"""Log level of events that are not for people."""
 
 
 class Px4(Vehicle):
@@ -98,6 +101,7 @@ class Px4(Vehicle):
         "CAL_ACC0_ID": 1310988,
         "CAL_GYRO0_ID": 1310988,
         "CAL_MAG0_ID": 197388,
+        "COM_ARM_MIS_REQ": 0,
         "COM_DISARM_LAND": 2.0,
         "COM_DISARM_PRFLT": 10.0,
         "COM_OBL_RC_ACT": 0,
@@ -134,6 +138,7 @@ class Px4(Vehicle):
         self._setpoint_s = -math.inf
         self._reached_repeats = 0
         self._last_current = 0
+        self._reported_checks: list[tuple[str, int, int]] = []
         super().__init__(settings)
         self.add_commands(
             {
@@ -142,6 +147,7 @@ class Px4(Vehicle):
                 mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode_number(Mode.RTL),
                 mavlink.MAV_CMD_DO_REPOSITION: self._do_reposition,
                 mavlink.MAV_CMD_MISSION_START: self._mission_start,
+                mavlink.MAV_CMD_RUN_PREARM_CHECKS: lambda _: self._report_checks(),
             }
         )
 
@@ -166,7 +172,8 @@ class Px4(Vehicle):
         """Whether it can be armed in its mode: in OFFBOARD only while setpoints come."""
         if self.mode in _PREVENT_ARMING or (self.mode is Mode.OFFBOARD and not self._has_stream):
             return False
-        return super().ready
+        lacks_mission = self.parameters["COM_ARM_MIS_REQ"] and not self.mission.items
+        return super().ready and not lacks_mission
 
     @property
     def system_status(self) -> int:
@@ -443,20 +450,44 @@ class Px4(Vehicle):
         holds = "battery" in self.failsafes and self.mode is Mode.HOLD
         if holds and self.time_s >= self._failsafe_s:
             self._set_failsafe_mode(Mode.LAND)
+        if self._failed_checks != self._reported_checks:
+            self._report_checks()
 
     def send_text(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
         """Send an EVENT, a number without a text, here one made of the text.
 
         The text, with a tab at its end, goes only to links with a ground station.
         """
-        number = 0x811C9DC5
-        for letter in text.encode():
-            number = (number ^ letter) * 0x1000193 % 2**32
-        self.events.append(text)
-        time_ms, sequence = int(self.time_s * 1000), len(self.events)
-        self.broadcast(Event(1 << 24 | number & 0xFFFFFF, time_ms, sequence, severity))
+        self._send_event(text, severity)
         for channel in self._stations:
             channel.send(mavlink.MAVLink_statustext_message(severity, f"{text}\t".encode()[:50]))
+
+    def _send_event(self, name: str, severity: int, arguments: bytes = b"") -> None:
+        self.events.append(name)
+        time_ms, sequence = int(self.time_s * 1000), len(self.events)
+        self.broadcast(Event(name, time_ms, sequence, severity, arguments))
+
+    @property
+    def _failed_checks(self) -> list[tuple[str, int, int]]:
+        """Name, modes and severity of each arming check that fails."""
+        failed = [("check_modes_manual_control", _ALL_MODES, mavlink.MAV_SEVERITY_WARNING)]
+        if not self._has_stream:
+            failed.append(("check_modes_offboard_signal", 1 << 14, mavlink.MAV_SEVERITY_ERROR))
+        if not self.mission.items:
+            modes = _ALL_MODES if self.parameters["COM_ARM_MIS_REQ"] else 1 << 3
+            failed.append(("check_modes_mission", modes, mavlink.MAV_SEVERITY_INFO))
+        if not self.has_position:
+            failed.append(("check_modes_global_pos", 0x38, mavlink.MAV_SEVERITY_ERROR))
+        return failed
+
+    def _report_checks(self) -> int:
+        """Report the arming checks that fail, as it does when they change and on request."""
+        self._reported_checks = self._failed_checks
+        self._send_event("commander_arming_check_summary", _PROTOCOL)
+        for name, modes, severity in self._reported_checks:
+            self._send_event(name, severity, modes.to_bytes(4, "little"))
+        self._send_event("commander_health_summary", _PROTOCOL)
+        return ACCEPTED
 
     def handle_heartbeat(self, message: Message, sender: Sender) -> None:
         if message.type == mavlink.MAV_TYPE_GCS and sender.channel not in self._stations:

@@ -127,9 +127,9 @@ def global_position_int(vehicle: Vehicle) -> Message:
     craft = vehicle.craft
     return mavlink.MAVLink_global_position_int_message(
         _ms(vehicle), *_degrees_e7(vehicle), round(1000 * _amsl_m(vehicle)),
-        round(1000 * (craft.up_m - vehicle.home_up_m)), round(100 * craft.north_mps),
-        round(100 * craft.east_mps),
-        round(-100 * craft.up_mps), round(100 * _course_deg(vehicle)) % 36000,
+        round(1000 * (craft.up_m - vehicle.home_up_m)),
+        round(100 * craft.north_mps), round(100 * craft.east_mps), round(-100 * craft.up_mps),
+        round(100 * _course_deg(vehicle)) % 36000,
     )  # fmt: skip
 
 
@@ -217,8 +217,8 @@ def home_position(vehicle: Vehicle) -> Message | None:
     home = vehicle.frame.home
     return mavlink.MAVLink_home_position_message(
         round(home.lat_deg * 1e7), round(home.lon_deg * 1e7),
-        round(1000 * (home.alt_amsl_m + vehicle.home_up_m)), 0.0, 0.0, 0.0,
-        [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, _us(vehicle),
+        round(1000 * (home.alt_amsl_m + vehicle.home_up_m)),
+        0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, _us(vehicle),
     )  # fmt: skip
 
 

@@ -28,11 +28,17 @@ class Event(mavlink.MAVLink_message):
 
     _ID, _CRC_EXTRA = 410, 160
 
-    def __init__(self, number: int, time_boot_ms: int, sequence: int, severity: int) -> None:
+    def __init__(
+        self, name: str, time_boot_ms: int, sequence: int, severity: int, arguments: bytes = b""
+    ) -> None:
         super().__init__(self._ID, "EVENT")
+        number = 0x811C9DC5
+        for letter in name.encode():
+            number = (number ^ letter) * 0x1000193 % 2**32
         self._payload = struct.pack(
-            "<IIHBBB40s", number, time_boot_ms, sequence % 2**16, 0, 0, severity, b""
-        )
+            "<IIHBBB40s", 1 << 24 | number & 0xFFFFFF, time_boot_ms, sequence % 2**16, 0, 0,
+            severity << 4 | severity, arguments,
+        )  # fmt: skip
 
     def pack(self, mav: mavlink.MAVLink, force_mavlink1: bool = False) -> bytes:
         data: bytes = self._pack(mav, self._CRC_EXTRA, self._payload, force_mavlink1=force_mavlink1)
