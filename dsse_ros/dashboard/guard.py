@@ -3,7 +3,9 @@
 """Who may see the page: an ASGI middleware for HTTP and WebSocket alike.
 
 A page on loopback can be reached by any other page of the same browser, by a name that leads to
-127.0.0.1 (DNS rebinding) or from a script: so Host and Origin are always looked at.
+127.0.0.1 (DNS rebinding), from a script, or as an image: so Host and Origin are always looked at,
+and where a browser sends no Origin, what it sends of the site that asks (W3C, "Fetch Metadata
+Request Headers").
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import hashlib
 import hmac
 import ipaddress
 from collections.abc import Awaitable, Callable, Collection, MutableMapping
+from html import escape
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs, urlencode, urlsplit
@@ -23,19 +26,27 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 COOKIE = "dsse_ros_dashboard"
+_OWN_SITES = ("same-origin", "none")
+"""Sec-Fetch-Site of this page, and of people: an address that was typed, a bookmark. What is no
+browser, and a browser that asks for a page of another machine without TLS, sends none."""
 HEADERS = {
     # Vue compiles the templates of NiceGUI's components in the browser; all of it is served here.
     "content-security-policy": "default-src 'self'; script-src 'self' 'unsafe-inline' "
     "'unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
     "font-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'self'; "
     "form-action 'self'; frame-ancestors 'none'",
+    # Of a page of another machine, without TLS, browsers do not say which site asks for it.
+    "cross-origin-resource-policy": "same-origin",
     "referrer-policy": "no-referrer",
     "x-content-type-options": "nosniff",
 }
 
 
 class Guard:
-    """Refuses requests of a strange Host or Origin, and without the token where there is one.
+    """Refuses requests of a strange Host, Origin or site, and without the token if there is one.
+
+    A browser may come from another site by a link, which opens the page as a whole; it may not have
+    a part of it in a page of that site.
 
     Args:
         app: Gets what is not refused.
@@ -63,13 +74,13 @@ class Guard:
             await self._app(scope, receive, send)
             return
         headers = {name.decode("latin-1"): value for name, value in scope["headers"]}
-        if reason := self._strange(headers):
+        if reason := self._strange(scope, headers):
             await _refuse(scope, send, 403, reason)
             return
         if self._token is not None:
             given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token")
             if given and scope["type"] == "http" and self._is_token(given[-1].encode("latin-1")):
-                await self._welcome(scope, send)
+                await self._welcome(scope, headers, send)
                 return
             if not self._is_known(headers):
                 reason = (
@@ -79,7 +90,7 @@ class Guard:
                 return
         await self._app(scope, receive, _with_headers(send))
 
-    def _strange(self, headers: dict[str, bytes]) -> str:
+    def _strange(self, scope: Scope, headers: dict[str, bytes]) -> str:
         """Return what is strange about a request, empty for nothing."""
         host = headers.get("host", b"").decode("latin-1")
         if not self._is_ours(host):
@@ -88,6 +99,9 @@ class Guard:
             origin = headers["origin"].decode("latin-1")
             if origin.lower() not in (f"http://{host.lower()}", f"https://{host.lower()}"):
                 return f"Origin {origin!r} is not this page's"
+        site = headers.get("sec-fetch-site", b"none").decode("latin-1")
+        if site not in _OWN_SITES and not _is_opened(scope, headers):
+            return f"Sec-Fetch-Site {site!r} may open this page and have no part of it"
         return ""
 
     def _is_ours(self, host: str) -> bool:
@@ -121,13 +135,30 @@ class Guard:
             known.value.encode(), self._cookie.encode()
         )
 
-    async def _welcome(self, scope: Scope, send: Send) -> None:
+    async def _welcome(self, scope: Scope, headers: dict[str, bytes], send: Send) -> None:
         """Keep in a cookie that the token was shown, and lead to the page without it."""
         query = parse_qs(scope["query_string"].decode("latin-1"))
         query.pop("token")
         target = scope["path"] + (f"?{urlencode(query, doseq=True)}" if query else "")
         cookie = f"{COOKIE}={self._cookie}; Path=/; HttpOnly; SameSite=Strict"
-        await _answer(send, 303, "", {"location": "/" + target.lstrip("/"), "set-cookie": cookie})
+        location = "/" + target.lstrip("/")
+        if headers.get("sec-fetch-site", b"none").decode("latin-1") in _OWN_SITES:
+            await _answer(send, 303, "", {"location": location, "set-cookie": cookie})
+            return
+        # Along a redirect a browser that came by a link of another site keeps the cookie back.
+        page = f'<!doctype html><meta http-equiv="refresh" content="0;url={escape(location)}">'
+        kind = {"content-type": "text/html; charset=utf-8", "set-cookie": cookie}
+        await _answer(send, 200, page, kind)
+
+
+def _is_opened(scope: Scope, headers: dict[str, bytes]) -> bool:
+    """Return whether a browser opens what it asks for as a page of its own, as by a link."""
+    return (
+        scope["type"] == "http"
+        and scope["method"] in ("GET", "HEAD")
+        and headers.get("sec-fetch-mode") == b"navigate"
+        and headers.get("sec-fetch-dest") == b"document"
+    )
 
 
 def _cookie_for(token: str) -> str:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.search import HOLD
 
+_STEP_BYTES = 600
+"""Of a step beside its report: states, rewards, numbers, objects."""
 MAX_MAP_BYTES = 48 * 2**20
 """Of the images of one layer; where they are more, every second one is given up."""
 
@@ -46,17 +48,27 @@ class MapImages:
     def __len__(self) -> int:
         return len(self._stamps)
 
+    @property
+    def nbytes(self) -> int:
+        """Size of all."""
+        return self._bytes
+
     def add(self, stamp_ns: int, image: bytes) -> None:
         """Keep an image, in place of one of the same stamp."""
         if stamp_ns not in self._images:
             insort(self._stamps, stamp_ns)
         self._bytes += len(image) - len(self._images.get(stamp_ns, b""))
         self._images[stamp_ns] = image
-        while self._bytes > self._max_bytes and len(self._stamps) > 2:
-            # The first and the last one stay.
-            for stamp in self._stamps[1:-1:2]:
-                self._bytes -= len(self._images.pop(stamp))
-            self._stamps = sorted(self._images)
+        while self._bytes > self._max_bytes and self.thin():
+            pass
+
+    def thin(self) -> bool:
+        """Give up every second image but the first and the last one; returns whether it could."""
+        given_up = self._stamps[1:-1:2]
+        for stamp in given_up:
+            self._bytes -= len(self._images.pop(stamp))
+        self._stamps = sorted(self._images)
+        return bool(given_up)
 
     def keep_only(self, stamp_ns: int) -> None:
         """Give up all images but that of a stamp."""
@@ -103,6 +115,11 @@ class SearchHistory:
 
     def __len__(self) -> int:
         return len(self.steps)
+
+    @property
+    def nbytes(self) -> int:
+        """Size of what is kept of all steps, more or less."""
+        return len(self._rows) * (self._rows[-1].nbytes + _STEP_BYTES) if self._rows else 0
 
     def add(self, report: NDArray[Any], stamp_ns: int) -> None:
         """Take the report (N,) of a step, with the fields of `step_report.POINT`."""

@@ -30,6 +30,13 @@ _RUNS = 10
 """Runs whose `agents` are kept, which may come before or after their reports."""
 _EARLY = 1000
 """Values of POS that are kept until the first report of their search."""
+MAX_MISSIONS = 20
+"""Namespaces whose missions are kept; a simulation that has gone makes room for another one."""
+MAX_BYTES = 256 * 2**20
+"""Of maps and steps of all missions: of those that have gone the one that is silent for longest is
+given up, and if that is not enough every second map of the others."""
+_MAX_VEHICLES = 1000
+"""Names of vehicles that are kept of one mission."""
 
 
 @dataclass
@@ -64,6 +71,7 @@ class Mission:
         answer: What the last command has led to.
         answers: How many there were.
         trouble: By topic, why its last message could not be read.
+        heard: Grows with each message of any mission.
     """
 
     def __init__(self, namespace: str) -> None:
@@ -78,6 +86,7 @@ class Mission:
         self.answer = ""
         self.answers = 0
         self.trouble: dict[str, str] = {}
+        self.heard = 0
         self._infos: dict[int, AgentsInfo] = {}
         self._early_pos: deque[tuple[int, int, int, float]] = deque(maxlen=_EARLY)
         self._read: Mapping[str, Callable[[Any], None]] = {
@@ -90,6 +99,12 @@ class Mission:
             "publishers": self._on_publishers,
             "answer": self._on_answer,
         }
+
+    @property
+    def nbytes(self) -> int:
+        """Size of its maps and steps."""
+        of_steps = 0 if self.history is None else self.history.nbytes
+        return of_steps + sum(maps.nbytes for maps in self.maps.values())
 
     @property
     def title(self) -> str:
@@ -197,7 +212,7 @@ class Mission:
     def _on_vehicle_state(self, drone: str, message: Any) -> None:
         for status in message.status:
             if status.name == drone:
-                vehicle = self.vehicles.setdefault(drone, Vehicle())
+                vehicle = self._vehicle(drone)
                 vehicle.message, vehicle.level = status.message, level_of(status)
 
     def _on_vehicle_pose(self, drone: str, message: Any) -> None:
@@ -205,29 +220,65 @@ class Mission:
         if info is None:
             return
         place = place_from_pose(message, info.frame)
-        vehicle = self.vehicles.setdefault(drone, Vehicle())
+        vehicle = self._vehicle(drone)
         vehicle.place = cell_of(info.frame, *place.value) if isinstance(place, Accepted) else None
+
+    def _vehicle(self, drone: str) -> Vehicle:
+        if drone not in self.vehicles and len(self.vehicles) >= _MAX_VEHICLES:
+            raise ValueError(f"{drone}: more than {_MAX_VEHICLES} vehicles are not allowed")
+        return self.vehicles.setdefault(drone, Vehicle())
 
 
 class Missions:
-    """All missions there are, by namespace.
+    """The missions there are, by namespace, and those that have gone as long as there is room.
+
+    Args:
+        max_missions: How many are kept at most.
+        max_bytes: Size of the maps and the steps of all at most, as far as maps can be given up.
 
     Attributes:
         by_namespace: In order of the namespaces.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, max_missions: int = MAX_MISSIONS, max_bytes: int = MAX_BYTES) -> None:
         self.by_namespace: dict[str, Mission] = {}
+        self._max_missions = max_missions
+        self._max_bytes = max_bytes
+        self._heard = 0
 
     def take(self, received: Iterable[Received]) -> None:
-        """Take what has come."""
+        """Take what has come; what is of a mission that there is no room for is left out."""
         for one in received:
             mission = self.by_namespace.get(one.namespace)
             if mission is None:
+                if len(self.by_namespace) >= self._max_missions and not self._drop():
+                    continue
                 mission = Mission(one.namespace)
                 both = {**self.by_namespace, one.namespace: mission}
                 self.by_namespace = dict(sorted(both.items()))
+            self._heard += 1
+            mission.heard = self._heard
             mission.receive(one.topic, one.read)
+        self._shrink()
+
+    def _drop(self) -> bool:
+        """Give up the mission that has gone for longest; returns whether there is one."""
+        gone = [mission for mission in self.by_namespace.values() if mission.publishers == 0]
+        if not gone:
+            return False
+        oldest = min(gone, key=lambda mission: mission.heard)
+        kept = self.by_namespace.items()
+        self.by_namespace = {name: mission for name, mission in kept if mission is not oldest}
+        return True
+
+    def _shrink(self) -> None:
+        """Give up missions and maps until the others have room."""
+        while sum(mission.nbytes for mission in self.by_namespace.values()) > self._max_bytes:
+            if self._drop():
+                continue
+            maps = [maps for one in self.by_namespace.values() for maps in one.maps.values()]
+            if not any(of.thin() for of in sorted(maps, key=lambda of: of.nbytes, reverse=True)):
+                return
 
 
 def level_of(status: Any) -> int:

@@ -24,6 +24,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.dashboard.inbox import Command, Inbox, Received
+from dsse_ros.dashboard.missions import MAX_MISSIONS
 from dsse_ros.dashboard.server import PageServer
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.parameters import declare, take_overrides
@@ -43,6 +44,11 @@ _TAKE_S = 0.05
 _SILENCE_S = 3.0
 """Wall time without a message after which a simulation is taken to be gone: its diagnostics come
 once a second, and one that was killed has publishers for 20 s more."""
+_GONE_S = 10.0
+"""Wall time without a message after which a simulation without publishers is given up: nothing of
+it is subscribed to until it is back."""
+_MAX_TOPICS = 2000
+"""Of one simulation with its vehicles."""
 _ANSWER_S = 5.0
 """Wall time that a service has to answer."""
 
@@ -135,8 +141,34 @@ class DashboardNode(AlarmNode):
         for name in names:
             if match := _VEHICLES.fullmatch(name):
                 simulation = self._simulations.get(match["namespace"])
-                if simulation is not None and match["topic"] not in simulation.topics:
+                if simulation is None or match["topic"] in simulation.topics:
+                    continue
+                # Without a publisher only somebody else waits for it.
+                if len(simulation.topics) < _MAX_TOPICS and self.count_publishers(name):
                     self._subscribe(match["namespace"], match["topic"], *OF_VEHICLE[match["kind"]])
+        self._unsubscribe()
+
+    def _unsubscribe(self) -> None:
+        """Give up what has gone: simulations after a while, vehicles at once."""
+        for namespace, simulation in list(self._simulations.items()):
+            silent_s = time.monotonic() - simulation.heard_s
+            if silent_s > _GONE_S and not self.count_publishers(f"{namespace}/step_report"):
+                self._leave(namespace)
+                continue
+            for topic in [name for name in simulation.topics if name not in TOPICS]:
+                if not self.count_publishers(f"{namespace}/{topic}"):
+                    self._listener.destroy_subscription(simulation.topics.pop(topic))
+
+    def _leave(self, namespace: str) -> None:
+        """Give up a simulation; what is known of its mission stays on the page."""
+        simulation = self._simulations.pop(namespace)
+        for subscription in simulation.topics.values():
+            self._listener.destroy_subscription(subscription)
+        for name in [name for name in self._callers if name.rpartition("/")[0] == simulation.node]:
+            self.destroy_client(self._callers.pop(name))
+        if simulation.publishers:
+            self._put(namespace, "publishers", 0)
+        self.get_logger().info(f"the simulation in {namespace or '/'} is gone")
 
     def _join(self, namespace: str) -> None:
         simulation = self._simulations.get(namespace)
@@ -144,6 +176,9 @@ class DashboardNode(AlarmNode):
         if simulation is None:
             if not publishers:
                 # Only somebody else who waits for it.
+                return
+            if len(self._simulations) >= MAX_MISSIONS:
+                self.warn("missions", f"{MAX_MISSIONS} missions are shown: not {namespace or '/'}")
                 return
             simulation = self._simulations[namespace] = Simulation()
             self.get_logger().info(f"showing the mission in {namespace or '/'}")

@@ -23,7 +23,7 @@ async def _app(scope: Any, receive: Any, send: Any) -> None:
 
 
 def ask(
-    guard: Guard, headers: dict[str, str], query: str = "", kind: str = "http"
+    guard: Guard, headers: dict[str, str], query: str = "", kind: str = "http", method: str = "GET"
 ) -> tuple[int, dict[str, str]]:
     """Status and headers of the answer; 1008 where a WebSocket is refused."""
     sent: list[Any] = []
@@ -32,7 +32,7 @@ def ask(
         sent.append(message)
 
     scope = {
-        "type": kind, "path": "/", "query_string": query.encode(),
+        "type": kind, "path": "/", "query_string": query.encode(), "method": method,
         "headers": [(name.encode(), value.encode()) for name, value in headers.items()],
     }  # fmt: skip
     asyncio.run(guard(scope, None, send))  # type: ignore[arg-type]
@@ -69,6 +69,39 @@ def test_a_strange_host_or_origin_is_refused(
 ) -> None:
     status, _ = ask(Guard(_app), headers, kind=kind)
     assert status == (200 if allowed else 403 if kind == "http" else 1008)
+
+
+FETCHED = {"sec-fetch-mode": "no-cors", "sec-fetch-dest": "image"}
+OPENED = {"sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+
+
+@pytest.mark.parametrize("site", ["same-origin", "none", "same-site", "cross-site", "else", ""])
+@pytest.mark.parametrize(
+    "how",
+    [
+        FETCHED,
+        OPENED,
+        {},
+        {"sec-fetch-mode": "cors", "sec-fetch-dest": "empty"},
+        {"sec-fetch-mode": "no-cors", "sec-fetch-dest": "script"},
+        {"sec-fetch-mode": "navigate", "sec-fetch-dest": "iframe"},
+        {"sec-fetch-mode": "navigate", "sec-fetch-dest": "object"},
+        {"sec-fetch-mode": "no-cors", "sec-fetch-dest": "document"},
+    ],
+    ids=lambda how: "/".join(how.values()),
+)
+def test_another_site_may_open_the_page_and_have_no_part_of_it(
+    site: str, how: dict[str, str]
+) -> None:
+    headers = {"host": "127.0.0.1:8080", "sec-fetch-site": site, **how}
+    ours = site in ("same-origin", "none")
+    assert ask(Guard(_app), headers)[0] == (200 if ours or how is OPENED else 403)
+    assert ask(Guard(_app), headers, method="POST")[0] == (200 if ours else 403)
+    assert ask(Guard(_app), headers, kind="websocket")[0] == (200 if ours else 1008)
+
+
+def test_what_says_nothing_of_a_site_is_no_page_of_one() -> None:
+    assert ask(Guard(_app), {"host": "127.0.0.1:8080"})[0] == 200
 
 
 def test_a_page_for_others_is_asked_for_by_its_names_or_an_address() -> None:
@@ -108,6 +141,16 @@ def test_the_token_in_the_address_becomes_a_cookie_that_no_script_can_read() -> 
         assert ask(guard, {**host, "cookie": cookie}, kind=kind)[0] == 200
 
 
+def test_who_comes_by_a_link_with_the_token_is_led_on_by_a_page_of_ours() -> None:
+    guard = Guard(_app, token=TOKEN)
+    linked = {"host": "127.0.0.1:8080", "sec-fetch-site": "cross-site", **OPENED}
+    query = f"token={TOKEN.replace(' ', '+')}&a=%22%3E%3Cb%3E"
+    status, headers = ask(guard, linked, query)
+    assert status == 200 and headers["content-type"].startswith("text/html")
+    assert ask(guard, {"host": "127.0.0.1", "cookie": headers["set-cookie"]})[0] == 200
+    assert ask(guard, {**linked, **FETCHED}, query)[0] == 403
+
+
 def test_every_answer_forbids_what_comes_from_elsewhere() -> None:
     guard = Guard(_app, token=TOKEN)
     for headers in ({"host": "evil.example"}, {"host": "localhost"}):
@@ -115,6 +158,7 @@ def test_every_answer_forbids_what_comes_from_elsewhere() -> None:
         policy = answered["content-security-policy"]
         assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy
         assert "http:" not in policy and "*" not in policy
+        assert answered["cross-origin-resource-policy"] == "same-origin"
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "ship.example", ""])

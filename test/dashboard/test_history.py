@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
+import array
 from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from hypothesis import given
 from hypothesis import strategies as st
+from nav_msgs.msg import OccupancyGrid
 from played import Played, Step
 
 from dsse_ros.dashboard.history import DroneState, MapImages
@@ -208,3 +211,70 @@ def test_a_message_that_cannot_even_be_deserialized_is_named_too() -> None:
     assert mission.trouble == {"agents": "not enough bytes"}
     missions.take([Received("", "agents", read), Received("", "publishers", lambda: 1)])
     assert missions.by_namespace[""].publishers == 1
+
+
+def publish(missions: Missions, namespace: str, **messages: Any) -> None:
+    missions.take(
+        [
+            Received(namespace, topic, lambda message=message: message)
+            for topic, message in messages.items()
+        ]
+    )
+
+
+def test_a_mission_that_has_gone_makes_room_and_one_that_goes_on_does_not(played: Played) -> None:
+    missions = Missions(max_missions=2)
+    for namespace in ("/a", "/b"):
+        publish(missions, namespace, agents=played.agents, publishers=1)
+    publish(missions, "/c", agents=played.agents)
+    assert list(missions.by_namespace) == ["/a", "/b"]
+    kept = missions.by_namespace["/a"]
+    publish(missions, "/b", publishers=0)
+    publish(missions, "/c", agents=played.agents)
+    assert list(missions.by_namespace) == ["/a", "/c"] and missions.by_namespace["/a"] is kept
+    # Of two that have gone it is the one that was heard of less recently.
+    publish(missions, "/c", publishers=0)
+    publish(missions, "/a", publishers=0)
+    publish(missions, "/d", agents=played.agents)
+    assert list(missions.by_namespace) == ["/a", "/d"]
+
+
+@given(st.data())
+def test_all_missions_together_take_no_more_than_there_is_room_for(data: Any) -> None:
+    room = 20_000
+    missions = Missions(max_missions=4, max_bytes=room)
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    names = st.sampled_from(["/a", "/b", "/c", "/d", "/e"])
+    for stamp in range(1, data.draw(st.integers(1, 60))):
+        namespace = data.draw(names)
+        if data.draw(st.integers(0, 9)) == 0:
+            publish(missions, namespace, publishers=0)
+            continue
+        size = data.draw(st.integers(1, 40))
+        noise = rng.integers(0, 101, (size, size)).astype(np.int8)
+        message = OccupancyGrid(data=array.array("b", noise.tobytes()))
+        message.info.width = message.info.height = size
+        message.header.stamp.sec = stamp
+        layer = data.draw(st.sampled_from(["probability_grid", "belief_grid"]))
+        before = missions.by_namespace.get(namespace)
+        publish(missions, namespace, publishers=1, **{layer: message})
+        now = missions.by_namespace
+        assert len(now) <= 4
+        left = [maps for one in now.values() for maps in one.maps.values()]
+        # What cannot be given up are the first and the last map of those that go on.
+        all_gone_on = all(one.publishers for one in now.values())
+        assert sum(one.nbytes for one in now.values()) <= room or (
+            all_gone_on and max(map(len, left)) <= 2
+        )
+        if before is not None:
+            found = now[namespace].maps[layer].at(10**12, 0)
+            assert found is not None and found[0] == stamp * 10**9
+
+
+def test_the_names_of_vehicles_are_not_endless(played: Played) -> None:
+    mission = Mission("")
+    show(mission, played)
+    for number in range(1200):
+        status = DiagnosticStatus(name=f"x{number}", message="ok")
+        receive(mission, f"x{number}/vehicle_state", DiagnosticArray(status=[status]))
+    assert len(mission.vehicles) == 1000 and len(mission.trouble) == 200
