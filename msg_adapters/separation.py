@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import geodetic_to_map
@@ -74,16 +77,19 @@ def may_meet(
         homes_apart_m: Distance between the places where the two take off: where one of them takes
             off or lands, they are no further apart anyway.
     """
-    for one in ours:
-        for other in theirs:
-            limit_m = distance_m
-            if one.home or other.home:
-                # Positions are known to a metre or so.
-                limit_m = min(limit_m, homes_apart_m - 1.0)
-            low_m, high_m = max(one.low_m, other.low_m), min(one.high_m, other.high_m)
-            if low_m - high_m < MIN_GAP_M and _apart_m(one, other) < limit_m:
-                return True
-    return False
+    one, other = _rows(ours), _rows(theirs)
+    if not len(one) or not len(other):
+        return False
+    low_m = np.maximum(one[:, None, _LOW], other[:, _LOW])
+    high_m = np.minimum(one[:, None, _HIGH], other[:, _HIGH])
+    i, j = np.nonzero(low_m - high_m < MIN_GAP_M)
+    if not len(i):
+        return False
+    one, other = one[i], other[j]
+    at_home = (one[:, _HOME] > 0) | (other[:, _HOME] > 0)
+    # Positions are known to a metre or so.
+    limits_m = np.where(at_home, min(distance_m, homes_apart_m - 1.0), distance_m)
+    return bool((_apart_m(one, other) < limits_m).any())
 
 
 def track_spaces(frame: GridFrame, cells: Sequence[Cell], home: Point | None) -> list[Space]:
@@ -117,53 +123,61 @@ def level_cells(
         searched: Those that each searches.
         homes: Where each takes off; None below its first cell.
     """
-    spaces = []
+    legs = []
     for frame, track, home in zip(frames, tracks, homes, strict=True):
         place = None if home is None else place_of(frame, home.lat_deg, home.lon_deg)
-        spaces.append(track_spaces(frame, track, place) if track else [])
+        # A vehicle flies many a leg more than once.
+        legs.append(np.unique(_rows(track_spaces(frame, track, place) if track else ()), axis=0))
     found = []
     for i, (frame, cells) in enumerate(zip(frames, searched, strict=True)):
-        below = [
-            space
-            for j, other in enumerate(frames)
-            if j != i and other.alt_m <= frame.alt_m
-            for space in spaces[j]
-        ]
+        left = list(set(cells))
         limit_m = separation_m(frame)
-        found.append(
-            frozenset(
-                cell
-                for cell in set(cells)
-                if any(
-                    _apart_m(spot(cell_to_map(frame, *cell), 0.0, 0.0), space) < limit_m
-                    for space in below
-                )
-            )
-        )
+        level: set[Cell] = set()
+        for j, other in enumerate(frames):
+            if j == i or other.alt_m > frame.alt_m or not left or not len(legs[j]):
+                continue
+            centers = np.array([cell_to_map(frame, *cell) for cell in left])
+            away_m = _to_leg_m(centers[:, None], legs[j][:, _START], legs[j][:, _END])
+            near = list(map(bool, (away_m < limit_m).any(axis=1)))
+            level.update(cell for cell, is_near in zip(left, near, strict=True) if is_near)
+            left = [cell for cell, is_near in zip(left, near, strict=True) if not is_near]
+        found.append(frozenset(level))
     return found
 
 
-def _apart_m(one: Space, other: Space) -> float:
-    """Return the horizontal distance between two legs."""
-    if _cross(one, other):
-        return 0.0
-    return min(
-        _to_leg_m(one.start, other), _to_leg_m(one.end, other),
-        _to_leg_m(other.start, one), _to_leg_m(other.end, one),
-    )  # fmt: skip
+_START, _END, _LOW, _HIGH, _HOME = slice(0, 2), slice(2, 4), 4, 5, 6
+"""Columns of `_rows`."""
 
 
-def _to_leg_m(place: Point, space: Space) -> float:
-    (x, y), (ax, ay), (bx, by) = place, space.start, space.end
-    length2 = (bx - ax) ** 2 + (by - ay) ** 2
-    share = 0.0 if length2 == 0 else ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length2
-    share = min(max(share, 0.0), 1.0)
-    return math.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay))
+def _rows(spaces: Iterable[Space]) -> NDArray[np.float64]:
+    """Return spaces as an array (N, 7)."""
+    rows = [(*one.start, *one.end, one.low_m, one.high_m, one.home) for one in spaces]
+    return np.array(rows, dtype=np.float64).reshape(-1, 7)
 
 
-def _cross(one: Space, other: Space) -> bool:
-    def side(a: Point, b: Point, c: Point) -> float:
-        return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def _apart_m(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the horizontal distances (N,) between legs, row by row of `_rows`."""
+    a, b, c, d = one[:, _START], one[:, _END], other[:, _START], other[:, _END]
+    ends_m = [_to_leg_m(a, c, d), _to_leg_m(b, c, d), _to_leg_m(c, a, b), _to_leg_m(d, a, b)]
+    cross = (_side(a, b, c) * _side(a, b, d) < 0) & (_side(c, d, a) * _side(c, d, b) < 0)
+    return np.where(cross, 0.0, np.minimum.reduce(ends_m))
 
-    a, b, c, d = one.start, one.end, other.start, other.end
-    return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
+
+def _to_leg_m(
+    place: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
+) -> NDArray[Any]:
+    """Return the distances of places (..., 2) from legs."""
+    along = end - start
+    length2 = (along**2).sum(axis=-1)
+    share = ((place - start) * along).sum(axis=-1) / np.where(length2 == 0, 1.0, length2)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.hypot(*np.moveaxis(place - nearest, -1, 0))
+
+
+def _side(
+    a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return on which side of the lines from a to b (N, 2) points c are: its sign."""
+    (ax, ay), (bx, by), (cx, cy) = a.T, b.T, c.T
+    side: NDArray[np.float64] = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    return side
