@@ -24,6 +24,7 @@ LOST = "lost"
 REPORT = "report_stamp_ns"
 ARRIVED = "arrived_stamp_ns"
 BATTERY = "battery"
+RUN_ID = "run_id"
 
 
 @dataclass(frozen=True)
@@ -36,12 +37,14 @@ class Progress:
             there is none.
         lost: Why it does not follow its drone any more; empty if it does.
         battery: What is left in its battery, 1 when full; NaN if it is not known.
+        run_id: Run of that step report; 0 if it is not known.
     """
 
     report_stamp_ns: int = -1
     arrived_stamp_ns: int = -1
     lost: str = ""
     battery: float = math.nan
+    run_id: int = 0
 
 
 def vehicle_pose(
@@ -119,6 +122,7 @@ def vehicle_state_message(
         ARRIVED: progress.arrived_stamp_ns,
         LOST: progress.lost,
         BATTERY: f"{progress.battery:.2f}",
+        RUN_ID: progress.run_id,
     }
     return diagnostic_array(
         stamp,
@@ -146,7 +150,8 @@ def progress_from_message(message: DiagnosticArray, drone_name: str) -> Result[P
                 "bad_state", f"{REPORT}, {ARRIVED}, {LOST}: {shown(values)} is not allowed"
             )
         battery = _share(values.get(BATTERY, ""))
-        return Accepted(Progress(report_ns, arrived_ns, values[LOST], battery))
+        run_id = _integer(values.get(RUN_ID, "")) or 0
+        return Accepted(Progress(report_ns, arrived_ns, values[LOST], battery, run_id))
     return Rejected("bad_state", f"status: none is named {drone_name!r}")
 
 

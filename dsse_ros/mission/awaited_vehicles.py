@@ -54,8 +54,16 @@ class AwaitedVehicles:
         if place is not None:
             self._places[drone] = place
 
-    def set_progress(self, drone: int, progress: Progress) -> str:
-        """Take how far a vehicle is; returns why it is lost, empty if it is not in this mission."""
+    def set_progress(self, drone: int, progress: Progress, run_id: int) -> str:
+        """Take how far a vehicle is; returns why it is lost, empty if it is not in this mission.
+
+        Args:
+            drone: Number of its drone.
+            progress: What it reports, of another run too: that is kept for late listeners.
+            run_id: Identity of this run.
+        """
+        if progress.run_id not in (0, run_id):
+            progress = Progress()
         self._progress[drone] = progress
         of_this_mission = self._first_ns <= progress.report_stamp_ns <= self._last_ns
         if of_this_mission:

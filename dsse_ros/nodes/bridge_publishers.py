@@ -89,7 +89,8 @@ class BridgePublishers:
         progress = Progress(battery=state.battery)
         if leg is not None:
             arrived_ns = follower.arrived_stamp_ns
-            progress = Progress(leg.stamp_ns, arrived_ns, follower.lost, state.battery)
+            run_id, _ = follower.custody.search or (0, 0)
+            progress = Progress(leg.stamp_ns, arrived_ns, follower.lost, state.battery, run_id)
         refused, blocked = trouble or follower.refused, follower.blocked
         news = (
             progress, refused, blocked, custody, outcome, state.mode, state.armed, state.connected,

@@ -375,7 +375,7 @@ class SimNode(AlarmNode):
         if isinstance(parsed, Rejected):
             self._commands.reject(f"drone{drone}/vehicle_state", parsed)
             return
-        if lost := self._vehicles.set_progress(drone, parsed.value):
+        if lost := self._vehicles.set_progress(drone, parsed.value, self.publishers_.run_id):
             self._lose(drone, lost)
         self._advance()
 

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from msg_adapters.vehicles import Progress
 FRAME = GridFrame(6, 130.0, -24.04, -46.17, 0.0, 120.0)
 CELLS = np.array([[0, 5], [3, 2]])
 RADIUS_M = 10.0
+RUN = 7
 
 
 @pytest.fixture
@@ -50,9 +53,9 @@ def test_one_that_reports_is_late_until_it_has_done_all_of_the_last_report(
     vehicles: AwaitedVehicles,
 ) -> None:
     vehicles.set_place(0, cell_to_map(FRAME, 0, 5))
-    vehicles.set_progress(0, Progress(300, 200))
+    vehicles.set_progress(0, Progress(300, 200), RUN)
     assert late(vehicles) == [0, 1]
-    vehicles.set_progress(0, Progress(300, 300))
+    vehicles.set_progress(0, Progress(300, 300), RUN)
     assert late(vehicles) == [1]
     vehicles.set_stamp(400, first=False)
     assert late(vehicles) == [0, 1]
@@ -62,8 +65,18 @@ def test_one_that_reports_is_late_until_it_has_done_all_of_the_last_report(
 def test_a_loss_and_a_battery_count_in_their_own_mission_only(
     vehicles: AwaitedVehicles, charges: dict[int, float], stamp: int, counts: bool
 ) -> None:
-    reason = vehicles.set_progress(1, Progress(stamp, lost="link lost", battery=0.5))
+    reason = vehicles.set_progress(1, Progress(stamp, lost="link lost", battery=0.5), RUN)
     assert (reason, charges) == (("link lost", {1: 0.5}) if counts else ("", {}))
+
+
+def test_what_was_reported_of_another_run_counts_for_nothing(
+    vehicles: AwaitedVehicles, charges: dict[int, float]
+) -> None:
+    vehicles.set_place(0, cell_to_map(FRAME, 0, 5))
+    reported = Progress(300, 300, "link lost", 0.5, run_id=RUN + 1)
+    assert vehicles.set_progress(0, reported, RUN) == ""
+    assert late(vehicles) == [0, 1] and charges == {}
+    assert vehicles.set_progress(0, replace(reported, run_id=RUN), RUN) == "link lost"
 
 
 def test_where_vehicles_were_is_of_the_mission_before(vehicles: AwaitedVehicles) -> None:
@@ -75,7 +88,7 @@ def test_where_vehicles_were_is_of_the_mission_before(vehicles: AwaitedVehicles)
 
 def test_stamps_that_come_again_are_not_those_of_before(vehicles: AwaitedVehicles) -> None:
     vehicles.set_place(0, cell_to_map(FRAME, 0, 5))
-    vehicles.set_progress(0, Progress(300, 300))
+    vehicles.set_progress(0, Progress(300, 300), RUN)
     assert late(vehicles) == [1]
     vehicles.restart_time()
     assert late(vehicles) == [0, 1]

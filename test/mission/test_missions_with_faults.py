@@ -184,7 +184,7 @@ def test_a_vehicle_s_report_of_this_mission_sets_the_battery_of_its_drone() -> N
         message = vehicle_state_message("it", "", to_stamp(0), reported, **state)  # type: ignore[arg-type]
         read = progress_from_message(message, "it")
         assert isinstance(read, Accepted)
-        vehicles.set_progress(drone, read.value)
+        vehicles.set_progress(drone, read.value, 7)
     fly(mission, None, 1)
     assert mission.result.conditions is not None
     # That of another mission does not count, nor one that is not known.

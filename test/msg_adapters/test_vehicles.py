@@ -39,9 +39,11 @@ def state_message(progress: Progress, **values: object) -> DiagnosticArray:
     )
 
 
-@given(STAMPS, STAMPS, TEXTS)
-def test_the_progress_that_is_published_is_read(report: int, arrived: int, lost: str) -> None:
-    progress = Progress(report, arrived, lost)
+@given(STAMPS, STAMPS, TEXTS, st.integers(0, 2**32 - 1))
+def test_the_progress_that_is_published_is_read(
+    report: int, arrived: int, lost: str, run_id: int
+) -> None:
+    progress = Progress(report, arrived, lost, run_id=run_id)
     message = state_message(progress, mode="GUIDED")
     assert progress_from_message(message, "drone1") == Accepted(progress)
     assert message.status[0].message == "flies" and message.header.stamp == STAMP

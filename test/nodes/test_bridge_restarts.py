@@ -158,7 +158,7 @@ def test_a_foreign_simulation_stops_nothing_but_the_take_offs(rig: Rig) -> None:
         # From then on an interrupt ends it in peace.
         rig.until(lambda: "waiting for commands" in foreign.process.output, "what it waits for")
         foreign.process.stop()
-        fly(sim, UP)
+        sim.joint(UP, step=1)
         state = bridge.until(0, arrived="true", cell="0 3", refused="")
         assert state["flying"] == "true" and take_off_orders(bridge) == 1
 
