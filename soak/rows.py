@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from soak import (
     clocks,
+    custody,
     endurance,
     files,
     fleet,
@@ -34,6 +35,7 @@ ROWS: dict[str, Row] = {
         hostile,
         parameters,
         stateful,
+        custody,
         fuzzing,
         fleet,
         endurance,
