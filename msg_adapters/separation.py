@@ -138,7 +138,7 @@ def level_cells(
                 continue
             centers = np.array([cell_to_map(frame, *cell) for cell in left])
             away_m = _to_leg_m(centers[:, None], legs[j][:, _START], legs[j][:, _END])
-            near: list[bool] = np.atleast_1d((away_m < limit_m).any(axis=1)).tolist()
+            near: list[bool] = np.any(away_m < limit_m, axis=1).tolist()
             level.update(cell for cell, is_near in zip(left, near, strict=True) if is_near)
             left = [cell for cell, is_near in zip(left, near, strict=True) if not is_near]
         found.append(frozenset(level))
