@@ -28,15 +28,17 @@ class Received(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What somebody wants of a simulation.
+    """What somebody wants of a simulation, or of vehicles.
 
     Attributes:
-        namespace: Of the simulation.
-        name: pause, resume, step or reset.
+        namespace: Of the simulation, or of the bridge.
+        name: pause, resume, step or reset; of vehicles arm, ground, hold, return or land.
+        vehicle: Name of the drone whose vehicle is meant; empty for all vehicles.
     """
 
     namespace: str
     name: str
+    vehicle: str = ""
 
 
 class Inbox:

@@ -69,7 +69,9 @@ class Mission:
         paused: Whether it is held, as far as is known.
         publishers: How many publish its reports: none while its simulation is gone.
         answer: What the last command has led to.
-        answers: How many there were.
+        bridge: Names of the drones whose vehicles a bridge flies; none while there is no bridge.
+        had_bridge: Whether there is one, or was.
+        vehicle_answer: What the last command for vehicles has led to.
         trouble: By topic, why its last message could not be read.
         heard: Grows with each message of any mission.
     """
@@ -84,7 +86,9 @@ class Mission:
         self.paused = False
         self.publishers = 1
         self.answer = ""
-        self.answers = 0
+        self.bridge: tuple[str, ...] = ()
+        self.had_bridge = False
+        self.vehicle_answer = ""
         self.trouble: dict[str, str] = {}
         self.heard = 0
         self._infos: dict[int, AgentsInfo] = {}
@@ -98,6 +102,8 @@ class Mission:
             "paused": self._on_paused,
             "publishers": self._on_publishers,
             "answer": self._on_answer,
+            "bridge": self._on_bridge,
+            "vehicle_answer": self._on_vehicle_answer,
         }
 
     @property
@@ -207,7 +213,13 @@ class Mission:
         self.publishers = count
 
     def _on_answer(self, answer: str) -> None:
-        self.answer, self.answers = answer, self.answers + 1
+        self.answer = answer
+
+    def _on_bridge(self, drones: tuple[str, ...]) -> None:
+        self.bridge, self.had_bridge = drones, self.had_bridge or bool(drones)
+
+    def _on_vehicle_answer(self, answer: str) -> None:
+        self.vehicle_answer = answer
 
     def _on_vehicle_state(self, drone: str, message: Any) -> None:
         for status in message.status:
@@ -263,7 +275,8 @@ class Missions:
 
     def _drop(self) -> bool:
         """Give up the mission that has gone for longest; returns whether there is one."""
-        gone = [mission for mission in self.by_namespace.values() if mission.publishers == 0]
+        missions = self.by_namespace.values()
+        gone = [one for one in missions if one.publishers == 0 and not one.bridge]
         if not gone:
             return False
         oldest = min(gone, key=lambda mission: mission.heard)

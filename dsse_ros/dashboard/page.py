@@ -21,6 +21,19 @@ _SLOW_S = 0.5
 _LOST_S = 2.0
 """Wall time after which a frame that was not drawn is taken for lost."""
 _BLUE = "#0072B2"
+_OPERATIONS = {
+    "arm": ("Arm", "flight_takeoff"),
+    "ground": ("Ground", "block"),
+    "hold": ("Hold", "pause_circle"),
+    "return": ("Return", "home"),
+    "land": ("Land", "flight_land"),
+}
+"""Commands for vehicles: what their buttons are called, and their icons."""
+_TO_CONFIRM = {
+    "arm": "Clear {} to fly? Motors may start and vehicles take off at once: nobody may be near.",
+    "land": "Land {} right below where it is now, also where that is water?",
+}
+"""Commands that cannot be taken back, and what is asked before."""
 _THEMES = {None: "Theme: auto", False: "Theme: light", True: "Theme: dark"}
 
 
@@ -55,7 +68,7 @@ class MissionPage:
         self._sent: tuple[int, float] = (0, 0.0)
         self._texts: dict[int, object] = {}
         self._slow_s = 0.0
-        self._answers = 0
+        self._to_confirm: Command | None = None
         self._line: object = None
         ui.add_css(STYLE)
         self._dark = ui.dark_mode(None)
@@ -119,12 +132,13 @@ class MissionPage:
 
     def _build_side(self) -> None:
         with ui.element("section").classes("side").props("aria-label='Figures'"):
+            self._build_vehicles()
             with ui.element("div").classes("card"):
                 ui.html("Probability of success", tag="h2", sanitize=False)
                 self._chart = ui.echart(_chart_options(), renderer="svg").classes("pos-chart")
                 self._chart.props("role=img aria-label='Probability of success over the steps'")
                 self._no_pos = ui.label().classes("note")
-            with ui.element("div").classes("card"):
+            with ui.element("div").classes("card table-card"):
                 ui.html("Drones", tag="h2", sanitize=False)
                 self._drones = ui.html("", sanitize=False).classes("drones")
             with ui.element("div").classes("card"):
@@ -133,7 +147,33 @@ class MissionPage:
                 self._answer = ui.label().classes("note").props("role=status")
                 self._trouble = ui.label().classes("trouble").props("role=alert")
 
+    def _build_vehicles(self) -> None:
+        self._operate: dict[tuple[str, bool], ui.button] = {}
+        with ui.element("div").classes("card vehicles") as self._vehicles:
+            ui.html("Vehicles", tag="h2", sanitize=False)
+            for one in (False, True):
+                whom = "One vehicle" if one else "All vehicles"
+                with ui.element("div").classes("buttons").props(f"role=group aria-label='{whom}'"):
+                    if one:
+                        self._drone = ui.select([], label="Vehicle").props("dense outlined")
+                        # Buttons never say another name than the one that they are for.
+                        self._drone.on("update:model-value", self._update_vehicles)
+                    for name, (text, icon) in _OPERATIONS.items():
+                        button = self._button(
+                            text if one else f"{text} all", icon,
+                            lambda name=name, one=one: self._on_operate(name, one=one),
+                        )  # fmt: skip
+                        self._operate[name, one] = button
+            self._bridge_gone = ui.label("The bridge is gone.").classes("trouble")
+            self._vehicle_answer = ui.label().classes("note").props("role=status")
+        self._vehicles.set_visibility(False)
+
     def _build_dialog(self) -> None:
+        with ui.dialog().props("aria-label='Vehicles'") as self._confirm, ui.card():
+            self._question = ui.label()
+            with ui.row():
+                self._button("Cancel", "close", self._confirm.close).props("autofocus")
+                self._yes = self._button("", "check", self._on_confirmed)
         with ui.dialog().props("aria-label='Reset'") as self._dialog, ui.card():
             ui.label("Start a new mission? The one under way ends, also for its vehicles.")
             with ui.row():
@@ -190,6 +230,28 @@ class MissionPage:
         if mission is not None:
             self._inbox.command(Command(mission.namespace, name))
 
+    def _on_operate(self, name: str, *, one: bool) -> None:
+        mission = self._view.mission
+        if mission is None or (one and self._drone.value is None):
+            return
+        command = Command(mission.namespace, name, self._drone.value if one else "")
+        if name not in _TO_CONFIRM:
+            self._inbox.command(command)
+            return
+        # What is asked for is what is done, whatever is chosen meanwhile.
+        self._to_confirm = command
+        whom = command.vehicle or "all vehicles"
+        where = f" in {mission.namespace}" if mission.namespace else ""
+        self._question.set_text(_TO_CONFIRM[name].format(f"{whom}{where}"))
+        self._yes.set_text(f"{_OPERATIONS[name][0]} {whom}")
+        self._confirm.open()
+
+    def _on_confirmed(self) -> None:
+        self._confirm.close()
+        command, self._to_confirm = self._to_confirm, None
+        if command is not None:
+            self._inbox.command(command)
+
     def _on_theme(self) -> None:
         order = list(_THEMES)
         self._dark.value = order[(order.index(self._dark.value) + 1) % len(order)]
@@ -212,7 +274,7 @@ class MissionPage:
             self._slow_s = now_s
             self._update_slowly()
 
-    def _set_text(self, label: ui.label, text: str) -> None:
+    def _set_text(self, label: ui.label | ui.button, text: str) -> None:
         if label.text != text:
             label.set_text(text)
 
@@ -247,14 +309,33 @@ class MissionPage:
         for button in (self._pause, self._step, self._reset):
             button.set_enabled(has)
         self._live.set_enabled(view.step is not None)
+        self._update_vehicles()
         self._set_text(self._trouble, view.trouble())
         if mission is not None:
             text, icon = ("Resume", "play_arrow") if mission.paused else ("Pause", "pause")
-            self._set_text(self._pause, text)  # type: ignore[arg-type]
+            self._set_text(self._pause, text)
             if self._pause.icon != icon:
                 self._pause.set_icon(icon)
             self._set_text(self._state, mission.state)
             self._set_text(self._answer, mission.answer)
+
+    def _update_vehicles(self) -> None:
+        mission = self._view.mission
+        if mission is None or not mission.had_bridge:
+            self._vehicles.set_visibility(False)
+            return
+        self._vehicles.set_visibility(True)
+        drones, chosen = list(mission.bridge), self._drone.value
+        self._bridge_gone.set_visibility(not drones)
+        # Those of a bridge that is gone stay to be seen.
+        if drones and (self._drone.options != drones or chosen not in drones):
+            self._drone.set_options(drones, value=chosen if chosen in drones else drones[0])
+        self._drone.set_enabled(bool(drones))
+        for (name, one), button in self._operate.items():
+            button.set_enabled(bool(drones))
+            if one and self._drone.value is not None:
+                self._set_text(button, f"{_OPERATIONS[name][0]} {self._drone.value}")
+        self._set_text(self._vehicle_answer, mission.vehicle_answer)
 
     def _update_choices(self) -> None:
         view, mission = self._view, self._view.mission

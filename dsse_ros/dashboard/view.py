@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dsse_ros.dashboard.history import DroneState, SearchHistory
-from dsse_ros.dashboard.missions import LAYERS, Mission, Missions
+from dsse_ros.dashboard.missions import LAYERS, Mission, Missions, Vehicle
 from msg_adapters.geodesy import cell_to_geodetic
 
 STATES = {
@@ -198,8 +198,10 @@ class PageView:
     def drones_table(self) -> str:
         """Return the drones in the step that is shown, as the rows of an HTML table."""
         mission, history = self.mission, self.history
-        if mission is None or history is None or mission.info is None:
+        if mission is None:
             return ""
+        if history is None or mission.info is None:
+            return _vehicles_table(mission)
         i, info = history.index(self.step), mission.info
         report, states, rewards = history.report(i), history.states(i), history.rewards(i)
         rows = []
@@ -220,9 +222,7 @@ class PageView:
                 f'<td class="number">{rewards[number]:.1f}</td>',
             ]
             if mission.vehicles:
-                level = _LEVELS[min(vehicle.level, 3)] if vehicle else "stale"
-                message = vehicle.message if vehicle else "no state"
-                cells.append(f'<td class="level-{level}">{html.escape(message)}</td>')
+                cells.append(_vehicle_cell(vehicle))
             rows.append(f"<tr>{''.join(cells)}</tr>")
         heads = [
             "Drone",
@@ -232,9 +232,7 @@ class PageView:
             "Reward",
             *["Vehicle"] * bool(mission.vehicles),
         ]
-        head = "".join(f'<th scope="col">{text}</th>' for text in heads)
-        body = "".join(rows)
-        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        return _table(heads, rows)
 
     def place(self, cell: tuple[int, int]) -> str:
         """Return a cell (col, row) with the latitude and longitude of its centre."""
@@ -263,6 +261,26 @@ def layers_of(mission: Mission | None) -> dict[str, str]:
     if mission is None:
         return {}
     return {topic: name for topic, name in LAYERS.items() if mission.maps[topic]}
+
+
+def _vehicles_table(mission: Mission) -> str:
+    """Return the vehicles of a mission of which no step is known, as an HTML table."""
+    rows = [
+        f'<tr><th scope="row">{html.escape(name)}</th>{_vehicle_cell(vehicle)}</tr>'
+        for name, vehicle in sorted(mission.vehicles.items())
+    ]
+    return _table(["Drone", "Vehicle"], rows) if rows else ""
+
+
+def _vehicle_cell(vehicle: Vehicle | None) -> str:
+    level = _LEVELS[min(vehicle.level, 3)] if vehicle else "stale"
+    message = vehicle.message if vehicle else "no state"
+    return f'<td class="level-{level}">{html.escape(message)}</td>'
+
+
+def _table(heads: list[str], rows: list[str]) -> str:
+    head = "".join(f'<th scope="col">{text}</th>' for text in heads)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 
 
 def _outcome(states: Any) -> str:

@@ -10,17 +10,17 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.bridge.fleet_controller import FleetController
-
-OPERATIONS = ("hold", "return", "land")
+from dsse_ros.nodes.operator_services import OPERATOR_SERVICES
 
 
 def serve(node: Node, fleet: FleetController) -> None:
     """Create the services for all vehicles, `~/arm`, and for each, `drone<i>/arm`."""
     for drone, prefix in [(None, "~"), *enumerate(fleet.names)]:
-        node.create_service(SetBool, f"{prefix}/arm", partial(_arm, fleet, drone))
-        for what in OPERATIONS:
-            callback = partial(_operate, fleet, drone, what)
-            node.create_service(Trigger, f"{prefix}/{what}", callback)
+        for what, kind in OPERATOR_SERVICES.items():
+            serve_one = partial(_arm, fleet, drone)
+            if what != "arm":
+                serve_one = partial(_operate, fleet, drone, what)
+            node.create_service(kind, f"{prefix}/{what}", serve_one)
 
 
 def _arm(

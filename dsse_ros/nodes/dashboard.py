@@ -27,6 +27,12 @@ from dsse_ros.dashboard.inbox import Command, Inbox, Received
 from dsse_ros.dashboard.missions import MAX_MISSIONS
 from dsse_ros.dashboard.server import PageServer
 from dsse_ros.dashboard.settings import DashboardSettings
+from dsse_ros.nodes.operator_services import (
+    OPERATOR_SERVICES,
+    FoundBridge,
+    find_bridges,
+    service_name,
+)
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.polling import polling_node, spun_by_nobody, take_all
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, Endpoints
@@ -42,8 +48,8 @@ _COMMANDS_S = 0.05
 _TAKE_S = 0.05
 """Wall time between looks for messages."""
 _SILENCE_S = 3.0
-"""Wall time without a message after which a simulation is taken to be gone: its diagnostics come
-once a second, and one that was killed has publishers for 20 s more."""
+"""Wall time without a message after which a simulation or a bridge is taken to be gone: diagnostics
+and states come once a second, and one that was killed has publishers for 20 s more."""
 _GONE_S = 10.0
 """Wall time without a message after which a simulation without publishers is given up: nothing of
 it is subscribed to until it is back."""
@@ -74,23 +80,39 @@ _SERVICES: dict[str, tuple[str, Any, dict[str, bool]]] = {
     "reset": ("reset", Trigger, {}),
 }
 """Of each command the service, its type and what the request contains."""
+_OPERATIONS: dict[str, tuple[str, dict[str, bool]]] = {
+    "arm": ("arm", {"data": True}),
+    "ground": ("arm", {"data": False}),
+    "hold": ("hold", {}),
+    "return": ("return", {}),
+    "land": ("land", {}),
+}
+"""Of each command for vehicles the service and what the request contains."""
 
 
 @dataclass
-class Simulation:
-    """A simulation that is or was there.
+class Shown:
+    """What is shown of a namespace: a simulation, a bridge or both, that are or were there.
 
     Attributes:
-        node: Full name of its node, "" before it is known.
+        node: Full name of the simulation's node, "" before it is known.
         publishers: How many publish its reports, as the page knows it.
         heard_s: When the last message of it came, on a steady clock.
-        topics: Subscriptions by topic, relative to its namespace.
+        bridge: The bridge; None while there is none.
+        drones: Those of the bridge, as the page knows it; none while it is silent.
+        bridge_heard_s: When the last message of it came, on a steady clock.
+        topics: Subscriptions by topic, relative to the namespace.
+        callers: Clients by name of the service.
     """
 
     node: str = ""
     publishers: int = -1
     heard_s: float = field(default_factory=time.monotonic)
+    bridge: FoundBridge | None = None
+    drones: tuple[str, ...] = ()
+    bridge_heard_s: float = field(default_factory=time.monotonic)
     topics: dict[str, Subscription] = field(default_factory=dict)
+    callers: dict[str, Any] = field(default_factory=dict)
 
 
 class DashboardNode(AlarmNode):
@@ -110,8 +132,7 @@ class DashboardNode(AlarmNode):
         self.inbox = Inbox(_EVERY_MESSAGE)
         self._server: PageServer | None = None
         self._listener = polling_node(self)
-        self._simulations: dict[str, Simulation] = {}
-        self._callers: dict[str, Any] = {}
+        self._shown: dict[str, Shown] = {}
         self._waiting: list[tuple[Command, float]] = []
         self._pending: dict[Future, tuple[Command, float]] = {}
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
@@ -138,77 +159,104 @@ class DashboardNode(AlarmNode):
         for name in names:
             if match := _REPORTS.fullmatch(name):
                 self._join(match["namespace"])
+        bridges = find_bridges(self)
+        for namespace in bridges.keys() | self._shown.keys():
+            self._join_bridge(namespace, bridges.get(namespace))
         for name in names:
             if match := _VEHICLES.fullmatch(name):
-                simulation = self._simulations.get(match["namespace"])
-                if simulation is None or match["topic"] in simulation.topics:
+                shown = self._shown.get(match["namespace"])
+                if shown is None or match["topic"] in shown.topics:
                     continue
                 # Without a publisher only somebody else waits for it.
-                if len(simulation.topics) < _MAX_TOPICS and self.count_publishers(name):
+                if len(shown.topics) < _MAX_TOPICS and self.count_publishers(name):
                     self._subscribe(match["namespace"], match["topic"], *OF_VEHICLE[match["kind"]])
         self._unsubscribe()
 
     def _unsubscribe(self) -> None:
         """Give up what has gone: simulations after a while, vehicles at once."""
-        for namespace, simulation in list(self._simulations.items()):
-            silent_s = time.monotonic() - simulation.heard_s
-            if silent_s > _GONE_S and not self.count_publishers(f"{namespace}/step_report"):
-                self._leave(namespace)
-                continue
-            for topic in [name for name in simulation.topics if name not in TOPICS]:
+        for namespace, shown in list(self._shown.items()):
+            for topic in [name for name in shown.topics if name not in TOPICS]:
                 if not self.count_publishers(f"{namespace}/{topic}"):
-                    self._listener.destroy_subscription(simulation.topics.pop(topic))
+                    self._listener.destroy_subscription(shown.topics.pop(topic))
+            silent_s = time.monotonic() - shown.heard_s
+            gone = silent_s > _GONE_S and not self.count_publishers(f"{namespace}/step_report")
+            if gone and shown.bridge is None:
+                self._leave(namespace)
 
     def _leave(self, namespace: str) -> None:
-        """Give up a simulation; what is known of its mission stays on the page."""
-        simulation = self._simulations.pop(namespace)
-        for subscription in simulation.topics.values():
+        """Give up a namespace; what is known of its mission stays on the page."""
+        shown = self._shown.pop(namespace)
+        for subscription in shown.topics.values():
             self._listener.destroy_subscription(subscription)
-        for name in [name for name in self._callers if name.rpartition("/")[0] == simulation.node]:
-            self.destroy_client(self._callers.pop(name))
-        if simulation.publishers:
+        for caller in shown.callers.values():
+            self.destroy_client(caller)
+        if shown.publishers:
             self._put(namespace, "publishers", 0)
         self.get_logger().info(f"the simulation in {namespace or '/'} is gone")
 
-    def _join(self, namespace: str) -> None:
-        simulation = self._simulations.get(namespace)
-        publishers = self.get_publishers_info_by_topic(f"{namespace}/step_report")
-        if simulation is None:
-            if not publishers:
-                # Only somebody else who waits for it.
-                return
-            if len(self._simulations) >= MAX_MISSIONS:
+    def _show(self, namespace: str) -> Shown | None:
+        """Return what is shown of a namespace, which may be new; None where there is no room."""
+        if namespace not in self._shown:
+            if len(self._shown) >= MAX_MISSIONS:
                 self.warn("missions", f"{MAX_MISSIONS} missions are shown: not {namespace or '/'}")
-                return
-            simulation = self._simulations[namespace] = Simulation()
+                return None
+            self._shown[namespace] = Shown()
             self.get_logger().info(f"showing the mission in {namespace or '/'}")
             for topic, (kind, qos) in TOPICS.items():
                 self._subscribe(namespace, topic, kind, qos)
+        return self._shown[namespace]
+
+    def _join(self, namespace: str) -> None:
+        """See who publishes the reports of a simulation."""
+        publishers = self.get_publishers_info_by_topic(f"{namespace}/step_report")
+        # Without any there may only be somebody else who waits for it.
+        shown = self._show(namespace) if publishers else self._shown.get(namespace)
+        if shown is None:
+            return
         if publishers:
             node = publishers[0]
-            simulation.node = f"{node.node_namespace.rstrip('/')}/{node.node_name}"
-        silent = time.monotonic() - simulation.heard_s > _SILENCE_S
+            shown.node = f"{node.node_namespace.rstrip('/')}/{node.node_name}"
+        silent = time.monotonic() - shown.heard_s > _SILENCE_S
         count = 0 if silent else len(publishers)
-        if simulation.publishers != count:
-            simulation.publishers = count
+        if shown.publishers != count:
+            shown.publishers = count
             self._put(namespace, "publishers", count)
 
+    def _join_bridge(self, namespace: str, bridge: FoundBridge | None) -> None:
+        """See which bridge there is, also without a simulation: its vehicles may be in the air."""
+        shown = self._shown.get(namespace) if bridge is None else self._show(namespace)
+        if shown is None:
+            return
+        if shown.publishers < 0:
+            # The bridge itself listens to what a simulation would publish.
+            self._join(namespace)
+        if bridge is not None and shown.bridge is None:
+            shown.bridge_heard_s = time.monotonic()
+        shown.bridge = bridge
+        silent = time.monotonic() - shown.bridge_heard_s > _SILENCE_S
+        drones = () if bridge is None or silent else bridge.drones
+        if shown.drones != drones:
+            shown.drones = drones
+            self._put(namespace, "bridge", drones)
+
     def _subscribe(self, namespace: str, topic: str, kind: Any, qos: Any) -> None:
-        self._simulations[namespace].topics[topic] = self._listener.create_subscription(
+        self._shown[namespace].topics[topic] = self._listener.create_subscription(
             kind, f"{namespace}/{topic}", spun_by_nobody, qos, raw=True
         )
 
     def _take(self) -> None:
         """Hand on what has come, in the order in which it was received."""
         came: list[tuple[int, Received]] = []
-        for namespace, simulation in self._simulations.items():
-            before = len(came)
-            for topic, subscription in simulation.topics.items():
-                for one in take_all(subscription):
+        for namespace, shown in self._shown.items():
+            for topic, subscription in shown.topics.items():
+                taken = take_all(subscription)
+                for one in taken:
                     read = partial(deserialize_message, one.data, subscription.msg_type)
                     came.append((one.received_ns, Received(namespace, topic, read)))
-            if len(came) > before:
-                simulation.heard_s = time.monotonic()
+                if taken and topic in TOPICS:
+                    shown.heard_s = time.monotonic()
+                elif taken:
+                    shown.bridge_heard_s = time.monotonic()
         for _, received in sorted(came, key=itemgetter(0)):
             self.inbox.put(received)
 
@@ -217,9 +265,9 @@ class DashboardNode(AlarmNode):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            for namespace, simulation in self._simulations.items():
-                if simulation.node.lstrip("/") == status.name.lstrip("/"):
-                    simulation.heard_s = time.monotonic()
+            for namespace, shown in self._shown.items():
+                if shown.node.lstrip("/") == status.name.lstrip("/"):
+                    shown.heard_s = time.monotonic()
                     self._put(namespace, "diagnostics", status)
 
     # Commands
@@ -232,10 +280,12 @@ class DashboardNode(AlarmNode):
         for command, deadline_s in waiting:
             client = self._client(command)
             if client is not None and client.service_is_ready():
-                request = client.srv_type.Request(**_SERVICES[command.name][2])
+                values = (_OPERATIONS.get(command.name) or _SERVICES[command.name])[-1]
+                request = client.srv_type.Request(**values)
                 self._pending[client.call_async(request)] = command, deadline_s
             elif now_s > deadline_s:
-                self._answer(command, f"no simulation serves it in {command.namespace or '/'}")
+                who = "bridge" if command.name in _OPERATIONS else "simulation"
+                self._answer(command, f"no {who} serves it in {command.namespace or '/'}")
             else:
                 self._waiting.append((command, deadline_s))
         for future, (command, deadline_s) in list(self._pending.items()):
@@ -247,15 +297,25 @@ class DashboardNode(AlarmNode):
                 self._answer(command, f"no answer within {_ANSWER_S:g} s")
 
     def _client(self, command: Command) -> Any:
-        """Return the client of the service for a command, None where there is no simulation."""
-        simulation = self._simulations.get(command.namespace)
-        if simulation is None or not simulation.node:
+        """Return the client of the service for a command, None where nobody could serve it."""
+        namespace = command.namespace
+        shown = self._shown.get(namespace)
+        if shown is None:
             return None
-        service, kind, _ = _SERVICES[command.name]
-        name = f"{simulation.node}/{service}"
-        if name not in self._callers:
-            self._callers[name] = self.create_client(kind, name)
-        return self._callers[name]
+        if command.name in _OPERATIONS:
+            what = _OPERATIONS[command.name][0]
+            if shown.bridge is None or not shown.drones:
+                return None
+            name = service_name(namespace, shown.bridge, command.vehicle, what)
+            kind = OPERATOR_SERVICES[what]
+        else:
+            service, kind, _ = _SERVICES[command.name]
+            if not shown.node:
+                return None
+            name = f"{shown.node}/{service}"
+        if name not in shown.callers:
+            shown.callers[name] = self.create_client(kind, name)
+        return shown.callers[name]
 
     def _on_answer(self, command: Command, response: Any) -> None:
         text = response.message if response.success else f"refused: {response.message}"
@@ -264,8 +324,12 @@ class DashboardNode(AlarmNode):
             self._put(command.namespace, "paused", command.name == "pause")
 
     def _answer(self, command: Command, text: str) -> None:
-        self.get_logger().info(f"{command.name} in {command.namespace or '/'}: {text}")
-        self._put(command.namespace, "answer", f"{command.name}: {text}")
+        name = command.name
+        if name in _OPERATIONS:
+            name += f" {command.vehicle or 'all'}"
+        self.get_logger().info(f"{name} in {command.namespace or '/'}: {text}")
+        topic = "vehicle_answer" if command.name in _OPERATIONS else "answer"
+        self._put(command.namespace, topic, f"{name}: {text}")
 
     def destroy_node(self) -> None:
         """Close the page and the node."""

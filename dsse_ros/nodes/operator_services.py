@@ -1,0 +1,70 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The services of `mavlink_bridge` for an operator, and where a bridge is found that serves them.
+
+For all vehicles they are those of the node, such as `~/hold`; for one, such as `drone0/hold`, they
+lie beside its topics.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+OPERATOR_SERVICES: Mapping[str, Any] = MappingProxyType(
+    {"arm": SetBool, "hold": Trigger, "return": Trigger, "land": Trigger}
+)
+"""Types by name."""
+
+_STATES = re.compile(r"(?P<namespace>.*)/(?P<drone>drone\d+)/vehicle_state")
+
+
+@dataclass(frozen=True)
+class FoundBridge:
+    """A bridge that is there.
+
+    Attributes:
+        node: Its full name.
+        drones: Names of the drones that have a vehicle, in order.
+    """
+
+    node: str
+    drones: tuple[str, ...]
+
+
+def find_bridges(node: Node) -> dict[str, FoundBridge]:
+    """Return the bridges that are there by their namespaces, "" for the root.
+
+    Args:
+        node: Whose view of the domain counts.
+    """
+    found: dict[str, tuple[str, list[str]]] = {}
+    for topic, _ in node.get_topic_names_and_types():
+        match = _STATES.fullmatch(topic)
+        publishers = node.get_publishers_info_by_topic(topic) if match else []
+        if match and publishers:
+            of, name = publishers[0].node_namespace, publishers[0].node_name
+            _, drones = found.setdefault(match["namespace"], (f"{of.rstrip('/')}/{name}", []))
+            drones.append(match["drone"])
+    return {
+        namespace: FoundBridge(name, tuple(sorted(drones, key=lambda one: int(one[5:]))))
+        for namespace, (name, drones) in found.items()
+    }
+
+
+def service_name(namespace: str, bridge: FoundBridge, drone: str, what: str) -> str:
+    """Return the full name of a service.
+
+    Args:
+        namespace: Of the bridge, "" for the root.
+        bridge: The bridge.
+        drone: Name of the drone, empty for all.
+        what: One of `OPERATOR_SERVICES`.
+    """
+    return f"{namespace}/{drone}/{what}" if drone else f"{bridge.node}/{what}"
