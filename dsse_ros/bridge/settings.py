@@ -126,6 +126,10 @@ class BridgeSettings(FlightSettings):
             given = len(getattr(self, name))
             if given not in ({0, count} if each else {0, 1, count}):
                 raise FieldError(f"{name}: {given} are not allowed; one for each of {count}")
+        for system_id in self.system_ids:
+            # Who has a vehicle is kept by that.
+            if (number := self.system_ids.count(system_id)) > 1:
+                raise FieldError(f"system_ids: {system_id} is of {number} vehicles; one each")
         if self.fence_center is not None:
             for value, limit in zip(self.fence_center, (90.0, 180.0), strict=True):
                 if abs(value) > limit:

@@ -40,14 +40,19 @@ SEARCHED: dict[str, Any] = {
 
 
 @contextlib.contextmanager
-def autopilots(*faults: tuple[str, ...], **options: Any) -> Iterator[list[Running]]:
-    """Run autopilots beside the first cells of the southern row, with these faults each."""
+def autopilots(
+    *faults: tuple[str, ...], first: int = 1, **options: Any
+) -> Iterator[list[Running]]:
+    """Run autopilots beside the first cells of the southern row, with these faults each.
+
+    Their system ids count from `first`.
+    """
     with contextlib.ExitStack() as stack:
         yield [
             stack.enter_context(
                 running_autopilot(
                     link="udp",
-                    system=i + 1,
+                    system=i + first,
                     home=map_to_geodetic(FRAME, 65.0 + 130.0 * (i % 6), 40.0 * (1 + i // 6), 0.0),
                     faults=each,
                     **{"speedup": SPEEDUP, **options},

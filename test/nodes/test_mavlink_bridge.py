@@ -157,10 +157,10 @@ def test_who_cannot_take_off_is_lost_with_the_reason_and_the_other_goes_on(
     key = rig.folder / "key"
     key.write_text("07" * 32)
     given = {"key_file": key} if options.pop("key", False) else options
-    with autopilots(()) as one, autopilots((), **given) as other:
+    with autopilots(()) as one, autopilots((), first=2, **given) as other:
         vehicles = [one[0], other[0]]
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5], "wait_for_vehicles": True})
-        bridge = Bridge(rig, vehicles, system_ids=[1, 1], join_timeout=12.0)
+        bridge = Bridge(rig, vehicles, join_timeout=12.0)
         rig.until(lambda: bridge.state(1).get("lost"), "the second is lost")
         assert why in bridge.state(1)["lost"]
         assert bridge.process.output.count("drone1 is lost") == 1
@@ -460,6 +460,7 @@ def test_vehicles_for_another_number_of_drones_stay_where_they_are(rig: Rig) -> 
         ({"connections": ["tcp::5760"] * 2}, "connections: 'tcp::5760' is of 2 vehicles; one each"),
         ({"num_vehicles": 2, "system_ids": [1]}, "system_ids: 1 are not allowed"),
         ({"num_vehicles": 2, "system_ids": [1, 300]}, "system_ids: "),
+        ({"num_vehicles": 2, "system_ids": [7, 7]}, "system_ids: 7 is of 2 vehicles; one each"),
         ({"min_altitude": 200.0}, "min_altitude: 200 is not allowed"),
         ({"lost_timeout": 2.0}, "lost_timeout: 2 is not allowed; at least link_timeout, 5 s"),
         ({"signing_key_file": "/nonexistent"}, "signing_key_file: /nonexistent: No such file"),

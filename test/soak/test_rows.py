@@ -30,6 +30,8 @@ ELSEWHERE = {
     "test_a_thousand_hostile_messages_change_nothing_and_each_is_counted",
     "hostile_mavlink": "flight/test_fuzz.py::"
     "test_no_message_of_a_vehicle_raises_or_sets_an_invalid_position",
+    "custody": "bridge/test_interleavings.py::"
+    "test_no_interleaving_arms_takes_off_or_moves_what_it_must_not",
     "fleet": "flight/test_fleet.py::test_a_vehicle_that_drops_out_does_not_stop_the_others",
 }
 """Rows whose short form is a test of another folder."""
