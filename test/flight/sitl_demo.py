@@ -176,7 +176,8 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
             },
             "mavlink_bridge": {
                 "connections": [autopilot.connection for autopilot in autopilots],
-                "autopilot": arguments.autopilot, "arm": "always", "speed": float(scenario.drone_speed),
+                "autopilot": arguments.autopilot, "arm": "always",
+                "speed": float(scenario.drone_speed),
                 "acceptance_radius": RADIUS_M, "pose_rate": min(50.0, 200.0 / drones),
                 "state_directory": str(out / "state"),
                 # Wall time, in which vehicle time goes faster.

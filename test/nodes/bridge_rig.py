@@ -40,9 +40,7 @@ SEARCHED: dict[str, Any] = {
 
 
 @contextlib.contextmanager
-def autopilots(
-    *faults: tuple[str, ...], first: int = 1, **options: Any
-) -> Iterator[list[Running]]:
+def autopilots(*faults: tuple[str, ...], first: int = 1, **options: Any) -> Iterator[list[Running]]:
     """Run autopilots beside the first cells of the southern row, with these faults each.
 
     Their system ids count from `first`.

@@ -274,7 +274,7 @@ def test_an_operator_holds_recalls_and_clears_vehicles(rig: Rig) -> None:
         state = bridge.until(0, custody="taken over", armed="false", flying="false")
         assert state["lost"] == "recalled by the operator: land"
         rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
-        assert call(rig, Trigger, "dsse_bridge/return")[0]
+        assert not call(rig, Trigger, "dsse_bridge/return")[0]
         assert take_off_orders(bridge) == 1
 
 
