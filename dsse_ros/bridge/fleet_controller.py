@@ -436,6 +436,13 @@ class FleetController:
             for follower in going:
                 follower.hold()
 
+    def close(self) -> None:
+        """Record that the vehicles are ordered to hold, as the program ends."""
+        if not self._whole:
+            for follower in self.followers:
+                follower.custody.rest()
+            self._keep_records()
+
     # What people should know
 
     def trouble(self, now_s: float) -> str:

@@ -353,12 +353,14 @@ class VehicleCustody:
             return True
         brought_about: frozenset[str] = autopilot.orderly_modes
         going = record.mode in autopilot.take_off_modes - {autopilot.resting_mode}
-        if going:
+        if going and state.failsafe:
             # One that has missed setpoints may have left the guided mode for any of these.
             brought_about |= autopilot.setpoint_loss_modes
-        elif self._inherited is Custody.FOLLOWING:
+        elif self._inherited is Custody.FOLLOWING and not going:
             # It was armed for its take-off.
             brought_about |= autopilot.take_off_modes
+        elif record.mode == autopilot.guided_mode and not self._holds:
+            brought_about = frozenset({autopilot.guided_mode})
         # The order of that program goes by what it has recorded.
         if self._inherited is Custody.RECALLED:
             ordered = {COMING_DOWN[record.end or "return"]}
@@ -378,6 +380,17 @@ class VehicleCustody:
             self.lose(f"taken over: in {state.mode}")
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
         return True
+
+    @property
+    def _holds(self) -> bool:
+        """Whether an earlier program may have had it hold."""
+        at_end = self._inherited is Custody.ENDING and self._at_end == "hold"
+        return at_end or self._inherited is Custody.HELD
+
+    def rest(self) -> None:
+        """Record that it is ordered to hold, as the program ends."""
+        if self.state is Custody.FOLLOWING and self.record.mode == self._autopilot.guided_mode:
+            self.record = replace(self.record, mode=self._autopilot.resting_mode)
 
     def _observe_mode(self, before: VehicleState, state: VehicleState) -> None:
         autopilot = self._autopilot

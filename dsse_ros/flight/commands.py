@@ -38,6 +38,8 @@ _ACCEPTED, _IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PRO
 _FINAL_RESULTS = frozenset({mavlink.MAV_RESULT_UNSUPPORTED, mavlink.MAV_RESULT_COMMAND_INT_ONLY})
 """Results that are the same however often a command is sent."""
 _DENIED_TRIES = 3
+_OVERTAKEN_S = 1.5
+"""Time by which a heartbeat may come later than a reply that was sent after it."""
 _ACCEPTED_PATIENCE = 3.0
 _GROUND_SPEED = float(mavlink.SPEED_TYPE_GROUNDSPEED)
 _THROTTLE_UNCHANGED = -1.0
@@ -212,6 +214,7 @@ class CommandSender:
         self._arming_until_s = -math.inf
         self._was_armed = False
         self._heartbeats_since_arming: int | None = None
+        self._armed_s = -math.inf
         self.arms = False
 
     def begin(self) -> None:
@@ -235,6 +238,7 @@ class CommandSender:
                 self.arms = ack.result in (_ACCEPTED, _IN_PROGRESS)
                 if ack.result == _ACCEPTED:
                     self._heartbeats_since_arming = 0
+                    self._armed_s = situation.now
             if ack.result in (_ACCEPTED, _IN_PROGRESS):
                 # It takes a while until that shows.
                 patient_s = situation.now + _ACCEPTED_PATIENCE * situation.settings.command_s
@@ -292,13 +296,15 @@ class CommandSender:
         if self._was_armed:
             self.arms = False
         if self._heartbeats_since_arming is not None:
-            self._heartbeats_since_arming += 1
+            late = self._situation.now - self._armed_s > _OVERTAKEN_S
+            self._heartbeats_since_arming += 2 if late else 1
 
     @property
     def disarmed_again(self) -> bool:
         """Whether it was armed during this order and is not any more.
 
-        Once it has accepted to be armed, two heartbeats without the flag show that.
+        Once it has accepted to be armed, two heartbeats without the flag show that, or one that
+        cannot be from before.
         """
         if self._situation.state.armed:
             return False

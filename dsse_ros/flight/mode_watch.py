@@ -54,6 +54,10 @@ class ModeWatch:
     def _mode(self) -> str:
         return self._situation.state.mode
 
+    @property
+    def _failsafe_is_named(self) -> bool:
+        return self._situation.state.failsafe not in ("", "critical", "offboard")
+
     # What orders bring about
 
     def announce(self, mode: str) -> None:
@@ -74,6 +78,11 @@ class ModeWatch:
     def tolerate(self, mode: str) -> None:
         """Allow a mode in which the vehicle may have been found: who has set it is not known."""
         self.allowed = frozenset({mode}) | self.announced
+
+    def expect_failsafe(self) -> None:
+        """Allow the present mode alone where a failsafe is about to change it: nobody else does."""
+        if self.allowed is None and self._failsafe_is_named:
+            self.tolerate(self._mode)
 
     def adopt(self, mode: str) -> None:
         """Take a mode for one that we have brought about, in an earlier run of the program."""
@@ -169,8 +178,8 @@ class ModeWatch:
         if not state.armed and (just_disarmed or mode in autopilot.disarmed_modes):
             self.allowed |= {mode}
             return
-        named = state.failsafe not in ("", "critical", "offboard")
-        may_be_ours = state.failsafe == "critical" or (mode in self._ours and not named)
+        critical = state.failsafe == "critical" and autopilot.streams_setpoints
+        may_be_ours = critical or (mode in self._ours and not self._failsafe_is_named)
         if self._foreign or not may_be_ours:
             raise TakenOverError
         self._foreign = True

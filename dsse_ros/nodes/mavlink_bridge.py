@@ -217,6 +217,8 @@ class BridgeNode(AlarmNode):
 
     def destroy_node(self) -> None:
         """Leave the vehicles to their autopilots, and close the node."""
+        if isinstance(self.follower, FleetController):
+            self.follower.close()
         if self.fleet is not None:
             self.fleet.close()
         if self._records is not None:

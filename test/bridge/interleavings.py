@@ -17,6 +17,7 @@ from virtual_fleet import VirtualFleet, VirtualSearch, pilots_mode
 from virtual_flight import VirtualFlight
 
 from dsse_ros.flight.mavlink_messages import (
+    CommandAck,
     CommandLong,
     Heartbeat,
     SetPositionTarget,
@@ -321,15 +322,20 @@ class Interleaving:
         i, flight, facts = self.any_vehicle()
         if flight.vehicle.armed and flight.vehicle.landed:
             flight.vehicle.disarm()
-            if self.seen_armed(i) or self.asked_to_arm(i):
+            if self.seen_armed(i) or self.knows_of_arming(i):
                 facts.taken(flight, by_motors=True)
                 facts.disarmed = True
             self.note(f"disarmed {i}")
 
-    def asked_to_arm(self, i: int) -> bool:
-        """Whether this bridge has asked it to arm."""
-        sent = self.fleet.flights[i].sent[self.first_sent[i] :]
-        return any(isinstance(one, CommandLong) and one.command == ARM for _, one in sent)
+    def knows_of_arming(self, i: int) -> bool:
+        """Whether this bridge has asked it to arm, and heard that it does."""
+        flight = self.fleet.flights[i]
+        for k in range(self.first_sent[i], len(flight.sent)):
+            asked = flight.sent[k][1]
+            if isinstance(asked, CommandLong) and asked.command == ARM:
+                replies = flight.received[flight.heard[k] :]
+                return any(isinstance(m, CommandAck) and m.command == ARM for m in replies)
+        return False
 
     def failsafe(self) -> None:
         """Have the battery run low."""
@@ -441,7 +447,7 @@ class Interleaving:
                 facts.may_move, facts.may_start = False, True
                 return
             facts.lose_all()
-            facts.fresh = False
+            facts.fresh = facts.fresh and not facts.was_up
             if facts.by_failsafe:
                 # It has ended with the flight.
                 facts.held_since, facts.by_failsafe = None, False
