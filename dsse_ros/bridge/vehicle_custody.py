@@ -317,12 +317,17 @@ class VehicleCustody:
     def _is_ours(self, mode: str, outcome: Outcome) -> bool:
         """Return whether it may be in a mode because of an order of ours."""
         autopilot, order = self._autopilot, outcome.order
-        if order is None or self._whole:
+        if self._whole:
             return True
         climbs = isinstance(order, TakeOff) and outcome.status != "done"
+        if self.record.mode == autopilot.take_off_mode:
+            climbs |= self.seen.alt_m < self.record.alt_m - RISEN_M
         if climbs and autopilot.take_off_mode and mode == autopilot.resting_mode:
             # Short of its top a person has set that.
             return False
+        if order is None and self.state in (Custody.ENDING, Custody.RECALLED):
+            # The order of an earlier program.
+            return mode in autopilot.take_off_modes or mode in COMING_DOWN.values()
         brought_about = {Return: "RTL", Land: "LAND"}.get(type(order))
         return mode in autopilot.take_off_modes or mode == brought_about
 

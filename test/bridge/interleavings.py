@@ -71,7 +71,12 @@ class Facts:
         if by_motors:
             self.shows = lambda m: isinstance(m, Heartbeat) and bool(m.base_mode & 128) == armed
         else:
-            self.shows = lambda m: isinstance(m, Heartbeat) and m.custom_mode == mode
+            # On the ground its mode may be of before.
+            self.shows = lambda m: (
+                isinstance(m, Heartbeat)
+                and m.custom_mode == mode
+                and bool(m.base_mode & 128) == armed
+            )
         self.fresh = self.released = self.by_failsafe = self.disarmed = False
 
     def lose_all(self) -> None:
@@ -203,8 +208,9 @@ class Interleaving:
     def restart_bridge(self) -> None:
         """Kill the bridge and start it again."""
         for i, facts in enumerate(self.facts):
-            if facts.disarmed and not self.seen_armed(i):
-                # Who knows of its arming does not see the end of it.
+            landed = self.fleet.flights[i].vehicle.landed
+            if (facts.disarmed and not self.seen_armed(i)) or (landed and self.unsure(i)):
+                # Who has seen the one does not see the other.
                 facts.held_since = None
         self.fleet.start()
         self.first_search = self.followed = None
@@ -251,10 +257,15 @@ class Interleaving:
         if self.shows_anyway(flight, mode):
             return
         flight.vehicle.pilot_takes_over(mode)
+        comes_down = mode in ("LAND", "RTL")
+        if self.arm == "always" and comes_down and not flight.vehicle.armed:
+            # That is where it may have been left after a flight.
+            return
         if flight.vehicle.mode.name == mode:
-            facts.taken(flight)
             # Its failsafe chooses these too.
-            facts.by_failsafe = bool(flight.vehicle.failsafes) and mode in ("LAND", "RTL")
+            by_failsafe = (facts.by_failsafe or bool(flight.vehicle.failsafes)) and comes_down
+            facts.taken(flight)
+            facts.by_failsafe = by_failsafe
             self.note(f"pilot {i} {mode}")
 
     def foreign_mode(self) -> None:
@@ -326,6 +337,13 @@ class Interleaving:
                 facts.taken(flight, by_motors=True)
                 facts.disarmed = True
             self.note(f"disarmed {i}")
+
+    def unsure(self, i: int) -> bool:
+        """Whether but one heartbeat has shown that somebody else has it: that may be an old one."""
+        flight, facts = self.fleet.flights[i], self.facts[i]
+        if facts.held_since is None:
+            return False
+        return sum(map(facts.shows, flight.received[facts.held_since :])) < 2
 
     def knows_of_arming(self, i: int) -> bool:
         """Whether this bridge has asked it to arm, and heard that it does."""
