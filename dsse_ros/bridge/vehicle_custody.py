@@ -328,8 +328,9 @@ class VehicleCustody:
         if order is None and self.state in (Custody.ENDING, Custody.RECALLED):
             # The order of an earlier program.
             return mode in autopilot.take_off_modes or mode in COMING_DOWN.values()
-        brought_about = {Return: "RTL", Land: "LAND"}.get(type(order))
-        return mode in autopilot.take_off_modes or mode == brought_about
+        comes_down = {"RTL": Return, "LAND": Land}.get(mode)
+        brought_about = comes_down is not None and isinstance(order, comes_down)
+        return mode in autopilot.take_off_modes or brought_about
 
     def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
         """See whether somebody else has what an earlier program has flown."""

@@ -163,6 +163,12 @@ class ModeWatch:
         situation, autopilot = self._situation, self._situation.autopilot
         state, mode = situation.state, self._mode
         self._unconfirmed = max(self._unconfirmed - 1, 0)
+        if mode in self._announced:
+            # Commands of before have had their effect.
+            until_s = self._announced[mode]
+            overtaken = {m for m, s in self._announced.items() if s < until_s}
+            self._announced = {m: s for m, s in self._announced.items() if m not in overtaken}
+            self.allowed = None if self.allowed is None else self.allowed - overtaken
         if self.lacks_setpoints:
             self._foreign = False
             return
