@@ -171,7 +171,7 @@ def test_vehicles_on_missions_keep_apart_whenever_each_of_them_is_where(
     for i, j in itertools.combinations(range(drones), 2):
         layer_gap_m = abs(frames[i].alt_m - frames[j].alt_m)
         assert layer_gap_m > 0
-        # At any time of either.
+        # At whatever times they are where.
         assert gaps_m(samples[i], samples[j], near_m).min(initial=np.inf) >= layer_gap_m - 1e-6
         ours, theirs = (paths[k].at(speed_mps, 0.2 * limit_m / speed_mps) for k in (i, j))
         both = min(len(ours), len(theirs))
