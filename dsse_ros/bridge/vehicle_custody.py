@@ -8,7 +8,7 @@ the `FlightRecord`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -325,12 +325,14 @@ class VehicleCustody:
         if climbs and autopilot.take_off_mode and mode == autopilot.resting_mode:
             # Short of its top a person has set that.
             return False
-        if order is None and self.state in (Custody.ENDING, Custody.RECALLED):
+        coming_down: Collection[str] = ()
+        if isinstance(order, Return | Land):
+            coming_down = ["RTL" if isinstance(order, Return) else "LAND"]
+        elif order is None and self.state in (Custody.ENDING, Custody.RECALLED):
             # The order of an earlier program.
-            return mode in autopilot.take_off_modes or mode in COMING_DOWN.values()
-        comes_down = {"RTL": Return, "LAND": Land}.get(mode)
-        brought_about = comes_down is not None and isinstance(order, comes_down)
-        return mode in autopilot.take_off_modes or brought_about
+            coming_down = COMING_DOWN.values()
+        before = () if self.record.mode in coming_down else autopilot.take_off_modes
+        return mode in coming_down or mode in before
 
     def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
         """See whether somebody else has what an earlier program has flown."""
