@@ -1,6 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands as clients of a viewer send them: which there are, and from their bytes to messages."""
+"""Commands as clients of a viewer send them: which there are, and from their bytes to messages.
+
+So are requests of the services for an operator.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
+from dsse_ros.nodes.operator_services import OPERATOR_SERVICES
 from dsse_ros.recording.schemas import message_class
 from dsse_ros.search import FieldError
 
@@ -27,6 +31,20 @@ _TYPES = {
 }
 _OF_ALL_TYPES = {"joint_action": "std_msgs/msg/Int32MultiArray"}
 _TOPIC = re.compile(rf"drone\d+/({'|'.join(_TYPES)})")
+_NOTHING = {"type": "object", "properties": {}}
+_FLAG = {"type": "object", "properties": {"data": {"type": "boolean"}}, "required": ["data"]}
+_RESPONSE = {
+    "type": "object",
+    "properties": {"success": {"type": "boolean"}, "message": {"type": "string"}},
+}
+SERVICE_SCHEMAS = {
+    what: (
+        (f"std_srvs/srv/{kind.__name__}_Request", json.dumps(_FLAG if what == "arm" else _NOTHING)),
+        (f"std_srvs/srv/{kind.__name__}_Response", json.dumps(_RESPONSE)),
+    )
+    for what, kind in OPERATOR_SERVICES.items()
+}
+"""Of each service for an operator, the names and JSON schemas of request and response."""
 _SEQUENCE = re.compile(r"sequence<(.+?)(, \d+)?>")
 # Names of the parts of a stamp and of a header in ROS 1, and in Foxglove.
 _OTHER_NAMES = {"nsec": "nanosec", "nsecs": "nanosec", "secs": "sec", "seq": None}
@@ -82,11 +100,7 @@ def read_command(type_name: str, encoding: str, data: bytes) -> Any:
         except Exception as error:
             # rclpy raises what its middleware says, which has no class of its own.
             raise FieldError(f"{type_name}: no such message: {_line(error)}") from None
-    try:
-        values = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise FieldError(f"{type_name}: no JSON: {_line(error)}") from None
-    message = _message(type_name, values)
+    message = _message(type_name, _json(type_name, data))
     try:
         # A text may be one that UTF-8 does not have.
         serialize_message(message)
@@ -95,15 +109,55 @@ def read_command(type_name: str, encoding: str, data: bytes) -> Any:
     return message
 
 
+def read_request(what: str, data: bytes) -> Any:
+    """Return what a client asks of a service for an operator, as a request.
+
+    Args:
+        what: One of `OPERATOR_SERVICES`.
+        data: What the client has sent, as JSON.
+
+    Raises:
+        FieldError: If the bytes are no such request.
+    """
+    name = SERVICE_SCHEMAS[what][0][0]
+    values = _json(name, data or b"{}")
+    request = _filled(OPERATOR_SERVICES[what].Request(), name, values)
+    missing = [field for field in request.get_fields_and_field_types() if field not in values]
+    if missing:
+        # Whether vehicles may fly is not left to a default.
+        raise FieldError(f"{name}: {', '.join(missing)}: missing")
+    return request
+
+
+def response_bytes(response: Any) -> bytes:
+    """Return the response of a service for an operator as JSON."""
+    return json.dumps({"success": response.success, "message": response.message}).encode()
+
+
+def _json(type_name: str, data: bytes) -> Any:
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise FieldError(f"{type_name}: no JSON: {_line(error)}") from None
+
+
 def _message(type_name: str, values: Any) -> Any:
     """Return a message with the fields of a JSON object; those that it lacks keep their defaults.
 
     Raises:
         FieldError: If a field or a value is not the type's.
     """
+    return _filled(message_class(type_name)(), type_name, values)
+
+
+def _filled(message: Any, type_name: str, values: Any) -> Any:
+    """Return a message of this type with the fields of a JSON object.
+
+    Raises:
+        FieldError: If a field or a value is not the type's.
+    """
     if not isinstance(values, dict):
         raise FieldError(f"{type_name}: {_short(values)} is not allowed; an object")
-    message = message_class(type_name)()
     kinds = message.get_fields_and_field_types()
     for given, value in values.items():
         name = given if given in kinds else _OTHER_NAMES.get(given, given)

@@ -22,6 +22,7 @@ from foxglove.websocket import (
 from rclpy.publisher import Publisher
 
 from dsse_ros.nodes.client_commands import ENCODINGS, check_offer, command_type, read_command
+from dsse_ros.nodes.client_services import ClientServices
 from dsse_ros.nodes.parameters import declare, take_overrides
 from dsse_ros.nodes.qos import COMMANDS, Endpoints
 from dsse_ros.nodes.raw_topics import RawTopics
@@ -96,6 +97,7 @@ class ViewerNode(AlarmNode):
     # Here, as a node that could not be made is destroyed too.
     _server: WebSocketServer | None = None
     _topics: RawTopics | None = None
+    _client_services: ClientServices | None = None
 
     def __init__(self) -> None:
         super().__init__("dsse_viewer")
@@ -114,6 +116,8 @@ class ViewerNode(AlarmNode):
         self._broadcast_ns = 0
         self._sdk_context = foxglove.Context()
         self._server = self._serve()
+        if self.settings.accept_commands:
+            self._client_services = ClientServices(self, self._namespace.rstrip("/"), self._server)
         self._topics = RawTopics(self, self.warn, self.settings.exclude)
         self.alarms.make(self._discover).repeat(DISCOVERY_PERIOD_S)
         self.alarms.make(self._turn).repeat(TAKE_PERIOD_S)
@@ -127,7 +131,7 @@ class ViewerNode(AlarmNode):
         settings = self.settings
         capabilities = [Capability.Time] if self._sim_time else []
         if settings.accept_commands:
-            capabilities.append(Capability.ClientPublish)
+            capabilities += [Capability.ClientPublish, Capability.Services]
         try:
             server = foxglove.start_server(
                 name=f"dsse_ros {self.get_namespace()}",
@@ -149,9 +153,11 @@ class ViewerNode(AlarmNode):
         return server
 
     def _discover(self) -> None:
-        """Offer the topics that are new."""
+        """Offer the topics and services that are new."""
         if self._topics is None:
             return
+        if self._client_services is not None:
+            self._client_services.discover()
         for topic in self._topics.find():
             name = self._topics.types[topic]
             schema = foxglove.Schema(
@@ -173,6 +179,8 @@ class ViewerNode(AlarmNode):
             begun, client, topic = self._requests.changes.popleft()
             (self._begin if begun else self._end)(self._topics, client, topic)
         self._take_commands()
+        if self._client_services is not None:
+            self._client_services.turn()
         now_ns = self.get_clock().now().nanoseconds
         if self._sim_time and now_ns != self._broadcast_ns:
             self._broadcast_ns = now_ns

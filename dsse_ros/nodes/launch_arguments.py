@@ -203,8 +203,8 @@ MISSION: Mapping[str, Argument] = {
         renamed={"foxglove_viewer": "port"}, low=0, high=65535,
     ),
     "accept_commands": Argument(
-        "bool", "Whether clients such as Foxglove may command drones; any web page in a browser of "
-        "this machine is one.", "false", _VIEWER,
+        "bool", "Whether clients such as Foxglove may command drones and vehicles; any web page in "
+        "a browser of this machine is one.", "false", _VIEWER,
     ),
 }  # fmt: skip
 """The arguments of mission.launch.py."""

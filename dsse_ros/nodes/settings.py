@@ -241,8 +241,8 @@ class ViewerSettings:
         "int", "TCP port that clients connect to, 0 for one that is free.", 8765, low=0, high=65535
     )
     accept_commands: bool = field(
-        "bool", "Whether clients may command drones; any web page in a browser of this machine is "
-        "one.", False,
+        "bool", "Whether clients may command drones and vehicles; any web page in a browser of "
+        "this machine is one.", False,
     )  # fmt: skip
     exclude: tuple[str, ...] = field(
         "names", "Patterns of topics that are left out, such as */odom.", ()

@@ -53,11 +53,13 @@ class Mission:
         sim: The simulation.
         viewer: The viewer's process.
         client: One that may command.
+        bridge: The process of the bridge.
     """
 
     sim: Sim
     viewer: Process
     client: FoxgloveClient
+    bridge: Process
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +68,7 @@ def mission(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Miss
         "foxglove_viewer", {"port": 0, "accept_commands": True, "use_sim_time": True}
     )
     # Of its vehicles there is none: it offers what they would say.
-    rig.start(
+    bridge = rig.start(
         "mavlink_bridge",
         {
             "connections": [f"udpout:127.0.0.1:{port}" for port in range(9, 9 + DRONES)],
@@ -75,7 +77,7 @@ def mission(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Miss
     )
     sim = rig.sim(MISSION)
     client = FoxgloveClient(rig, viewer)
-    yield Mission(sim, viewer, client)
+    yield Mission(sim, viewer, client, bridge)
     client.close()
 
 
@@ -198,6 +200,57 @@ def test_bad_input_of_a_client_gets_one_line_and_changes_nothing(
     assert len(mission.sim.reports) == before
 
 
+OPERATIONS = ("arm", "hold", "return", "land")
+
+
+def test_an_operator_commands_vehicles_and_gets_what_the_bridge_answers(mission: Mission) -> None:
+    client = mission.client
+    whom = ("dsse_bridge", *(f"drone{i}" for i in range(DRONES)))
+    names = {f"/{who}/{what}" for who in whom for what in OPERATIONS}
+    client.until(lambda: client.services.keys() >= names, "the bridge's services")
+    # Those of the simulation, and of parameters, are not.
+    assert client.services.keys() == names
+    for name, service in client.services.items():
+        kind = "SetBool" if name.endswith("/arm") else "Trigger"
+        assert service["type"] == f"std_srvs/srv/{kind}"
+        for part in ("request", "response"):
+            assert service[part]["encoding"] == "json"
+            assert json.loads(service[part]["schema"])["type"] == "object"
+    everybody = ", ".join(f"drone{i}" for i in range(DRONES))
+    assert client.call("/dsse_bridge/hold", {}) == {
+        "success": True, "message": f"ordered to hold: {everybody}",
+    }  # fmt: skip
+    assert client.call("/drone2/arm", {"data": False}) == {
+        "success": True, "message": "kept on the ground: drone2",
+    }  # fmt: skip
+    # None of these vehicles is there.
+    assert client.call("/drone1/arm", {"data": True}) == {
+        "success": False, "message": "drone1: no heartbeat",
+    }  # fmt: skip
+    assert "operator: drone1: no heartbeat" in mission.bridge.output
+
+
+@pytest.mark.parametrize(
+    ("service", "request_", "encoding", "line"),
+    [
+        ("/drone0/arm", {}, "json", "data: missing"),
+        ("/drone0/arm", {"data": 1}, "json", "data: 1 is not allowed; boolean"),
+        ("/drone0/arm", {"armed": True}, "json", "'armed' is not allowed; data"),
+        ("/drone0/arm", b"{", "json", "no JSON"),
+        ("/drone0/arm", [], "json", "[] is not allowed; an object"),
+        ("/drone0/hold", {"data": True}, "json", "'data' is not allowed"),
+        ("/drone0/land", b"\0", "cdr", "Unsupported encoding"),
+    ],
+)
+def test_a_request_that_is_none_gets_one_line_and_reaches_nobody(
+    mission: Mission, service: str, request_: Any, encoding: str, line: str
+) -> None:
+    before = mission.bridge.output.count("operator:")
+    answer = mission.client.call(service, request_, encoding)
+    assert isinstance(answer, str) and line in answer and "\n" not in answer
+    assert mission.bridge.output.count("operator:") == before
+
+
 def test_a_client_that_does_not_keep_to_the_protocol_ends_nothing(mission: Mission) -> None:
     client = mission.client
     for data in ("", "garbage", b"", b"\xff\x00", b"\x01", '{"op": "subscribe"}'):
@@ -211,7 +264,7 @@ def test_who_does_not_ask_for_it_gets_no_commands_and_no_time(mission: Mission, 
     viewer = rig.start("foxglove_viewer", {"port": 0}, "-r", "__ns:=/elsewhere")
     taken = rig.start("foxglove_viewer", {"port": mission.client.port})
     client = FoxgloveClient(rig, viewer)
-    assert client.info["capabilities"] == []
+    assert client.info["capabilities"] == [] and client.services == {}
     # Of other missions it offers what all of them share.
     client.subscribe("/clock")
     assert "/agents" not in client.channels
@@ -323,3 +376,10 @@ def test_a_goal_of_rviz_is_a_command(mission: Mission, rig: Rig, drone: int) -> 
     assert listener.topic_type == TYPES[tools[drone]["Class"]]
     compatible, reason = qos_check_compatible(profile(topic), seen(listener))
     assert compatible != QoSCompatibility.ERROR, reason
+
+
+def test_the_services_of_a_bridge_that_has_ended_are_offered_no_more(mission: Mission) -> None:
+    client = mission.client
+    client.until(lambda: client.services, "the bridge's services")
+    mission.bridge.stop()
+    client.until(lambda: not client.services, "them to be withdrawn")

@@ -258,8 +258,14 @@ def test_the_services_are_those_of_the_table(interface: dict[str, Any]) -> None:
         interface["sim_node"]["services"].items() & interface["planner_node"]["services"].items()
     )
     assert documented.items() == interface["sim_node"]["services"].items() - of_all
-    for node in ("planner_node", "mavlink_bridge", "dashboard"):
+    for node in ("planner_node", "dashboard"):
         assert not interface[node]["services"].items() - of_all
+    of_bridge = interface["mavlink_bridge"]["services"].items() - of_all
+    rows = table(FLIGHT, "The operator's services", "Service").items()
+    operators = {(name, row["Type"].strip("`")) for name, row in rows}
+    # Those for one vehicle do the same.
+    operators |= {(name.replace("~", "drone<i>"), kind) for name, kind in operators}
+    assert of_bridge == operators
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from sros2_policy import COMMANDS, EVERYTHING, policy
 from tree import by_name, files
 
 from dsse_ros.nodes.dashboard import _SERVICES
+from dsse_ros.nodes.operator_services import OPERATOR_SERVICES
 
 ROOT = Path(__file__).resolve().parents[2]
 OURS = ("dsse_ros/", "msg_adapters/", "launch/", "scripts/", "examples/", "docs/")
@@ -56,9 +57,13 @@ def test_only_trainings_and_people_may_change_a_simulation_but_for_the_buttons_o
 ):
     requests = {name: one["request"] for name, one in policy().items() if one["request"]}
     assert requests.keys() == {"dashboard", "ros_env", "operator"}
-    assert requests["dashboard"] == {f"dsse_sim/{service}" for service, *_ in _SERVICES.values()}
+    whom = ("dsse_bridge", "drone*")
+    of_vehicles = {f"{who}/{what}" for who in whom for what in OPERATOR_SERVICES}
+    of_simulation = {f"dsse_sim/{service}" for service, *_ in _SERVICES.values()}
+    assert requests["dashboard"] == of_simulation | of_vehicles
     simulation = {name.replace("~", "dsse_sim") for name in policy()["sim_node"]["reply"]}
-    assert requests["operator"] > simulation > requests["ros_env"] | requests["dashboard"]
+    assert requests["operator"] > simulation | of_vehicles
+    assert simulation > requests["ros_env"] | of_simulation
 
 
 # The code
