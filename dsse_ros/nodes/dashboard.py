@@ -249,7 +249,7 @@ class DashboardNode(AlarmNode):
         came: list[tuple[int, Received]] = []
         for namespace, shown in self._shown.items():
             for topic, subscription in shown.topics.items():
-                taken = take_all(subscription)
+                taken = list(take_all(subscription))
                 for one in taken:
                     read = partial(deserialize_message, one.data, subscription.msg_type)
                     came.append((one.received_ns, Received(namespace, topic, read)))
