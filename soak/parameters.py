@@ -75,10 +75,13 @@ def specs_of(node: str) -> dict[str, Spec]:
         return {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
     names = {
         "planner_node": "PlannerSettings",
-        "mavlink_bridge": "BridgeSettings",
         "recorder": "RecorderSettings",
         "foxglove_viewer": "ViewerSettings",
     }
+    if node == "mavlink_bridge":
+        from dsse_ros.bridge.settings import BridgeSettings
+
+        return specs(BridgeSettings)
     if node == "dashboard":
         from dsse_ros.dashboard.settings import DashboardSettings
 

@@ -183,7 +183,7 @@ def test_pairs_of_planners_with_other_seeds_hold_as_often_as_the_level_promises(
 
 
 @pytest.mark.parametrize("of", [np.sign, lambda x: np.sign(x) * stats.rankdata(abs(x))])
-def test_planners_that_differ_by_their_seeds_only_are_seldom_told_apart(
+def test_planners_that_differ_by_their_seeds_only_are_seldom_found_to_differ(
     of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> None:
     rng = np.random.default_rng(5)

@@ -37,6 +37,7 @@ from dsse_ros.flight.orders import (
 from dsse_ros.flight.vehicle_controller import VehicleController
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
+AUTOPILOTS = (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4)
 _ALL = list(mavlink.mavlink_map.values())
 _INCOMING = [kind for kind in _ALL if kind.msgname in INCOMING_NAMES]
 _ITEMS = tuple(
@@ -126,7 +127,8 @@ def any_message(kind: Any, draw: random.Random) -> Any:
         # As from a vehicle that can be led.
         modes = (4, 3, 6, 9, 6 << 16, 4 << 16 | 3 << 24, 4 << 16 | 4 << 24, 4 << 16 | 5 << 24)
         values |= {"custom_mode": draw.choice(modes), "base_mode": draw.choice((1, 129, 209))}
-        values["system_status"] = draw.choice((3, 4, 5))
+        values |= {"system_status": draw.choice((3, 4, 5)), "type": mavlink.MAV_TYPE_QUADROTOR}
+        values["autopilot"] = draw.choice(AUTOPILOTS)
     if kind.msgname == "GLOBAL_POSITION_INT" and draw.random() < 0.8:
         values |= {"lat": -240000000 + draw.randrange(20000), "lon": -463000000}
         values |= {"alt": 20000, "relative_alt": draw.choice((0, 20000))}

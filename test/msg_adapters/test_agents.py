@@ -162,12 +162,21 @@ def test_keys_of_later_versions_are_ignored():
     assert agents_from_message(changed(["battery_wh"], 80)) == INFO
 
 
-@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(AgentsInfo)])
+REQUIRED = {field.name for field in dataclasses.fields(AgentsInfo)} - {"commanded"}
+
+
+@pytest.mark.parametrize("field", sorted(REQUIRED))
 def test_a_missing_key_is_named(field):
     document = json.loads(agents_message(INFO).data)
     del document[field]
     with pytest.raises(ValueError, match=f"^agents.{field}: missing$"):
         agents_from_message(String(data=json.dumps(document)))
+
+
+def test_who_does_not_report_whether_drones_were_commanded_does_not_wait_for_that():
+    document = json.loads(agents_message(INFO).data)
+    del document["commanded"]
+    assert agents_from_message(String(data=json.dumps(document))).commanded
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from dsse_ros.flight.fence import Fence, check_mission
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.bridge.fence import Fence, check_mission
 from msg_adapters import mission_files
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import geodetic_to_map

@@ -20,7 +20,7 @@ from autopilot.running import free_udp_port  # noqa: E402
 
 PROGRAM = """\
 import sys
-from dsse_ros.flight import vehicle_follower
+from dsse_ros.bridge import fleet_controller, vehicle_follower
 from dsse_ros.nodes import mavlink_bridge
 
 class VehicleFollower(vehicle_follower.VehicleFollower):
@@ -35,7 +35,7 @@ class VehicleFollower(vehicle_follower.VehicleFollower):
             raise ZeroDivisionError("one that nobody knew of")
         return super().advance(*arguments, **options)
 
-mavlink_bridge.VehicleFollower = VehicleFollower
+fleet_controller.VehicleFollower = VehicleFollower
 sys.exit(mavlink_bridge.main())
 """
 

@@ -64,6 +64,7 @@ def test_who_commands_does_not_latch_it(rig: Rig) -> None:
         return durabilities(rig.node.get_publishers_info_by_topic("/volatile/joint_action"))
 
     rig.until(lambda: len(sim.reports) > 2, "steps that the planner commands")
+    rig.until(offered, "its publisher")
     assert offered() == VOLATILE
     planner.stop()
     rig.until(lambda: not offered(), "the planner to end")
