@@ -261,6 +261,8 @@ class Interleaving:
         if self.arm == "always" and comes_down and not flight.vehicle.armed:
             # That is where it may have been left after a flight.
             return
+        if any(sets_mode_of(one, flight) for one in self.just_asked(flight)):
+            return
         if flight.vehicle.mode.name == mode:
             # Its failsafe chooses these too.
             by_failsafe = (facts.by_failsafe or bool(flight.vehicle.failsafes)) and comes_down
