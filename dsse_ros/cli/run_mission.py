@@ -271,6 +271,7 @@ def fly(
     last_step_s = time.monotonic()
     compiler = contextlib.ExitStack()
     show_compiled: Callable[[], None] | None = None
+    planner_compiles = False
 
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
         nonlocal last_step_s, show_compiled
@@ -303,6 +304,11 @@ def fly(
             while not watcher.done:
                 watch("sim_node", sim_process, sim_log)
                 check_running(planner_process, "planner_node", planner_log)
+                if compiling(planner_log):
+                    last_step_s = time.monotonic()
+                    if not planner_compiles:
+                        bar.write(f"planner {arguments.planner}: {COMPILING}")
+                    planner_compiles = True
         bar.refresh()
 
 

@@ -72,6 +72,8 @@ class PlannerNode(AlarmNode):
         self._failed: StepId | None = None
         self._late: tuple[NDArray[Any], list[int]] | None = None
         self._waits_for = ""
+        # Whether it has decided since it started, or since it compiled.
+        self._ready = False
         endpoints = Endpoints(self, qos)
         self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", COMMANDS)
         self._inputs = [
@@ -133,7 +135,7 @@ class PlannerNode(AlarmNode):
         answer = None
         if live.any():
             try:
-                with announced(self.get_logger().info):
+                with announced(self._on_compiler):
                     if last is None or step[:2] != last[:2] or step[2] < last[2]:
                         self._planner, self._late = self._make_planner(observed.info), None
                     actions = self._decide(observed)
@@ -145,8 +147,16 @@ class PlannerNode(AlarmNode):
                 return
         self._answer = answer
         self._send()
+        if answer is not None and not self._ready:
+            self._ready = True
+            self.get_logger().info(f"planner {self.settings.planner} is ready")
         self._answered, self._map_used = step, self._inbox.map
         self._answered_s = time.monotonic()
+
+    def _on_compiler(self, line: str) -> None:
+        """Log that the planner is compiled; that it is ready follows in a line of its own."""
+        self._ready = False
+        self.get_logger().info(line)
 
     def _decide(self, observed: ObservedStep) -> list[int]:
         """Return the planner's actions for a step.

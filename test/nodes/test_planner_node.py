@@ -18,9 +18,11 @@ from rig import LATCHED, Inbox, Process, Rig
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
+from dsse_ros.cli.run_mission import compiling
 from dsse_ros.mission.mission import Mission
 from dsse_ros.planners import make_planner
 from dsse_ros.search import Observation, parallel_env
+from dsse_ros.search.compiler import COMPILING
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.images import probability_image
 from msg_adapters.stamps import to_stamp
@@ -438,3 +440,26 @@ def test_the_planner_says_what_it_waits_for(rig: Rig) -> None:
     rig.until(lambda: says("waiting for step 1 of mission 2"), "the step that does not come")
     sim.process.stop()
     rig.until(lambda: says("waiting for a simulation that listens to /wait/joint_action"))
+
+
+def test_a_planner_that_compiles_says_so_and_that_it_is_ready_as_it_commands(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    sim = rig.sim({"grid_size": 6, "num_drones": 2, "seed": 1}, namespace="/compiled")
+    answers = rig.listen(Int32MultiArray, "/compiled/joint_action")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    process = rig.start("planner_node", {"planner": "belief"}, "-r", "__ns:=/compiled")
+
+    def commanded() -> bool:
+        return bool(json.loads(rig.first(String, "/compiled/agents").data)["commanded"])
+
+    # As long as it compiles `run_mission` waits, and vehicles stay on the ground.
+    rig.until(lambda: compiling(process.log), "the compiler")
+    assert not answers and not commanded()
+    rig.until(lambda: answers, "a command")
+    rig.until(lambda: "planner belief is ready" in process.output, "the planner to be ready")
+    assert not compiling(process.log)
+    rig.until(commanded, "the simulation to be commanded")
+    process.stop()
+    assert process.output.count("is ready") == process.output.count(COMPILING) == 1
+    sim.process.stop()
