@@ -49,6 +49,7 @@ class Facts:
         disarmed: Whether somebody else has disarmed it.
         up_since: Since which received message it has been armed by that; None while it is not.
         was_up: Whether it has flown since then.
+        down_since: Since which received message it has been down again; None while it is not.
     """
 
     may_start: bool = False
@@ -63,6 +64,7 @@ class Facts:
     disarmed: bool = False
     up_since: int | None = None
     was_up: bool = False
+    down_since: int | None = None
 
     def taken(self, flight: VirtualFlight, *, by_motors: bool = False) -> None:
         """Somebody else has it; that shows in a later heartbeat, by its mode or its motors."""
@@ -467,6 +469,7 @@ class Interleaving:
                 facts.may_move, facts.may_start = False, True
                 return
             facts.lose_all()
+            facts.down_since = len(flight.received)
             facts.fresh = facts.fresh and not facts.was_up
             if facts.by_failsafe:
                 # It has ended with the flight.
@@ -476,6 +479,14 @@ class Interleaving:
         """Whether a heartbeat has shown that it is armed as it was cleared to be."""
         received = self.fleet.flights[i].received[self.facts[i].up_since or 0 :]
         return any(isinstance(one, Heartbeat) and one.base_mode & 128 for one in received)
+
+    def seen_down(self, i: int, heard: int) -> bool:
+        """Whether a heartbeat has shown that it is down again, if it is."""
+        since = self.facts[i].down_since
+        if since is None or self.fleet.flights[i].vehicle.armed:
+            return True
+        received = self.fleet.flights[i].received[since:heard]
+        return any(isinstance(one, Heartbeat) and not one.base_mode & 128 for one in received)
 
     def clear_by_parameter(self, i: int) -> None:
         """See whether the parameter clears a vehicle now."""
@@ -520,6 +531,8 @@ class Interleaving:
             elif isinstance(message, CommandLong) and sets_mode_of(message, flight):
                 # Nor whose mode.
                 facts.held_since = None
+            return
+        if number not in STARTS and not self.seen_down(i, heard):
             return
         if number in STARTS and not (facts.may_start or facts.may_move):
             self.fail(i, f"{message} though nobody has cleared it")
