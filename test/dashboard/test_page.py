@@ -270,7 +270,7 @@ def test_a_simulation_that_was_killed_goes_on_in_the_page_once_it_is_back(
     again = running.rig.sim(RUNNING)
     shown.until(f"{CANVAS}.dataset.search == '{again.search[0]}/1'")
     shown.until(f"{CANVAS}.dataset.step >= 2")
-    shown.page.get_by_text("is gone").wait_for(state="hidden")
+    shown.page.get_by_text("The simulation in / is gone").wait_for(state="hidden")
 
 
 def test_the_page_has_complained_of_nothing_and_asked_nobody_else(shown: Open, url: str) -> None:
