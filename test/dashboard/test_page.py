@@ -265,6 +265,7 @@ def test_missions_are_chosen_by_namespace(sim: Sim, shown: Open) -> None:
 def test_a_simulation_that_was_killed_goes_on_in_the_page_once_it_is_back(
     running: Sim, shown: Open
 ) -> None:
+    shown.until(f"{CANVAS}.dataset.step >= 1")
     running.process.kill()
     shown.page.get_by_text("The simulation in / is gone").wait_for()
     again = running.rig.sim(RUNNING)
