@@ -105,7 +105,8 @@ class VehicleCustody:
         self.seen = VehicleState()
         self._automatic = False
         self._inherited = record.custody
-        # Numbers of the last outcome, and of that at the latest clearance.
+        # Up to which number it is known whether somebody else has ended an order, now and at the
+        # latest clearance.
         self._number = self._cleared_number = 0
         self._foreign_since_s: float | None = None
 
@@ -288,8 +289,9 @@ class VehicleCustody:
             takes_off: Whether it was ordered to take off.
         """
         before, self.seen = self.seen, state
-        self._number = outcome.number
-        # What became of an order before the latest clearance is known.
+        ended = outcome.status in ("taken_over", "failsafe")
+        self._number = outcome.number if ended else outcome.number - 1
+        # Who clears it knows that, but not what will end the order that is still under way.
         ours = self.airborne or self.state is Custody.CLEARED
         if ours and outcome.number > self._cleared_number:
             if outcome.status == "taken_over":

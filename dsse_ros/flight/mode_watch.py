@@ -79,9 +79,19 @@ class ModeWatch:
         """Allow a mode in which the vehicle may have been found: who has set it is not known."""
         self.allowed = frozenset({mode}) | self.announced
 
-    def expect_failsafe(self) -> None:
-        """Allow the present mode alone where a failsafe is about to change it: nobody else does."""
-        if self.allowed is None and self._failsafe_is_named:
+    def expect_failsafe(self, *, to_setpoints: bool) -> None:
+        """Allow the present mode alone where a failsafe has set it, or is about to change it.
+
+        Until the mode is confirmed nothing is sent: who changes it meanwhile is somebody else.
+
+        Args:
+            to_setpoints: Whether the order has the vehicle fly to setpoints, for lack of which it
+                may be where it is.
+        """
+        situation, autopilot = self._situation, self._situation.autopilot
+        elsewhere = bool(situation.state.failsafe) and self._mode not in autopilot.take_off_modes
+        lacks = to_setpoints and autopilot.streams_setpoints
+        if self.allowed is None and (self._failsafe_is_named or (elsewhere and not lacks)):
             self.tolerate(self._mode)
 
     def adopt(self, mode: str) -> None:

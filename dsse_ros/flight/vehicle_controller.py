@@ -177,7 +177,7 @@ class VehicleController:
         if self.modes.yielded:
             self.modes.resume()
         self._drop_order()
-        self.modes.expect_failsafe()
+        self.modes.expect_failsafe(to_setpoints=order.flies_to_setpoints)
         self.situation.state = self._with_setpoint_loss(self.state)
         self.setpoints.begin(order)
         self._steps = order.carry_out(self)

@@ -46,7 +46,6 @@ class Facts:
         by_failsafe: Whether a failsafe has.
         released: Whether a person has given it back while it was armed.
         fresh: Whether it has never been flown, taken, lost or grounded.
-        disarmed: Whether somebody else has disarmed it.
         up_since: Since which received message it has been armed by that; None while it is not.
         was_up: Whether it has flown since then.
         down_since: Since which received message it has been down again; None while it is not.
@@ -61,7 +60,6 @@ class Facts:
     by_failsafe: bool = False
     released: bool = False
     fresh: bool = True
-    disarmed: bool = False
     up_since: int | None = None
     was_up: bool = False
     down_since: int | None = None
@@ -79,7 +77,7 @@ class Facts:
                 and m.custom_mode == mode
                 and bool(m.base_mode & 128) == armed
             )
-        self.fresh = self.released = self.by_failsafe = self.disarmed = False
+        self.fresh = self.released = self.by_failsafe = False
 
     def lose_all(self) -> None:
         """Nothing may be sent that starts or moves it."""
@@ -132,6 +130,7 @@ class Interleaving:
         self.facts = [Facts() for _ in range(vehicles)]
         self.sent = [0] * vehicles
         self.first_sent = [0] * vehicles
+        self.first_received = [0] * vehicles
         self.run_id = 7
         self.search: VirtualSearch | None = None
         self.other: VirtualSearch | None = None
@@ -210,14 +209,14 @@ class Interleaving:
     def restart_bridge(self) -> None:
         """Kill the bridge and start it again."""
         for i, facts in enumerate(self.facts):
-            landed = self.fleet.flights[i].vehicle.landed
-            if (facts.disarmed and not self.seen_armed(i)) or (landed and self.unsure(i)):
+            if self.fleet.flights[i].vehicle.landed and self.unsure(i):
                 # Who has seen the one does not see the other.
                 facts.held_since = None
         self.fleet.start()
         self.first_search = self.followed = None
         self.sent = [len(flight.sent) for flight in self.fleet.flights]
         self.first_sent = list(self.sent)
+        self.first_received = [len(flight.received) for flight in self.fleet.flights]
         self.note("bridge_restarted")
 
     def restart_both(self) -> None:
@@ -337,9 +336,8 @@ class Interleaving:
         i, flight, facts = self.any_vehicle()
         if flight.vehicle.armed and flight.vehicle.landed:
             flight.vehicle.disarm()
-            if self.seen_armed(i) or self.knows_of_arming(i):
+            if self.seen_armed(i, self.first_received[i]) or self.knows_of_arming(i):
                 facts.taken(flight, by_motors=True)
-                facts.disarmed = True
             self.note(f"disarmed {i}")
 
     def unsure(self, i: int) -> bool:
@@ -475,9 +473,15 @@ class Interleaving:
                 # It has ended with the flight.
                 facts.held_since, facts.by_failsafe = None, False
 
-    def seen_armed(self, i: int) -> bool:
-        """Whether a heartbeat has shown that it is armed as it was cleared to be."""
-        received = self.fleet.flights[i].received[self.facts[i].up_since or 0 :]
+    def seen_armed(self, i: int, since: int = 0) -> bool:
+        """Whether a heartbeat has shown that it is armed as it was cleared to be.
+
+        Args:
+            i: Number of the vehicle.
+            since: How many messages were received before those that count.
+        """
+        since = max(since, self.facts[i].up_since or 0)
+        received = self.fleet.flights[i].received[since:]
         return any(isinstance(one, Heartbeat) and one.base_mode & 128 for one in received)
 
     def seen_down(self, i: int, heard: int) -> bool:
