@@ -434,7 +434,7 @@ class VehicleFollower:
             tries = self._tries + 1
         order = wanted
         # Who has dropped out, or was recalled, does not wait for others.
-        if not self.lost:
+        if not self.lost and self.custody.state is not Custody.RECALLED:
             admitted = clearance.admit(wanted)
             if isinstance(admitted, str):
                 self.blocked = admitted

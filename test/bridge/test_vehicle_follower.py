@@ -249,6 +249,16 @@ def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
     assert vehicle.follower.arrived and not vehicle.follower.blocked
 
 
+@pytest.mark.parametrize("over", [False, True], ids=["going on", "over"])
+def test_who_is_recalled_waits_for_nobody(over: bool) -> None:
+    vehicle = aloft()
+    follow(vehicle.follower, 13, 1, 1, over=over)
+    vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
+    vehicle.turn()
+    assert vehicle.follower.custody.operate("land") == ""
+    assert vehicle.turn() == Land()
+
+
 def test_nobody_is_sent_where_two_drones_have_crashed() -> None:
     vehicle = aloft()
     follow(vehicle.follower, 13, 1, 1, over=True, crashed=True)

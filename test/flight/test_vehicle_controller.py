@@ -559,6 +559,27 @@ def test_a_restarted_pilot_gives_px4_the_setpoints_that_it_misses(seconds: float
     assert len(flight.commands(SET_MODE)) == modes
 
 
+@both
+def test_a_restarted_pilot_does_not_undo_what_a_person_does_in_a_failsafe(autopilot: str) -> None:
+    flight = flying(autopilot)
+    flight.fly(go_to(flight, 60.0, 0.0))
+    flight.vehicle.failsafes.add("battery")
+    flight.vehicle.battery_failsafe()
+    flight.until(lambda: flight.vehicle.mode.name in ("RTL", "LAND"))
+    # The text that names it has come before.
+    flight.wait(0.3)
+    flight.restart()
+    flight.until(lambda: flight.state.mode in ("RTL", "LAND"))
+    flight.give(Return())
+    person = (4, 3) if autopilot == "px4" else (4, 0)
+    modes, sent = len(flight.commands(SET_MODE)), len(flight.setpoints())
+    flight.vehicle.request_mode(*person)
+    flight.wait(10.0)
+    assert flight.outcome.status in ("taken_over", "failsafe")
+    assert flight.vehicle.mode.name == ("HOLD" if autopilot == "px4" else "GUIDED")
+    assert len(flight.commands(SET_MODE)) == modes and not flight.setpoints()[sent:]
+
+
 def test_px4_that_does_not_give_offboard_back_has_a_failsafe() -> None:
     flight = flying("px4")
     flight.give(go_to(flight, 900.0, 0.0))

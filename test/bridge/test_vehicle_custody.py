@@ -1,0 +1,122 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Who has a vehicle when a bridge is started again, by what the one before has recorded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from dsse_ros.bridge.custody import Custody
+from dsse_ros.bridge.vehicle_custody import RISEN_M, FlightRecord, VehicleCustody
+from dsse_ros.flight.autopilots import ARDUPILOT, PX4, Autopilot
+from dsse_ros.flight.orders import GoTo, TakeOff
+from dsse_ros.flight.vehicle_controller import Outcome
+from dsse_ros.flight.vehicle_state import VehicleState
+
+SEARCH = (7, 1)
+TOP_M = 60.0
+FLOWN = FlightRecord(Custody.FOLLOWING, SEARCH, flown=True, alt_m=TOP_M)
+ENDING = replace(FLOWN, custody=Custody.ENDING)
+HELD = replace(FLOWN, custody=Custody.HELD)
+LANDING = replace(FLOWN, custody=Custody.RECALLED, end="land")
+STEP = GoTo(-24.0, -46.0, TOP_M, 10.0)
+
+
+def custody_of(
+    autopilot: Autopilot, record: FlightRecord, at_end: str = "return"
+) -> VehicleCustody:
+    custody = VehicleCustody(autopilot, "true", record, lambda: None, at_end=at_end)
+    custody.begin(SEARCH, TOP_M, first=True)
+    return custody
+
+
+def seen_in(mode: str, **changes: Any) -> VehicleState:
+    state = VehicleState(
+        connected=True, armed=True, flying=True, mode=mode, alt_m=TOP_M, lat_deg=-24.0,
+        lon_deg=-46.0,
+    )  # fmt: skip
+    return replace(state, **changes)
+
+
+SHORT = {"alt_m": TOP_M - RISEN_M - 1.0}
+CRITICAL = {"failsafe": "critical"}
+FOUND = {
+    # What the bridge before has commanded, or was about to.
+    "guided": (ARDUPILOT, FLOWN, "GUIDED", "GUIDED", {}, Custody.FOLLOWING),
+    "return begun": (ARDUPILOT, ENDING, "GUIDED", "RTL", {}, Custody.ENDING),
+    "returning": (ARDUPILOT, ENDING, "RTL", "RTL", {}, Custody.ENDING),
+    "landing begun": (ARDUPILOT, LANDING, "GUIDED", "LAND", {}, Custody.RECALLED),
+    "climb": (PX4, FLOWN, "TAKEOFF", "TAKEOFF", SHORT, Custody.FOLLOWING),
+    "end of the climb": (PX4, FLOWN, "TAKEOFF", "HOLD", {}, Custody.FOLLOWING),
+    "brought to offboard": (PX4, FLOWN, "HOLD", "OFFBOARD", {}, Custody.FOLLOWING),
+    "missed setpoints": (PX4, FLOWN, "OFFBOARD", "HOLD", CRITICAL, Custody.FOLLOWING),
+    "hold begun": (PX4, HELD, "OFFBOARD", "HOLD", {}, Custody.HELD),
+    # What a person has.
+    "guided after a return": (ARDUPILOT, ENDING, "RTL", "GUIDED", {}, Custody.TAKEN),
+    "a return in the search": (ARDUPILOT, FLOWN, "GUIDED", "RTL", {}, Custody.TAKEN),
+    "a return for a landing": (ARDUPILOT, LANDING, "LAND", "RTL", {}, Custody.TAKEN),
+    "loiter": (ARDUPILOT, FLOWN, "GUIDED", "LOITER", {}, Custody.TAKEN),
+    "a hold in the climb": (PX4, FLOWN, "TAKEOFF", "HOLD", SHORT, Custody.TAKEN),
+    "a hold in the search": (PX4, FLOWN, "OFFBOARD", "HOLD", {}, Custody.TAKEN),
+    "offboard after a return": (PX4, ENDING, "RTL", "OFFBOARD", {}, Custody.TAKEN),
+    "another mode than hold": (PX4, HELD, "HOLD", "POSCTL", {}, Custody.TAKEN),
+    # What a failsafe has.
+    "battery": (ARDUPILOT, FLOWN, "GUIDED", "LAND", {"failsafe": "battery"}, Custody.FAILSAFE),
+}
+
+
+@pytest.mark.parametrize("found", FOUND.values(), ids=FOUND)
+def test_what_has_changed_without_a_bridge_was_changed_by_somebody_else(found: Any) -> None:
+    autopilot, record, before, now, changes, expected = found
+    custody = custody_of(autopilot, replace(record, mode=before))
+    custody.observe(seen_in(now, **changes), Outcome(), takes_off=False)
+    assert custody.state is expected
+    assert bool(custody.lost) == (expected in (Custody.TAKEN, Custody.FAILSAFE))
+
+
+def test_whether_a_climb_has_ended_is_not_told_without_an_altitude() -> None:
+    custody = custody_of(PX4, replace(FLOWN, mode="TAKEOFF"))
+    lost = {"lat_deg": float("nan"), "lon_deg": float("nan"), "alt_m": float("nan")}
+    custody.observe(seen_in("HOLD", **lost), Outcome(), takes_off=False)
+    assert custody.state is Custody.FOLLOWING
+    custody.observe(seen_in("HOLD", **SHORT), Outcome(), takes_off=False)
+    assert custody.state is Custody.TAKEN
+
+
+def test_a_bridge_that_ends_in_order_leaves_a_vehicle_that_the_next_one_knows_to_hold() -> None:
+    custody = custody_of(PX4, replace(FLOWN, mode="OFFBOARD"))
+    custody.rest()
+    after = custody_of(PX4, custody.record)
+    after.observe(seen_in("HOLD"), Outcome(), takes_off=False)
+    assert after.state is Custody.FOLLOWING
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda one: one.name)
+@pytest.mark.parametrize("status", ["taken_over", "failsafe"])
+def test_what_ends_an_order_after_a_clearance_in_the_air_counts(
+    autopilot: Autopilot, status: Any
+) -> None:
+    custody = custody_of(autopilot, HELD)
+    climbs = Outcome(TakeOff(TOP_M), 2, "under_way")
+    custody.observe(seen_in(autopilot.guided_mode), climbs, takes_off=False)
+    assert custody.clear() == ""
+    assert custody.state is Custody.FOLLOWING
+    custody.observe(seen_in("LAND"), replace(climbs, status=status), takes_off=False)
+    assert custody.state in (Custody.TAKEN, Custody.FAILSAFE)
+    assert custody.lost
+
+
+def test_who_has_ended_an_order_before_a_clearance_is_known_to_who_clears_it() -> None:
+    custody = custody_of(ARDUPILOT, FLOWN)
+    ended = Outcome(STEP, 2, "taken_over", "in LOITER")
+    custody.observe(seen_in("LOITER"), ended, takes_off=False)
+    assert custody.state is Custody.TAKEN
+    custody.observe(seen_in("GUIDED"), ended, takes_off=False)
+    assert custody.state is Custody.RELEASED
+    custody.begin((7, 2), TOP_M, first=False)
+    assert custody.clear(alone=True) == ""
+    custody.observe(seen_in("GUIDED"), ended, takes_off=False)
+    assert custody.state is Custody.FOLLOWING
