@@ -510,6 +510,15 @@ def test_a_failsafe_that_leaves_the_mode_takes_the_vehicle_out_and_home(failsafe
     assert led.lost == f"{failsafe} failsafe"
 
 
+def test_a_bridge_started_again_leaves_what_a_named_failsafe_of_px4_has() -> None:
+    led = follower(autopilot=PX4, record=replace(FLOWN, mode="HOLD"), search=NEXT_SEARCH)
+    vehicle = Vehicle(led, replace(FLYING, mode="HOLD", failsafe="battery"))
+    assert vehicle.turn() is None
+    assert led.custody.state is Custody.FAILSAFE
+    assert "a failsafe has it" in led.custody.operate("land")
+    assert vehicle.turn() is None
+
+
 @pytest.mark.parametrize("failsafe", ["radio", "gcs", "offboard"])
 def test_after_which_failsafes_an_autopilot_goes_on(failsafe: str) -> None:
     vehicle = aloft()
