@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -14,6 +14,7 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState, NavSatFix
 
 from dsse_ros.bridge.fleet_controller import shown_order
+from dsse_ros.bridge.health import Level, Situation, health
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR, Endpoints
@@ -25,6 +26,11 @@ from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_s
 
 STATE_S = 1.0
 """Wall time after which the state of a vehicle is published again that has not changed."""
+_LEVELS: Mapping[Level, bytes] = {
+    "ok": DiagnosticStatus.OK,
+    "warning": DiagnosticStatus.WARN,
+    "error": DiagnosticStatus.ERROR,
+}
 
 
 class BridgePublishers:
@@ -164,26 +170,27 @@ class BridgePublishers:
             trouble: Why none can be flown; empty if they can.
         """
 
-        def names(has: Callable[[VehicleFollower], object]) -> str:
-            return ", ".join(
-                name for name, one in zip(self._names, followers, strict=True) if has(one)
-            )
+        def names(has: Callable[[VehicleFollower], object]) -> list[str]:
+            return [name for name, one in zip(self._names, followers, strict=True) if has(one)]
 
-        lost, refused = names(lambda one: one.lost), names(lambda one: one.refused)
-        blocked = names(lambda one: one.blocked)
-        unreachable = [name for name, one in zip(self._names, vehicles, strict=True) if one.trouble]
-        level = DiagnosticStatus.OK
-        message = "following" if following else "waiting for step_report"
-        if following and not alive:
-            level, message = DiagnosticStatus.WARN, "the simulation is gone"
-        if holding:
-            level, message = DiagnosticStatus.WARN, "no steps: the vehicles hold"
-        if lost or refused or blocked or unreachable or not alive:
-            level = DiagnosticStatus.WARN
-        if unreachable and len(unreachable) == len(vehicles):
-            level, message = DiagnosticStatus.ERROR, "no vehicle can be reached"
-        if trouble:
-            level, message = DiagnosticStatus.ERROR, trouble
+        waiting = {
+            "lost": names(lambda one: one.lost),
+            "refused": names(lambda one: one.refused),
+            "blocked": names(lambda one: one.blocked),
+        }
+        pairs = zip(self._names, vehicles, strict=True)
+        unreachable = [name for name, vehicle in pairs if vehicle.trouble]
+        level, message = health(
+            Situation(
+                len(vehicles),
+                following=following,
+                alive=alive,
+                holding=holding,
+                trouble=trouble,
+                unreachable=unreachable,
+                waiting=waiting,
+            )
+        )
         counts: Counter[str] = Counter()
         for vehicle in vehicles:
             counts += vehicle.counts
@@ -192,18 +199,16 @@ class BridgePublishers:
             "vehicles": len(vehicles),
             "connected": sum(vehicle.state.connected for vehicle in vehicles),
             "flying": sum(vehicle.state.flying for vehicle in vehicles),
-            "lost": lost,
-            "refused": refused,
-            "blocked": blocked,
-            "unreachable": ", ".join(unreachable),
         }
+        named = {**waiting, "unreachable": unreachable}
+        values |= {what: ", ".join(drones) for what, drones in named.items()}
         values |= {f"count.{key}": n for key, n in sorted(counts.items())}
         self._diagnostics.publish(
             diagnostic_array(
                 stamp,
                 name=name,
                 hardware_id="dsse_ros",
-                level=level,
+                level=_LEVELS[level],
                 message=message,
                 values=values,
             )  # fmt: skip
