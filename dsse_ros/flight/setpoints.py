@@ -6,13 +6,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from dsse_ros.flight.commands import OrderFailedError, Situation
 from dsse_ros.flight.mavlink_messages import SetPositionTarget
-
-if TYPE_CHECKING:
-    from dsse_ros.flight.vehicle_controller import Order
 
 _TARGET_DEG = 1e-5
 _TARGET_ALT_M = 1.0
@@ -42,14 +38,17 @@ class SetpointStreamer:
         self._paced: PacedSetpoint | None = None
         self._home_amsl_m = math.nan
 
-    def begin(self, order: Order) -> None:
+    def begin(self, *, to_setpoints: bool) -> None:
         """Forget the target of the last order.
 
         A stream of setpoints that must not end has the vehicle stay where it is.
+
+        Args:
+            to_setpoints: Whether the next order has the vehicle fly to setpoints too.
         """
         state = self._situation.state
         streams = self._autopilot.streams_setpoints and self.target is not None
-        if streams and order.flies_to_setpoints and state.has_position:
+        if streams and to_setpoints and state.has_position:
             self.fly_to(state.lat_deg, state.lon_deg, state.alt_m)
         else:
             self.stop()

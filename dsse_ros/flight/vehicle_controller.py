@@ -177,9 +177,10 @@ class VehicleController:
         if self.modes.yielded:
             self.modes.resume()
         self._drop_order()
-        self.modes.expect_failsafe(to_setpoints=order.flies_to_setpoints)
+        to_setpoints = order.flies_to_setpoints
+        self.modes.expect_failsafe(to_setpoints=to_setpoints)
         self.situation.state = self._with_setpoint_loss(self.state)
-        self.setpoints.begin(order)
+        self.setpoints.begin(to_setpoints=to_setpoints)
         self._steps = order.carry_out(self)
 
     def cancel(self, now: float) -> list[Outgoing]:

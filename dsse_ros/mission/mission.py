@@ -333,7 +333,8 @@ class Mission:
         extra, arrays = snapshot.extra, snapshot.arrays
         if not {*_OF_MISSION, "commands"} <= extra.keys() or "history" not in arrays:
             raise SnapshotError("the snapshot is of a world, not of a mission")
-        check_mission(snapshot, self)
+        num_actions = len(self.env.rules.actions)
+        check_mission(snapshot, self.snapshot(), self.env.world.grid_size, num_actions)
         if self._beliefs is None:
             self.env.restore(snapshot)
         else:

@@ -4,27 +4,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dsse_ros.search import HOLD, Snapshot, SnapshotError
 
-if TYPE_CHECKING:
-    from dsse_ros.mission.mission import Mission
-
 _LARGEST = 2**63 - 1
 
 
-def check_mission(snapshot: Snapshot, mission: Mission) -> None:
+def check_mission(snapshot: Snapshot, now: Snapshot, grid_size: int, num_actions: int) -> None:
     """Raise unless what a snapshot says beside the world can be of such a mission.
+
+    Args:
+        snapshot: The snapshot.
+        now: One of the mission as it is.
+        grid_size: Of its search.
+        num_actions: Of a drone.
 
     Raises:
         SnapshotError: If it cannot; it names what.
     """
-    extra, arrays = snapshot.extra, snapshot.arrays
-    drones, grid = range(len(mission.tracks)), mission.env.world.grid_size
-    actions = range(HOLD, len(mission.env.rules.actions))
+    extra, arrays, of_now = snapshot.extra, snapshot.arrays, now.arrays
+    drones, actions = range(len(now.extra["tracks"])), range(HOLD, num_actions)
     tracks, searches = extra["tracks"], extra["searches"]
     possible = {
         "seed": _is_int(extra["seed"], 0),
@@ -42,7 +44,7 @@ def check_mission(snapshot: Snapshot, mission: Mission) -> None:
             lambda pair: (
                 _is_pair(pair)
                 and _is_in(pair[0], drones)
-                and _is_list(pair[1], lambda cell: _is_cell(cell, grid))
+                and _is_list(pair[1], lambda cell: _is_cell(cell, grid_size))
             ),
         )
         and _is_list(
@@ -50,12 +52,11 @@ def check_mission(snapshot: Snapshot, mission: Mission) -> None:
             lambda pair: _is_pair(pair) and _is_in(pair[0], drones) and _is_in(pair[1], actions),
         ),
     }
-    of_now = mission.snapshot().arrays
     for name in [name for name in of_now if name.startswith("result_")]:
-        stored, now = arrays.get(name), of_now[name]
+        stored, known = arrays.get(name), of_now[name]
         possible[name] = stored is not None and (stored.shape, stored.dtype) == (
-            now.shape,
-            now.dtype,
+            known.shape,
+            known.dtype,
         )
     history = arrays["history"]
     possible["history"] = (

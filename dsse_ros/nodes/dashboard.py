@@ -33,7 +33,7 @@ from dsse_ros.nodes.operator_services import (
     find_bridges,
     service_name,
 )
-from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.parameters import declare
 from dsse_ros.nodes.polling import polling_node, spun_by_nobody, take_all
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
@@ -125,7 +125,7 @@ class DashboardNode(AlarmNode):
     def __init__(self) -> None:
         super().__init__("dsse_dashboard")
         known = specs(DashboardSettings)
-        given, qos = take_overrides(self, known)
+        given, qos = self.take_overrides(known)
         self.settings = DashboardSettings(**given)
         declare(self, known, vars(self.settings))
         Endpoints(self, qos).check_all_used()

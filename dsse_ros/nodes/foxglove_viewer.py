@@ -23,7 +23,7 @@ from rclpy.publisher import Publisher
 
 from dsse_ros.nodes.client_commands import ENCODINGS, check_offer, command_type, read_command
 from dsse_ros.nodes.client_services import ClientServices
-from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.parameters import declare
 from dsse_ros.nodes.qos import COMMANDS, Endpoints
 from dsse_ros.nodes.raw_topics import RawTopics
 from dsse_ros.nodes.runtime import AlarmNode, run_node
@@ -102,7 +102,7 @@ class ViewerNode(AlarmNode):
     def __init__(self) -> None:
         super().__init__("dsse_viewer")
         known = specs(ViewerSettings)
-        given, qos = take_overrides(self, known)
+        given, qos = self.take_overrides(known)
         self.settings = ViewerSettings(**given)
         declare(self, known, vars(self.settings))
         Endpoints(self, qos).check_all_used()

@@ -24,7 +24,7 @@ from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
 from dsse_ros.nodes import bridge_services
 from dsse_ros.nodes.bridge_publishers import BridgePublishers
-from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.parameters import declare
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.search import FieldError
@@ -59,7 +59,7 @@ class BridgeNode(AlarmNode):
     def __init__(self) -> None:
         super().__init__("dsse_bridge")
         known = specs(BridgeSettings)
-        given, qos = take_overrides(self, known)
+        given, qos = self.take_overrides(known)
         self.settings = BridgeSettings(**given)
         declare(self, known, vars(self.settings))
         self._link_troubles: dict[str, str] = {}

@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Collection, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -21,9 +21,6 @@ from rclpy.parameter import Parameter
 
 from dsse_ros.nodes.ros_arguments import OF_EVERY_NODE, from_ros
 from dsse_ros.search.fields import FieldError, Spec, check_known, shown
-
-if TYPE_CHECKING:
-    from dsse_ros.nodes.runtime import AlarmNode
 
 _TYPES = {
     "bool": Parameter.Type.BOOL,
@@ -65,13 +62,18 @@ def declarable(
 
 
 def take_overrides(
-    node: AlarmNode, known: Collection[str]
+    node: Node, known: Collection[str], shared: Collection[str]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the fields and the QoS overrides a node was started with; they are undeclared.
 
     The node must have been made with `automatically_declare_parameters_from_overrides`, so that
     values of any type arrive here and are judged in one place. What a file gives to several nodes
     may be another's: then it is left out, and the log says so.
+
+    Args:
+        node: The node.
+        known: Names that it has.
+        shared: Names that its file gives to other nodes too.
 
     Raises:
         FieldError: If a name is not known.
@@ -85,7 +87,7 @@ def take_overrides(
     for name in given:
         node.undeclare_parameter(name)
     qos = {name: given.pop(name) for name in list(given) if name.startswith(QOS_PREFIX)}
-    others = [name for name in given if name not in known and name in node.shared_names]
+    others = [name for name in given if name not in known and name in shared]
     if others:
         names = ", ".join(others)
         node.get_logger().info(f"no parameters of {node.get_name()}, left to other nodes: {names}")

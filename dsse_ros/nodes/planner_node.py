@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
-from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.parameters import declare
 from dsse_ros.nodes.qos import COMMANDS, LATCHED, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
@@ -49,7 +49,7 @@ class PlannerNode(AlarmNode):
     def __init__(self) -> None:
         super().__init__("dsse_planner")
         known = specs(PlannerSettings)
-        given, qos = take_overrides(self, known)
+        given, qos = self.take_overrides(known)
         self.settings = PlannerSettings(**given)
         # A planner that cannot be loaded is bad input, before any simulation is there.
         load_planner(self.settings.planner)

@@ -9,7 +9,7 @@ import sys
 import time
 
 from dsse_ros.nodes.exit_codes import FAILED
-from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.parameters import declare
 from dsse_ros.nodes.polling import RawMessage
 from dsse_ros.nodes.qos import Endpoints
 from dsse_ros.nodes.raw_topics import RawTopics
@@ -46,7 +46,7 @@ class RecorderNode(AlarmNode):
     def __init__(self) -> None:
         super().__init__("dsse_recorder")
         known = specs(RecorderSettings)
-        given, qos = take_overrides(self, known)
+        given, qos = self.take_overrides(known)
         self.settings = RecorderSettings(**given)
         declare(self, known, vars(self.settings))
         Endpoints(self, qos).check_all_used()

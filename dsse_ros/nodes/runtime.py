@@ -11,7 +11,7 @@ import sys
 import time
 import warnings
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ from dsse_ros.nodes import discovery, security
 from dsse_ros.nodes.alarms import Alarms
 from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.nodes.interrupts import Stop, leave_on_signals, on_signals
-from dsse_ros.nodes.parameters import declarable
+from dsse_ros.nodes.parameters import declarable, take_overrides
 from dsse_ros.nodes.ros_arguments import UnreadableFileError, parameters_for, split_ros_arguments
 from dsse_ros.search import FieldError
 
@@ -102,6 +102,14 @@ class AlarmNode(Node):
         """
         declared: list[Any] = [declarable(*parameter) for parameter in parameters]
         return super().declare_parameters(namespace, declared, ignore_override)
+
+    def take_overrides(self, known: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the fields and the QoS overrides of these names, see `parameters`.
+
+        Raises:
+            FieldError: If a name is not known.
+        """
+        return take_overrides(self, known, self.shared_names)
 
     def warn(self, kind: str, text: str) -> None:
         """Log a warning, of each kind one a second at most."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
-from dsse_ros.nodes.parameters import declare, take_overrides
+from dsse_ros.nodes.parameters import declare
 from dsse_ros.nodes.qos import Endpoints
 from dsse_ros.nodes.ros_arguments import from_ros
 from dsse_ros.nodes.runtime import AlarmNode
@@ -46,7 +46,7 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
         FieldError: If a parameter or the scenario is not allowed.
     """
     known = {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
-    given, qos = take_overrides(node, known)
+    given, qos = node.take_overrides(known)
     given = {name: from_ros(known[name], value) for name, value in given.items()}
 
     def of(part: dict[str, Any]) -> dict[str, Any]:

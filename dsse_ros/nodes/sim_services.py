@@ -4,19 +4,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from nav_msgs.srv import GetMap
 from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.nodes.mission_export import export_tracks
+from dsse_ros.nodes.operated import Operated
 from msg_adapters.occupancy import occupancy_grid
 
-if TYPE_CHECKING:
-    from dsse_ros.nodes.sim_node import SimNode
 
-
-def serve(node: SimNode) -> None:
+def serve(node: Operated) -> None:
     """Create the services of the node."""
 
     def reset(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -7,13 +7,12 @@ It is the standard that Gazebo and Isaac Sim follow; it is not among the ROS 2 w
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from dsse_ros.nodes.sim_node import SimNode
+from dsse_ros.nodes.operated import Operated
 
 
-def serve(node: SimNode) -> bool:
+def serve(node: Operated) -> bool:
     """Offer reset, step, state and features; returns whether the package is there."""
     try:
         from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
