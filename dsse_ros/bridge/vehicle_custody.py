@@ -249,6 +249,9 @@ class VehicleCustody:
         elif always and custody in (Custody.TAKEN, Custody.FAILSAFE):
             self._automatic = custody is Custody.FAILSAFE
             self.lose(self.holder)
+        elif always and custody in (Custody.HELD, Custody.RECALLED):
+            # Whatever becomes of it, it was not free as the search began.
+            self._automatic = False
 
     def ground(self) -> str:
         """Keep it on the ground, as a person has asked; returns why not, empty if it stays."""

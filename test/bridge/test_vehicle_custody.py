@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from dsse_ros.bridge.custody import Custody
-from dsse_ros.bridge.vehicle_custody import RISEN_M, FlightRecord, VehicleCustody
+from dsse_ros.bridge.vehicle_custody import RISEN_M, Arm, FlightRecord, VehicleCustody
 from dsse_ros.flight.autopilots import ARDUPILOT, PX4, Autopilot
-from dsse_ros.flight.orders import GoTo, TakeOff
+from dsse_ros.flight.orders import GoTo, Land, TakeOff
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 
@@ -25,10 +25,8 @@ LANDING = replace(FLOWN, custody=Custody.RECALLED, end="land")
 STEP = GoTo(-24.0, -46.0, TOP_M, 10.0)
 
 
-def custody_of(
-    autopilot: Autopilot, record: FlightRecord, at_end: str = "return"
-) -> VehicleCustody:
-    custody = VehicleCustody(autopilot, "true", record, lambda: None, at_end=at_end)
+def custody_of(autopilot: Autopilot, record: FlightRecord, arm: Arm = "true") -> VehicleCustody:
+    custody = VehicleCustody(autopilot, arm, record, lambda: None)
     custody.begin(SEARCH, TOP_M, first=True)
     return custody
 
@@ -120,3 +118,18 @@ def test_who_has_ended_an_order_before_a_clearance_is_known_to_who_clears_it() -
     assert custody.clear(alone=True) == ""
     custody.observe(seen_in("GUIDED"), ended, takes_off=False)
     assert custody.state is Custody.FOLLOWING
+
+
+@pytest.mark.parametrize("record", [HELD, LANDING], ids=["held", "recalled"])
+def test_what_an_operator_has_called_back_is_not_given_back_by_the_parameter(
+    record: FlightRecord,
+) -> None:
+    custody = custody_of(ARDUPILOT, record, "always")
+    custody.begin((7, 2), TOP_M, first=False)
+    custody.observe(seen_in("LAND"), Outcome(Land(), 1, "under_way"), takes_off=False)
+    custody.clear_automatically()
+    taken = Outcome(Land(), 1, "taken_over", "in GUIDED")
+    for _ in range(3):
+        custody.observe(seen_in("GUIDED"), taken, takes_off=False)
+        custody.clear_automatically()
+    assert custody.state is Custody.RELEASED
