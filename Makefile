@@ -32,17 +32,19 @@ COMMA := ,
 OF_TESTS := viz,area,geotiff,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
 
 # What calls the libraries that have lower bounds.
-TESTS_OF_OLDEST := $(addprefix test/search/test_,actions.py conformance.py oracles.py rendering.py \
-	scenario.py snapshot.py vector_env.py withdraw.py world.py) test/planners/test_planners.py \
+TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py scenario.py) test/view/test_rendering.py \
+	$(addprefix test/search/test_,conformance.py oracles.py snapshot.py vector_env.py withdraw.py world.py) \
+	test/planners/test_planners.py \
 	$(addprefix test/msg_adapters/test_,geodesy.py mavlink_items.py occupancy.py poses.py) \
 	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,bridge campaign compat dashboard flight mission msg_adapters packaging \
-	planners recording report search training)
+TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled dashboard flight mission \
+	msg_adapters packaging planners recording report scenario search training view)
 
 # Commands and their refusals come over DDS.
-TESTS_OF_COVERAGE := $(addprefix test/,bridge cli compat flight mission msg_adapters planners recording search \
+TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled flight mission msg_adapters planners \
+	recording scenario search view \
 	$(addprefix nodes/test_,bad_input.py client_commands.py lost_drones.py step_modes.py))
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
@@ -92,7 +94,7 @@ lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 
-coverage: $(VENV)/.compiled $(VENV)/.quality ## Measure which branches of search, mission, msg_adapters and flight are tested
+coverage: $(VENV)/.compiled $(VENV)/.quality ## Measure which branches of the search, mission, msg_adapters, flight and bridge are tested
 	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_COVERAGE) --cov
 
 mutants: $(VENV)/.test $(VENV)/.quality ## Test the tests of fence, upload and commands by changing those: MUTANTS='name ...'

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from benchmarks.processes import BenchmarkError
 from benchmarks.workload import random_walks
-from dsse_ros.search import belief_kernels
-from dsse_ros.search.belief import Forecast
-from dsse_ros.search.rules import ACTION_VECTORS
-from dsse_ros.search.scenario import scenario_and_rules
+from dsse_ros.belief import belief_kernels
+from dsse_ros.belief.belief import Forecast
+from dsse_ros.scenario.rules import ACTION_VECTORS
+from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
 

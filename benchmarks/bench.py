@@ -29,7 +29,7 @@ from benchmarks import (
 )
 from benchmarks.processes import ROOT, BenchmarkError
 from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
-from dsse_ros.search.progress import progress, say
+from dsse_ros.progress import progress, say
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5

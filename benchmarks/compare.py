@@ -32,9 +32,9 @@ from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
 from dsse_ros.campaign.estimates import clusters, of_mean, of_share
 from dsse_ros.planners import load_planner
 from dsse_ros.planners.batch import Missions, play_missions
+from dsse_ros.progress import progress, say
+from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import FieldError, Rules, Scenario
-from dsse_ros.search.progress import progress, say
-from dsse_ros.search.scenario import scenario_and_rules
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "planners.md"

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dsse_ros.search.rules import ACTION_VECTORS
+from dsse_ros.scenario.rules import ACTION_VECTORS
 
 TIES = ("quicksort", "stable")
 """`quicksort`: as NumPy's quicksort leaves them where it does not use vector instructions.

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from benchmarks.processes import ROOT, BenchmarkError, Process, last_line
 from benchmarks.workload import random_walks
-from dsse_ros.search.rules import profile
+from dsse_ros.scenario.rules import profile
 
 DRONES = (1, 20, 100)
 GRID_SIZE = 40

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.processes import Process
 from benchmarks.speed import CALLS, configuration
 from benchmarks.workload import random_walks
-from dsse_ros.search.rules import profile
+from dsse_ros.scenario.rules import profile
 
 GRID_SIZE, NUM_DRONES, BATCH = 40, 5, 1024
 PEAK_STEPS = 300

@@ -26,8 +26,8 @@ from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.greedy_batch import TIES, GreedyBatch
 from benchmarks.intervals import contains, of_mean, of_share
 from benchmarks.reference_values import GREEDY, SWEEP, Source
-from dsse_ros.search.progress import progress
-from dsse_ros.search.scenario import scenario_and_rules
+from dsse_ros.progress import progress
+from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search.world import World
 
 SEED = 2023

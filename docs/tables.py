@@ -36,10 +36,10 @@ from dsse_ros.nodes.settings import (
     ViewerSettings,
 )
 from dsse_ros.report.metrics import METRICS
+from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
+from dsse_ros.scenario.fields import Spec, specs
+from dsse_ros.scenario.rules import GROUPS
 from dsse_ros.search import PROFILES, Rules, Scenario
-from dsse_ros.search.fault_fields import FAULTS, FaultFields
-from dsse_ros.search.fields import Spec, specs
-from dsse_ros.search.rules import GROUPS
 
 ROOT = Path(__file__).resolve().parents[1]
 TYPES = {

@@ -30,11 +30,11 @@ from std_srvs.srv import Trigger
 
 from dsse_ros.nodes import security
 from dsse_ros.nodes.qos import COMMANDS, COMPLETE, LATCHED
+from dsse_ros.scenario.fields import shown
+from dsse_ros.scenario.options import IGNORED_OPTION, check_seed
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.agent_spaces import AgentSpaces
-from dsse_ros.search.fields import shown
 from dsse_ros.search.observation import AgentObservation, observation_space
-from dsse_ros.search.options import IGNORED_OPTION, check_seed
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.commands import joint_action_message
 from msg_adapters.observed_step import ObservedStep, StepInbox, step_id_of

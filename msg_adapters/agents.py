@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from dsse_ros.search.definition import SearchDefinition
-from dsse_ros.search.limits import MAX_SIDE
-from dsse_ros.search.rules import profile
-from dsse_ros.search.scenario import SPECS, Scenario
+from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.scenario.limits import MAX_SIDE
+from dsse_ros.scenario.rules import profile
+from dsse_ros.scenario.scenario import SPECS, Scenario
 from msg_adapters.frames import GridFrame
 from msg_adapters.json_keys import Keys, parse_json
 

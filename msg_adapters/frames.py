@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.area import cell_centre
+from dsse_ros.scenario.area import cell_centre
 
 if TYPE_CHECKING:
-    from dsse_ros.search.scenario import ResolvedScenario
+    from dsse_ros.scenario.scenario import ResolvedScenario
 
 S = TypeVar("S", bound=np.generic)
 

@@ -16,7 +16,7 @@ import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
-from dsse_ros.search.geodesy import Origin, surface_to_geodetic, through_ecef
+from dsse_ros.scenario.geodesy import Origin, surface_to_geodetic, through_ecef
 from msg_adapters.frames import GridFrame, cell_to_map
 
 Floats = NDArray[np.float64]

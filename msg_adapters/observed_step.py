@@ -14,8 +14,8 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
 from dsse_ros.search.coverage import METRICS
-from dsse_ros.search.fault_kernels import STATUSES
 from dsse_ros.search.observation import AgentObservation, Observation
+from dsse_ros.step.fault_kernels import STATUSES
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.images import image_to_probability
 from msg_adapters.stamps import to_nanoseconds

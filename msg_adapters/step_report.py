@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2
 
 from dsse_ros.search.coverage import METRICS
-from dsse_ros.search.fault_kernels import STATUSES
+from dsse_ros.step.fault_kernels import STATUSES
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.point_clouds import cloud_message, points_from_message
 from msg_adapters.result import shown
@@ -62,7 +62,7 @@ def step_report_dtype(
     0 if the action would leave the grid). Where the task is coverage, coverage_rate,
     repeated_coverage and pos (float64) follow, the same for all drones: see
     `dsse_ros.search.coverage`. With faults further battery (float64, percent, NaN where it does not
-    run down) and status (uint8, number in `dsse_ros.search.fault_kernels.STATUSES`).
+    run down) and status (uint8, number in `dsse_ros.step.fault_kernels.STATUSES`).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.

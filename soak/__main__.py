@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.bench import machine, own_versions, rounded
-from dsse_ros.search.progress import progress, say
+from dsse_ros.progress import progress, say
 from soak.rigs import ROOT, use_defaults_of_dds
 from soak.row import Row, Run
 from soak.rows import ROWS

@@ -15,7 +15,7 @@ import sys
 import threading
 from typing import Any
 
-from dsse_ros.search.fields import Spec, specs
+from dsse_ros.scenario.fields import Spec, specs
 from soak.rigs import ENVIRONMENT, ROOT, Sim, domain
 from soak.row import Figures, Row, Run, zero
 

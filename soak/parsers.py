@@ -59,8 +59,8 @@ def _yaml() -> tuple[Take, list[bytes]]:
 
 
 def _geojson() -> tuple[Take, list[bytes]]:
+    from dsse_ros.scenario.area import Area, area_mask
     from dsse_ros.search import FieldError
-    from dsse_ros.search.area import Area, area_mask
 
     path = _file("fuzzed.geojson")
 
@@ -341,9 +341,9 @@ PARSERS = {
     "yaml": Parser(
         "scenarios in YAML",
         _yaml,
-        ("dsse_ros.search.yaml_file", "dsse_ros.search.scenario", "dsse_ros.search.fields"),
+        ("dsse_ros.scenario.yaml_file", "dsse_ros.scenario.scenario", "dsse_ros.scenario.fields"),
     ),
-    "geojson": Parser("areas in GeoJSON", _geojson, ("dsse_ros.search.area",)),
+    "geojson": Parser("areas in GeoJSON", _geojson, ("dsse_ros.scenario.area",)),
     "commands": Parser("commands", _commands, ("msg_adapters.commands", "msg_adapters.frames")),
     "observations": Parser(
         "agents, maps and reports",

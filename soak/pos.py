@@ -25,9 +25,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import ResolvedScenario, scenario_and_rules
+from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario, scenario_and_rules
 from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
 from soak.row import Figures, Goal, Row, Run

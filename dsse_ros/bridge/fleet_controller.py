@@ -27,7 +27,7 @@ from dsse_ros.flight.mavlink_messages import StatusText
 from dsse_ros.flight.orders import FlyMission
 from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, describe
 from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.search.fields import FieldError
+from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
 
 QUIET_S = 0.5

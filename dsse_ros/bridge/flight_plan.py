@@ -14,7 +14,7 @@ from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import Track, layers, search_missions
-from dsse_ros.search.fields import FieldError
+from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import map_to_geodetic

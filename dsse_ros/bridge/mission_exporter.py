@@ -14,7 +14,7 @@ from dsse_ros.bridge.flight_plan import layered
 from dsse_ros.bridge.followed_search import FollowedSearch, News
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.mission.vehicle_missions import search_missions, write_missions
-from dsse_ros.search.fields import FieldError
+from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
 
 

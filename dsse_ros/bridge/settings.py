@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dsse_ros.mission.vehicle_missions import FlightSettings
-from dsse_ros.search.fields import FieldError, check_all, field
+from dsse_ros.scenario.fields import FieldError, check_all, field
 
 MODES = ("guided", "mission", "export")
 """What `mavlink_bridge` does with the steps of a search."""

@@ -17,11 +17,11 @@ from typing import Any, TypeVar
 from dsse_ros.campaign.provenance import files, versions
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.planners import load_planner
+from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.scenario.fields import check_all, check_known, field, shown, specs
+from dsse_ros.scenario.scenario import FILES, ResolvedScenario, scenario_and_rules
+from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.search import FieldError, Rules, Scenario
-from dsse_ros.search.definition import SearchDefinition
-from dsse_ros.search.fields import check_all, check_known, field, shown, specs
-from dsse_ros.search.scenario import FILES, ResolvedScenario, scenario_and_rules
-from dsse_ros.search.yaml_file import read_yaml
 
 MAX_SEED = 2**62
 MAX_MISSIONS = 10**8

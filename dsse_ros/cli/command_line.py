@@ -21,9 +21,9 @@ from dsse_ros.nodes.ros_arguments import (
     split_ros_arguments,
 )
 from dsse_ros.planners import PLANNER_NAMES, check_task
+from dsse_ros.scenario.fields import Spec, check_known, specs
+from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
-from dsse_ros.search.fields import Spec, check_known, specs
-from dsse_ros.search.scenario import ResolvedScenario
 
 MAX_SEED = 2**62
 SIM_NODE, PLANNER_NODE = "dsse_sim", "dsse_planner"

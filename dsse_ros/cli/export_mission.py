@@ -20,9 +20,9 @@ from dsse_ros.mission.vehicle_missions import (
 )
 from dsse_ros.nodes.exit_codes import fail
 from dsse_ros.planners import planner_for
+from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.compiler import prepared_env
-from dsse_ros.search.fields import specs
 from msg_adapters.frames import scenario_frame
 from msg_adapters.mission_files import Home
 

@@ -16,9 +16,9 @@ from dsse_ros.nodes.ros_arguments import split_ros_arguments
 from dsse_ros.recording.bag import read_bag
 from dsse_ros.recording.replay import replay
 from dsse_ros.recording.replayed import ReplayedMission
+from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.search import FieldError
 from dsse_ros.search.compiler import announced
-from dsse_ros.search.limits import LARGEST_GRID_CELLS
 
 
 def line(mission: ReplayedMission) -> str:

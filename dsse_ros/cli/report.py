@@ -13,9 +13,11 @@ from typing import Any
 
 from tqdm import tqdm
 
+from dsse_ros.belief.belief import Forecast
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
 from dsse_ros.cli.start import not_found
 from dsse_ros.nodes.exit_codes import fail
+from dsse_ros.progress import progress
 from dsse_ros.report.record import RecordedMission, is_bag, read_csv
 from dsse_ros.report.replay import (
     LARGEST_BELIEF_GRID,
@@ -27,12 +29,10 @@ from dsse_ros.report.replay import (
     with_search,
 )
 from dsse_ros.report.report import Report, chosen_steps
+from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.search import PROFILES, FieldError
-from dsse_ros.search.belief import Forecast
 from dsse_ros.search.compiler import announced
-from dsse_ros.search.limits import LARGEST_GRID_CELLS
-from dsse_ros.search.progress import progress
-from dsse_ros.search.rendering import MissionView
+from dsse_ros.view.rendering import MissionView
 
 
 def parse(argv: list[str] | None) -> argparse.Namespace:

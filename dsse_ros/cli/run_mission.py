@@ -41,12 +41,12 @@ from dsse_ros.nodes.qos import LATCHED
 from dsse_ros.nodes.ros_arguments import OF_EVERY_NODE, pairs
 from dsse_ros.nodes.runtime import init_ros, new_executor
 from dsse_ros.nodes.settings import PlannerSettings, SimSettings
+from dsse_ros.scenario.fields import specs
+from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules, Scenario
 from dsse_ros.search.compiler import COMPILING, compilation_bar
-from dsse_ros.search.fields import specs
-from dsse_ros.search.movie import check_movie, save_movie
-from dsse_ros.search.rendering import MissionView, save_picture
-from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.view.movie import check_movie, save_movie
+from dsse_ros.view.rendering import MissionView, save_picture
 from msg_adapters.images import image_to_probability
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from operator import index
 from typing import Any, TypeVar
 
-from dsse_ros.search.fields import FieldError
+from dsse_ros.scenario.fields import FieldError
 
 T = TypeVar("T")
 

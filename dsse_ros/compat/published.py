@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from dsse_ros.compat.arguments import check_render_mode, joint_action, with_names
-from dsse_ros.search import rendering
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.agent_spaces import AgentSpaces
-from dsse_ros.search.fields import FieldError
 from dsse_ros.search.parallel_env import SearchEnv
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import Scenario
+from dsse_ros.view import rendering
 
 Cell = tuple[int, int]
 Infos = dict[str, dict[str, Any]]

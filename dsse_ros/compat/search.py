@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.compat.constants import Actions, Reward
 from dsse_ros.compat.published import Cell, DroneData, Infos, SwarmEnv, no_rewards
+from dsse_ros.scenario.rules import Rules, profile
+from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.parallel_env import SearchEnv
-from dsse_ros.search.rules import Rules, profile
-from dsse_ros.search.scenario import Scenario
 
 Observations = dict[str, tuple[Cell, NDArray[np.float32]]]
 

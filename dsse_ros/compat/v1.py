@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.compat.published import PublishedEnv, no_rewards
 from dsse_ros.compat.search import ProbabilityMatrix
-from dsse_ros.search.rules import Rules, profile
-from dsse_ros.search.scenario import Scenario
+from dsse_ros.scenario.rules import Rules, profile
+from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.world import HOLD
 
 Observations = dict[str, dict[str, tuple[tuple[int, int], NDArray[np.float32]]]]

@@ -20,7 +20,7 @@ from dsse_ros.dashboard.inbox import Inbox
 from dsse_ros.dashboard.missions import Missions
 from dsse_ros.dashboard.page import MissionPage
 from dsse_ros.dashboard.settings import DashboardSettings
-from dsse_ros.search.fields import FieldError
+from dsse_ros.scenario.fields import FieldError
 
 _OF_PORT = (errno.EADDRINUSE, errno.EACCES)
 _STOP_S = 0.5

@@ -8,7 +8,7 @@ import ipaddress
 from dataclasses import dataclass
 
 from dsse_ros.private_files import read_private
-from dsse_ros.search.fields import FieldError, check_all, field
+from dsse_ros.scenario.fields import FieldError, check_all, field
 
 MIN_TOKEN = 16
 """Characters of a token at least."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.actions import Cell
 from dsse_ros.search import HOLD, ActionSet
-from dsse_ros.search.actions import Cell
 
 MISSING_ACTIONS = ("search", "repeat", "hold", "abort")
 """What a drone without a command does when the step cannot wait."""

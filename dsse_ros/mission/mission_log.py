@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.search import FieldError
-from dsse_ros.search.fault_kernels import STATUSES
+from dsse_ros.step.fault_kernels import STATUSES
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import cell_to_geodetic
 

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from dsse_ros.mission.mission_log import MissionRecord
+from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search import Rules
-from dsse_ros.search.mission_view import MissionView
 from dsse_ros.search.parallel_env import SearchEnv
-from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import HOLD
 from dsse_ros.search.world_beliefs import WorldBeliefs
+from dsse_ros.view.mission_view import MissionView
 
 
 def mission_views(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_scheduler import StepScheduler
-from dsse_ros.search.fault_kernels import HOME, IDENTIFYING, RETURNING, STATUSES, STUCK
+from dsse_ros.step.fault_kernels import HOME, IDENTIFYING, RETURNING, STATUSES, STUCK
 
 _MOST_NAMES = 8
 """Drones that a line of the log names."""

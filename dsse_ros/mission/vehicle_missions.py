@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.fields import FieldError, check_all, field
+from dsse_ros.scenario.fields import FieldError, check_all, field
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_files import Home, Mission, plan_text, qgc_wpl, track_mission
 from msg_adapters.mission_items import FIRMWARES

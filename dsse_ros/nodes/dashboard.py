@@ -37,7 +37,7 @@ from dsse_ros.nodes.parameters import declare
 from dsse_ros.nodes.polling import polling_node, spun_by_nobody, take_all
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
-from dsse_ros.search.fields import specs
+from dsse_ros.scenario.fields import specs
 
 _NICENESS = 10
 """Of the process: where cores are busy, the nodes of the missions come first."""

@@ -29,8 +29,8 @@ from dsse_ros.nodes.raw_topics import RawTopics
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import ViewerSettings
 from dsse_ros.recording.schemas import definition, message_class
+from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError
-from dsse_ros.search.fields import specs
 
 DISCOVERY_PERIOD_S = 0.2
 TAKE_PERIOD_S = 0.05

@@ -27,8 +27,8 @@ from dsse_ros.nodes.bridge_publishers import BridgePublishers
 from dsse_ros.nodes.parameters import declare
 from dsse_ros.nodes.qos import COMPLETE, LATCHED, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
+from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError
-from dsse_ros.search.fields import specs
 from msg_adapters.agents import agents_from_message
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds

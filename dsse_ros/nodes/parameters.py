@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dsse_ros.nodes.ros_arguments import OF_EVERY_NODE, from_ros
-from dsse_ros.search.fields import FieldError, Spec, check_known, shown
+from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
 
 _TYPES = {
     "bool": Parameter.Type.BOOL,

@@ -21,9 +21,9 @@ from dsse_ros.nodes.qos import COMMANDS, LATCHED, Endpoints
 from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
+from dsse_ros.scenario.fields import specs
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
-from dsse_ros.search.fields import specs
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.commands import joint_action_message
 from msg_adapters.observed_step import ObservedStep, StepId, StepInbox, step_id_of

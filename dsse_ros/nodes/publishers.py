@@ -24,8 +24,9 @@ from dsse_ros.mission.status import Health, Level
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
-from dsse_ros.search import SearchDefinition, sea_map
-from dsse_ros.search.fault_kernels import HOME, LOST
+from dsse_ros.search import SearchDefinition
+from dsse_ros.step.fault_kernels import HOME, LOST
+from dsse_ros.targets import sea_map
 from msg_adapters.agents import AgentsInfo, Origin, agents_message, area_rows
 from msg_adapters.battery import battery_state
 from msg_adapters.diagnostics import diagnostic_array

@@ -19,7 +19,7 @@ from rclpy.subscription import Subscription
 
 from dsse_ros.nodes.parameters import QOS_PREFIX, declare
 from dsse_ros.nodes.runtime import AlarmNode
-from dsse_ros.search.fields import FieldError, Spec, check_known
+from dsse_ros.scenario.fields import FieldError, Spec, check_known
 
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL

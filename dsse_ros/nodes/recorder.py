@@ -17,7 +17,7 @@ from dsse_ros.nodes.runtime import AlarmNode, run_node
 from dsse_ros.nodes.settings import RecorderSettings
 from dsse_ros.recording.bag import BagWriter
 from dsse_ros.recording.offered_qos import to_yaml
-from dsse_ros.search.fields import specs
+from dsse_ros.scenario.fields import specs
 
 _NICENESS = 5
 """Of the process: where cores are busy, the mission comes first. With 10, a third of the messages

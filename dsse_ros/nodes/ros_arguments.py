@@ -17,7 +17,7 @@ import yaml
 
 if TYPE_CHECKING:
     # `ros2 launch` reads this too, and may have none of what the search needs.
-    from dsse_ros.search.fields import Spec
+    from dsse_ros.scenario.fields import Spec
 
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 """Parameters that every ROS 2 node has."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.mission.vehicle_missions import FlightSettings
 from dsse_ros.planners import PLANNER_NAMES
-from dsse_ros.search.fields import FieldError, check_all, field
-from dsse_ros.search.limits import LARGEST_GRID_CELLS
-from dsse_ros.search.rules import PROFILES
+from dsse_ros.scenario.fields import FieldError, check_all, field
+from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
+from dsse_ros.scenario.rules import PROFILES
 from msg_adapters.agents import MAX_ID
 
 LARGEST_AUTO_GRID = 50

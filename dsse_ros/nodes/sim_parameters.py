@@ -17,12 +17,12 @@ from dsse_ros.nodes.qos import Endpoints
 from dsse_ros.nodes.ros_arguments import from_ros
 from dsse_ros.nodes.runtime import AlarmNode
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
+from dsse_ros.scenario.fields import specs
+from dsse_ros.scenario.limits import check_cells
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Scenario, SearchEnv, profile
 from dsse_ros.search.compiler import prepared_env
-from dsse_ros.search.fields import specs
-from dsse_ros.search.limits import check_cells
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import ResolvedScenario
 from msg_adapters.agents import MAX_ID
 from msg_adapters.frames import GridFrame, scenario_frame
 

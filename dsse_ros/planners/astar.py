@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
-from dsse_ros.search.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet
 
 CLOSENESS = 0.3
 """A cell one move farther away counts for this part."""

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from dsse_ros.planners.belief import BeliefPlanner, Forecasts
 from dsse_ros.planners.planner import Planner, PlannerFactory, SharedPlanner
 from dsse_ros.planners.registry import check_task, load_planner
-from dsse_ros.search.definition import SearchDefinition
+from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.observation import Observation
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.world import HOLD, World
 
 

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.belief_kernels import MARGIN, ROW
 from dsse_ros.planners import beam
 from dsse_ros.planners.reach import Reach
-from dsse_ros.search.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
-from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.belief_kernels import MARGIN, ROW
-from dsse_ros.search.person_motion import MOTIONS
-from dsse_ros.search.rules import Rules
+from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.targets.person_motion import MOTIONS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,15 +19,15 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.heeding import heed_masks, is_aloft
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
-from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.drift_estimate import FIRST_OBSERVED, DriftEstimate
-from dsse_ros.search.fault_fields import may_be_held_up
-from dsse_ros.search.observation import most_probable
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.scenario.fault_fields import may_be_held_up
+from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
 
 
 class Tactic(Protocol):

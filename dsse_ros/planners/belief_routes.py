@@ -11,11 +11,11 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.routes import RouteFollower
-from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.scenario.rules import Rules
 from dsse_ros.search.observation import Observation
-from dsse_ros.search.rules import Rules
 
 BeliefRoutePlan: TypeAlias = Callable[[Belief, Sequence[Cell], int], Sequence[Sequence[Cell]]]
 """From a belief, the drones' cells and the steps until the next plan to one route per drone: the

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.search.actions import ActionSet
-from dsse_ros.search.observation import most_probable
+from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.probable_cells import most_probable
 
 _STARBOARD_TURNS = ((0, -1), (1, 0), (0, 1), (-1, 0))
 

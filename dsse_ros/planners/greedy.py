@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
-from dsse_ros.search.actions import ActionSet
-from dsse_ros.search.observation import most_probable
+from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.probable_cells import most_probable
 
 
 class Greedy:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsse_ros.planners.avoidance import resolve_conflicts
 from dsse_ros.planners.planner import Cell
-from dsse_ros.search.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet
 
 
 def is_aloft(info: Mapping[str, Any]) -> bool:

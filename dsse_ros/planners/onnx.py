@@ -34,16 +34,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.avoidance import resolve_conflicts
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.planner import Cell, Planner, Search, cells_of, probability_of
-from dsse_ros.search.actions import ActionSet
-from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.fields import FieldError, shown
+from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.fields import FieldError, shown
+from dsse_ros.scenario.options import OBSERVED
+from dsse_ros.scenario.rules import Rules
 from dsse_ros.search.observation import AgentObservation
-from dsse_ros.search.options import OBSERVED
-from dsse_ros.search.rules import Rules
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 
 try:

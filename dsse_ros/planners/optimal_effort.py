@@ -19,11 +19,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
 from dsse_ros.planners.planner import Cell, Search
-from dsse_ros.search.actions import ActionSet
-from dsse_ros.search.belief import Belief, Forecast
+from dsse_ros.scenario.actions import ActionSet
 
 
 def make_optimal_effort(

@@ -10,11 +10,11 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.actions import Cell as Cell
+from dsse_ros.scenario.actions import Cell as Cell
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.observation import AgentObservation as AgentObservation
 from dsse_ros.search.observation import Observation as Observation
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import Scenario
 
 
 class Planner(Protocol):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts
 from dsse_ros.planners.planner import AgentObservation, cells_of
-from dsse_ros.search.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet
 
 
 class RandomMoves:

@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.battery import ways_home
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search.faults import paces
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.search.ways_home import ways_home
 
 
 class Reach:

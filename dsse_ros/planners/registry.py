@@ -30,8 +30,8 @@ from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.planners.sector import sector_routes
 from dsse_ros.planners.spiral import spiral_routes
 from dsse_ros.planners.sweep import sweep_routes
-from dsse_ros.search.fields import FieldError
-from dsse_ros.search.rules import Rules
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.rules import Rules
 
 GROUP = "dsse_ros.planners"
 """Of the entry points."""

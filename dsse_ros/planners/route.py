@@ -13,12 +13,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
 from dsse_ros.planners.optimal_effort import allocate
 from dsse_ros.planners.planner import Cell, Search
-from dsse_ros.search.belief import Belief, Forecast
 
 try:
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
 from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
-from dsse_ros.search.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet
 
 MAX_WAIT = 2
 """Turns that a drone waits for a blocked cell before it steps aside."""

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.search.actions import ActionSet
-from dsse_ros.search.observation import most_probable
+from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.probable_cells import most_probable
 
 TURN_DEG = 120
 HEADINGS_DEG = (0, 240, 120)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.search.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet
 
 
 def sweep_routes(

@@ -23,8 +23,8 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import Recorded
 from dsse_ros.recording.replayed import Difference, ReplayedMission
+from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import HOLD, FieldError, SearchEnv
-from dsse_ros.search.limits import LARGEST_GRID_CELLS, check_cells
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message, step_report_message

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.report.record import RecordedMission
 from dsse_ros.report.replay import Maps
+from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import FieldError
-from dsse_ros.search.limits import LARGEST_GRID_CELLS, check_cells
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.images import image_to_probability
 from msg_adapters.mission_report import mission_report_from_message

@@ -21,7 +21,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from dsse_ros.report.metrics import Curves, Work, effort
 from dsse_ros.report.record import RecordedMission
-from dsse_ros.search.rendering import MissionView, Picture, new_figure
+from dsse_ros.view.rendering import MissionView, Picture, new_figure
 
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
 PNG_DPI = 160

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE, columns_of
+from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
+from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
-from dsse_ros.search.limits import LARGEST_GRID_CELLS, check_cells
-from dsse_ros.search.scenario import ResolvedScenario
 
 SEARCH = "search"
 """Name of the action that searches."""

@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import SEARCH, RecordedMission
+from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import HOLD, FieldError, Rules, SearchEnv
-from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.coverage import poc_of
-from dsse_ros.search.rendering import MissionView
-from dsse_ros.search.scenario import ResolvedScenario
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
+from dsse_ros.view.rendering import MissionView
 
 LARGEST_BELIEF_GRID = 50
 """On larger grids a belief takes long; there the maps are those that drones observe."""

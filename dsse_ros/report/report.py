@@ -26,7 +26,7 @@ from dsse_ros.report.metrics import (
 )
 from dsse_ros.report.page import Illustration, Page, Table
 from dsse_ros.report.record import RecordedMission
-from dsse_ros.search.rendering import MissionView
+from dsse_ros.view.rendering import MissionView
 
 DEFAULT_MAPS = 6
 FACTS = ("pos", "time_to_detection", "expected_time_at_least", "expected_time_at_most", "coverage",

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search as arrays: rules, scenario, world, and its PettingZoo environments."""
 
-from dsse_ros.search.actions import ACTION_VECTORS, ActionSet
+from dsse_ros.scenario.actions import ACTION_VECTORS, ActionSet
+from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.rules import PROFILES, Rules, profile
+from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.aec import aec_env, env, raw_env
-from dsse_ros.search.definition import SearchDefinition
-from dsse_ros.search.fields import FieldError
 from dsse_ros.search.observation import Observation
 from dsse_ros.search.parallel_env import SearchEnv, parallel_env
-from dsse_ros.search.rules import PROFILES, Rules, profile
-from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.vector_env import JointVectorEnv, LazyMaps, VectorEnv, vector_env
 from dsse_ros.search.world import HOLD, World

@@ -14,13 +14,14 @@ import numpy as np
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from dsse_ros.search import belief_kernels, follow_kernels, kernels
+from dsse_ros.belief import belief_kernels, follow_kernels
+from dsse_ros.progress import progress_to
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.parallel_env import SearchEnv
-from dsse_ros.search.progress import progress_to
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import Scenario
 from dsse_ros.search.world import HOLD
 from dsse_ros.search.world_beliefs import WorldBeliefs
+from dsse_ros.step import kernels
 
 COMPILING = "compiling the search, once after an installation; it takes 10 s, or a few times that"
 """Logged before the compiler starts; not logged where its cache has all that is needed."""

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.coverage_kernels import COVERAGE
-from dsse_ros.search.fields import FieldError
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import ResolvedScenario
+from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.step.coverage_kernels import COVERAGE
 
 METRICS = ("coverage_rate", "repeated_coverage", "pos")
 """Names of the metrics: see `Coverage.metrics`."""

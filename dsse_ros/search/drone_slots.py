@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dsse_ros.search.fields import FieldError
+from dsse_ros.scenario.fields import FieldError
 from dsse_ros.search.vector_env import RESET_MASK, Observations, VectorEnv, check_integers
 from dsse_ros.search.world import HOLD
 from dsse_ros.search.wrappers import FLATTENED, Encoding

@@ -6,26 +6,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search import fault_kernels
-from dsse_ros.search.battery import WaysHome, ways_home
-from dsse_ros.search.fault_fields import faults_of
-from dsse_ros.search.fault_kernels import (
+from dsse_ros.scenario.fault_fields import faults_of
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.search.snapshot import Snapshot, SnapshotError
+from dsse_ros.search.ways_home import WaysHome, ways_home
+from dsse_ros.step import fault_kernels
+from dsse_ros.step.fault_kernels import (
     CONDITIONS,
     FAULT_CONSTANTS,
     HELD,
     STATUSES,
 )
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.snapshot import Snapshot, SnapshotError
 
-if TYPE_CHECKING:
-    from dsse_ros.search.scenario import ResolvedScenario
-    from dsse_ros.search.world import World
+
+class Arrays(Protocol):
+    """What faults need of the worlds, see `World`."""
+
+    constants: NDArray[np.void]
+    area: NDArray[np.bool_] | None
+    worlds: NDArray[np.void]
+    drones: NDArray[np.void]
+    starts: NDArray[np.int64]
+    num_worlds: int
+    grid_size: int
 
 
 def paces(scenario: ResolvedScenario, rules: Rules) -> list[float]:
@@ -85,14 +94,14 @@ class Faults:
         """Return the faults of a scenario, None where it has none."""
         return cls(scenario, rules, num_worlds) if faults_of(scenario) else None
 
-    def place(self, world: World) -> None:
+    def place(self, world: Arrays) -> None:
         """Take the starts of the drones for their homes; all worlds have the same."""
         homes: list[tuple[int, int]] = [(x, y) for x, y in world.starts[0].tolist()]
         if self.has_battery and homes != self._homes:
             self._homes = homes
             self._ways = ways_home(self._actions, world.area, world.grid_size, homes, self._paces)
 
-    def reset(self, world: World, which: NDArray[np.bool_]) -> None:
+    def reset(self, world: Arrays, which: NDArray[np.bool_]) -> None:
         """Begin the missions of the worlds with which[b], (B,) bool."""
         self.place(world)
         self.applied[which] = HELD
@@ -113,12 +122,12 @@ class Faults:
         if not ((starts >= 0) & (starts < grid_size)).all():
             raise SnapshotError("the snapshot is damaged: a start of a drone is off the grid")
 
-    def restore(self, world: World) -> None:
+    def restore(self, world: Arrays) -> None:
         """Go on from the conditions and the starts of a snapshot."""
         self.place(world)
         self.applied[:] = self.conditions["applied"]
 
-    def around(self, world: World, step: Callable[..., None]) -> Callable[..., None]:
+    def around(self, world: Arrays, step: Callable[..., None]) -> Callable[..., None]:
         """Return the step of worlds with faults: called as the step, with the commands."""
 
         def step_with_faults(
@@ -138,7 +147,7 @@ class Faults:
         return step_with_faults
 
     def restrict(
-        self, world: World, masks: NDArray[np.int8], first: int = 0, last: int | None = None
+        self, world: Arrays, masks: NDArray[np.int8], first: int = 0, last: int | None = None
     ) -> NDArray[np.int8]:
         """Take off action masks (B, N, A) what would keep drones from coming home; the masks."""
         fault_kernels.restrict_masks(

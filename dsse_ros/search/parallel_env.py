@@ -14,17 +14,22 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from dsse_ros.search import rendering
+from dsse_ros.scenario.fields import FieldError, Spec, shown
+from dsse_ros.scenario.options import OBSERVED, check_options, check_seed
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import (
+    ResolvedScenario,
+    Scenario,
+    ScenarioSource,
+    scenario_and_rules,
+)
 from dsse_ros.search.agent_spaces import AgentSpaces
-from dsse_ros.search.fields import FieldError, Spec, shown
-from dsse_ros.search.mission_view import Past, view_of
 from dsse_ros.search.observation import AgentObservation, observation_space
 from dsse_ros.search.observed_beliefs import observed_beliefs
-from dsse_ros.search.options import OBSERVED, check_options, check_seed
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import ResolvedScenario, Scenario, ScenarioSource, scenario_and_rules
+from dsse_ros.search.past import Past, view_of
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
+from dsse_ros.view import rendering
 
 
 class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):

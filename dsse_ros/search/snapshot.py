@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.array_files import array_header
+from dsse_ros.scenario.array_files import array_header
 
 MAGIC = b"dsse_ros snapshot"
 VERSION = 3

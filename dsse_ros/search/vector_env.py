@@ -14,15 +14,15 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from dsse_ros.search import kernels
-from dsse_ros.search.fields import FieldError, Spec, shown
+from dsse_ros.scenario.fields import FieldError, Spec, shown
+from dsse_ros.scenario.options import OBSERVED, check_mapping, check_options, check_seed
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.observed_beliefs import observed_beliefs
-from dsse_ros.search.options import OBSERVED, check_mapping, check_options, check_seed
 from dsse_ros.search.recycling import Recycler
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.search.world_beliefs import WorldBeliefs
+from dsse_ros.step import kernels
 
 Observations = dict[str, Any]
 

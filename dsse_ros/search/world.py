@@ -17,15 +17,16 @@ import numpy as np
 from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
-from dsse_ros.search import kernels, sea_map
-from dsse_ros.search.constants import area_of, constants_of
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import SPECS, Scenario
 from dsse_ros.search.coverage import Coverage
 from dsse_ros.search.faults import Faults
-from dsse_ros.search.person_motion import PERSONS
-from dsse_ros.search.rules import Rules
-from dsse_ros.search.scenario import SPECS, Scenario
 from dsse_ros.search.seeds import words_of_seeds
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
+from dsse_ros.step import kernels
+from dsse_ros.step.constants import area_of, constants_of
+from dsse_ros.targets import sea_map
+from dsse_ros.targets.person_motion import PERSONS
 
 HOLD = -1
 """The action of a drone that does nothing; it is rewarded like a move."""

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search import belief_kernels, follow_kernels
-from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.fields import FieldError
-from dsse_ros.search.scenario import ResolvedScenario
-from dsse_ros.search.search_outcomes import OF_CLASS
+from dsse_ros.belief import belief_kernels, follow_kernels
+from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.search_outcomes import OF_CLASS
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.world import World
 

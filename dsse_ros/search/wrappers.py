@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
-from dsse_ros.search.fields import FieldError, Spec, shown
-from dsse_ros.search.options import check_mapping, check_options
+from dsse_ros.scenario.fields import FieldError, Spec, shown
+from dsse_ros.scenario.options import check_mapping, check_options
 from dsse_ros.search.vector_env import RESET_MASK, VectorEnv
 
 Array = NDArray[Any]

@@ -13,7 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from dsse_ros.search.actions import ACTION_VECTORS
+from dsse_ros.scenario.actions import ACTION_VECTORS
 from dsse_ros.search.wrappers import Encoding, own_first
 
 LEVELS = (1, 3, 9)

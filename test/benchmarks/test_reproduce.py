@@ -21,10 +21,10 @@ from benchmarks.greedy_batch import GreedyBatch, quicksort_tail, stable_tail
 from benchmarks.reference_values import Source
 from benchmarks.reproduce import Episodes, compare, greedy_episodes, summary, sweep_actions
 from dsse_ros.planners import make_planner
+from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.rules import ACTION_VECTORS, profile
 from dsse_ros.search import parallel_env
-from dsse_ros.search.kernels import DRONES
-from dsse_ros.search.observation import most_probable
-from dsse_ros.search.rules import ACTION_VECTORS, profile
+from dsse_ros.step.kernels import DRONES
 
 # Few different values, so that there are ties.
 VALUES = hnp.arrays(

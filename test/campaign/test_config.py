@@ -11,8 +11,8 @@ import pytest
 
 from dsse_ros.campaign.config import Campaign, CampaignSettings
 from dsse_ros.campaign.engines import ENGINES
+from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError
-from dsse_ros.search.fields import specs
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL: dict[str, Any] = {

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
+from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.search import parallel_env
-from dsse_ros.search.definition import SearchDefinition
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.frames import GridFrame, scenario_frame
 from msg_adapters.mission_report import make_mission_report, mission_report_message

@@ -12,7 +12,7 @@ import pytest
 
 from dsse_ros.dashboard.guard import COOKIE, Guard
 from dsse_ros.dashboard.settings import MIN_TOKEN, DashboardSettings
-from dsse_ros.search.fields import FieldError
+from dsse_ros.scenario.fields import FieldError
 
 TOKEN = "correct horse battery"
 

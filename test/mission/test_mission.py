@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.mission.mission import END_NS, Mission, StepResult
 from dsse_ros.search import HOLD, Snapshot, SnapshotError, parallel_env
-from dsse_ros.search.belief import Belief, Forecast
 from msg_adapters.stamps import to_stamp
 
 SEARCH = 4

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog, columns_of, last_pos, read_log
 from dsse_ros.mission.mission_views import mission_views
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.search import HOLD, Snapshot, parallel_env
-from dsse_ros.search.belief import Belief, Forecast
-from dsse_ros.search.fault_kernels import STATUSES
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
+from dsse_ros.step.fault_kernels import STATUSES
 from msg_adapters.frames import scenario_frame
 from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_stamp

@@ -14,7 +14,7 @@ from sensor_msgs.msg import BatteryState
 
 from dsse_ros.ros_env import DsseRosEnv
 from dsse_ros.search import parallel_env
-from dsse_ros.search.fault_kernels import STATUSES
+from dsse_ros.step.fault_kernels import STATUSES
 
 FIELDS: dict[str, Any] = {
     "grid_size": 8, "num_drones": 3, "timestep_limit": 40, "person_amount": 2, "rules": "v2",

@@ -22,8 +22,8 @@ from dsse_ros.nodes.settings import (
     SimSettings,
     ViewerSettings,
 )
+from dsse_ros.scenario.fields import Spec, specs
 from dsse_ros.search import Rules, Scenario
-from dsse_ros.search.fields import Spec, specs
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES: Mapping[str, Mapping[str, Argument]] = {"mission": MISSION, "flight": FLIGHT}

@@ -21,8 +21,8 @@ from rig import occupancy as cells_of
 from dsse_ros.nodes.parameters import descriptor, from_ros, to_ros
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings
 from dsse_ros.nodes.sim_parameters import RULES_SPECS, SCENARIO_SPECS, SETTINGS_SPECS
+from dsse_ros.scenario.fields import FieldError, Spec, specs
 from dsse_ros.search import Scenario, profile
-from dsse_ros.search.fields import FieldError, Spec, specs
 
 ROOT = Path(__file__).resolve().parents[2]
 ALL_SPECS = {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}

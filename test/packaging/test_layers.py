@@ -14,50 +14,111 @@ ROOT = Path(__file__).resolve().parents[2]
 OURS = ("dsse_ros", "msg_adapters")
 # What a layer may import of this package, packages or modules, and what it may not import of the
 # world.
+WORLD = {
+    "dsse_ros.belief",
+    "dsse_ros.compiled",
+    "dsse_ros.progress",
+    "dsse_ros.scenario",
+    "dsse_ros.search",
+    "dsse_ros.step",
+    "dsse_ros.targets",
+    "dsse_ros.view",
+}
+"""What simulates a search, and shows it."""
 LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.extras": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
-    "dsse_ros.search": ({"dsse_ros.search", "dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.progress": ({"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.compiled": ({"dsse_ros.compiled"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.targets": (
+        {"dsse_ros.targets", "dsse_ros.compiled"},
+        {"ros", "messages", "mavlink"},
+    ),
+    "dsse_ros.scenario": (
+        {"dsse_ros.scenario", "dsse_ros.targets", "dsse_ros.extras"},
+        {"ros", "messages", "mavlink"},
+    ),
+    "dsse_ros.step": (
+        {"dsse_ros.step", "dsse_ros.scenario", "dsse_ros.targets", "dsse_ros.compiled"},
+        {"ros", "messages", "mavlink"},
+    ),
+    "dsse_ros.belief": (
+        {
+            "dsse_ros.belief",
+            "dsse_ros.step",
+            "dsse_ros.scenario",
+            "dsse_ros.targets",
+            "dsse_ros.compiled",
+        },
+        {"ros", "messages", "mavlink"},
+    ),
+    "dsse_ros.view": (
+        {"dsse_ros.view", "dsse_ros.scenario", "dsse_ros.progress", "dsse_ros.extras"},
+        {"ros", "messages", "mavlink"},
+    ),
+    "dsse_ros.search": (WORLD | {"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.planners": (
-        {"dsse_ros.planners", "dsse_ros.search", "dsse_ros.extras"},
+        WORLD | {"dsse_ros.planners", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.compat": (
-        {"dsse_ros.compat", "dsse_ros.search"},
+        WORLD
+        | {
+            "dsse_ros.compat",
+        },
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.training": (
-        {"dsse_ros.training", "dsse_ros.planners", "dsse_ros.search"},
+        WORLD
+        | {
+            "dsse_ros.training",
+            "dsse_ros.planners",
+        },
         {"ros", "messages", "mavlink"},
     ),
-    "msg_adapters": ({"msg_adapters", "dsse_ros.search"}, {"effects", "ros"}),
+    "msg_adapters": (
+        WORLD
+        | {
+            "msg_adapters",
+        },
+        {"effects", "ros"},
+    ),
     "dsse_ros.mission": (
-        {"dsse_ros.mission", "msg_adapters", "dsse_ros.search"},
+        WORLD
+        | {
+            "dsse_ros.mission",
+            "msg_adapters",
+        },
         {"ros", "messages", "mavlink"},
     ),
     # Bags hold messages, which rclpy serialises.
     "dsse_ros.recording": (
-        {"dsse_ros.recording", "dsse_ros.mission", "msg_adapters", "dsse_ros.search"},
+        WORLD
+        | {
+            "dsse_ros.recording",
+            "dsse_ros.mission",
+            "msg_adapters",
+        },
         {"mavlink"},
     ),
     "dsse_ros.report": (
-        {
+        WORLD
+        | {
             "dsse_ros.report",
             "dsse_ros.recording",
             "dsse_ros.mission",
             "msg_adapters",
-            "dsse_ros.search",
         },
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.campaign": (
-        {
+        WORLD
+        | {
             "dsse_ros.campaign",
             "dsse_ros.report",
             "dsse_ros.mission",
             "dsse_ros.planners",
-            "dsse_ros.search",
         },
         {"ros", "messages", "mavlink"},
     ),
@@ -66,22 +127,28 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"ros", "messages"},
     ),
     "dsse_ros.bridge": (
-        {
+        WORLD
+        | {
             "dsse_ros.bridge",
             "dsse_ros.flight",
             "dsse_ros.mission",
             "dsse_ros.private_files",
             "msg_adapters",
-            "dsse_ros.search",
         },
         {"ros", "messages"},
     ),
     "dsse_ros.dashboard": (
-        {"dsse_ros.dashboard", "dsse_ros.private_files", "msg_adapters", "dsse_ros.search"},
+        WORLD
+        | {
+            "dsse_ros.dashboard",
+            "dsse_ros.private_files",
+            "msg_adapters",
+        },
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.nodes": (
-        {
+        WORLD
+        | {
             "dsse_ros.nodes",
             "dsse_ros.bridge",
             "dsse_ros.dashboard",
@@ -90,11 +157,17 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.recording",
             "msg_adapters",
             "dsse_ros.planners",
-            "dsse_ros.search",
         },
         set(),
     ),
-    "dsse_ros.ros_env": ({"dsse_ros.nodes", "msg_adapters", "dsse_ros.search"}, {"mavlink"}),
+    "dsse_ros.ros_env": (
+        WORLD
+        | {
+            "dsse_ros.nodes",
+            "msg_adapters",
+        },
+        {"mavlink"},
+    ),
     "dsse_ros.cli": ({"dsse_ros", "msg_adapters"}, set()),
 }
 KINDS = {
@@ -191,7 +264,7 @@ def test_a_module_imports_only_from_below(module: str, file: Path) -> None:
         ("dsse_ros.report.metrics", "from dsse_ros.nodes.settings import SimSettings"),
         ("dsse_ros.campaign.engines", "from dsse_ros.cli.start import missing"),
         ("dsse_ros.flight.link", "from rclpy.node import Node"),
-        ("dsse_ros.flight.link", "from dsse_ros.search.fields import FieldError"),
+        ("dsse_ros.flight.link", "from dsse_ros.scenario.fields import FieldError"),
         ("dsse_ros.flight.orders", "from ..mission.mission import Mission"),
         ("dsse_ros.flight.orders", "from ..bridge.custody import Custody"),
         ("dsse_ros.bridge.custody", "from rclpy.node import Node"),

@@ -116,10 +116,10 @@ def test_yaml_is_read_safely() -> None:
         if re.fullmatch(r"yaml\.\w*(load|parse|compose|dump)\w*", called) and called not in safe
     }
     # The loader of scenarios is PyYAML's safe one with less in it.
-    assert found == {("dsse_ros/search/yaml_file.py", "yaml.load", "_Loader")}
+    assert found == {("dsse_ros/scenario/yaml_file.py", "yaml.load", "_Loader")}
     import yaml
 
-    from dsse_ros.search.yaml_file import _Loader
+    from dsse_ros.scenario.yaml_file import _Loader
 
     assert issubclass(_Loader, yaml.SafeLoader)
 

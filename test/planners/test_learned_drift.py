@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsse_ros.belief.drift_estimate import FIRST_OBSERVED
 from dsse_ros.planners import BELIEF_PLANNERS, planner_for
+from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
-from dsse_ros.search.drift_estimate import FIRST_OBSERVED
-from dsse_ros.search.observation import most_probable
 
 V2: dict[str, Any] = {
     "rules": "v2", "grid_size": 30, "dispersion_inc": 0.05, "vector": (1.1, 1.0),

@@ -13,10 +13,10 @@ from areas import geojson_of, random_mask, scenario_of
 from grid_walker import DIAGONAL, STRAIGHT
 from numpy.typing import NDArray
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.planners import BELIEF_PLANNERS, COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
+from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.search import PROFILES, parallel_env
-from dsse_ros.search.actions import ActionSet
-from dsse_ros.search.belief import Belief, Forecast
 
 NAMES = [name for name in PLANNER_NAMES if name != "onnx"]
 """Planners that need no file."""

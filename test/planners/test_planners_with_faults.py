@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from test_batch import OPTIONS, alone
 
+from dsse_ros.belief.belief import Belief
 from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.heeding import heed_masks
+from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.search import parallel_env
-from dsse_ros.search.actions import ActionSet
-from dsse_ros.search.belief import Belief
 
 NAMES = [name for name in PLANNER_NAMES if name not in (*COVERAGE_PLANNERS, "onnx")]
 """Planners that look for persons and need no file."""

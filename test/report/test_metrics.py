@@ -17,12 +17,12 @@ from flights import Log, environment, fly
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.mission.mission import Mission
 from dsse_ros.report.metrics import METRICS, curves, effort, metrics, work
 from dsse_ros.report.record import read_csv
 from dsse_ros.report.replay import with_search
 from dsse_ros.report.texts import outcome
-from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 
 Rows = list[list[dict[str, str]]]

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from dsse_ros.search.geodesy import surface_to_geodetic
+from dsse_ros.scenario.geodesy import surface_to_geodetic
 
 ORIGIN = (-24.04, -46.17, 0.0)
 CELL_M = 130.0

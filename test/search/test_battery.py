@@ -12,11 +12,11 @@ from areas import CELL_M, ORIGIN, geojson_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.search import SearchEnv, parallel_env
-from dsse_ros.search.actions import ActionSet
-from dsse_ros.search.battery import ways_home
-from dsse_ros.search.fault_kernels import STATUSES
 from dsse_ros.search.faults import paces
+from dsse_ros.search.ways_home import ways_home
+from dsse_ros.step.fault_kernels import STATUSES
 
 G = 8
 RESERVE = 20.0

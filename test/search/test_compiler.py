@@ -19,7 +19,7 @@ from dsse_ros.search.compiler import COMPILING
 # Two functions are the least that can be compiled on their own.
 SCRIPT = """
 import numpy as np
-from dsse_ros.search import belief_kernels
+from dsse_ros.belief import belief_kernels
 from dsse_ros.search.compiler import announced
 with announced(print, belief=True):
     belief_kernels.normalise(np.ones((2, 4)))

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 from play import cells
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.search import (
     FieldError,
     SearchEnv,
@@ -28,7 +29,6 @@ from dsse_ros.search import (
     profile,
     vector_env,
 )
-from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.coverage import METRICS
 
 RULES = profile("coverage")

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import FieldError, VectorEnv, parallel_env, vector_env
 from dsse_ros.search.drone_slots import DroneSlots, Transition, searched_probability
-from dsse_ros.search.scenario import scenario_and_rules
 from dsse_ros.search.wrappers import ALL_POSITIONS, FLATTENED, Encoding
 
 WORLDS, DRONES, GRID = 4, 3, 7

@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.scenario.fault_fields import FAULTS, FaultFields, faults_of
+from dsse_ros.scenario.fields import specs
 from dsse_ros.search import HOLD, FieldError, SearchEnv, parallel_env, vector_env
-from dsse_ros.search.fault_fields import FAULTS, FaultFields, faults_of
-from dsse_ros.search.fault_kernels import STATUSES
 from dsse_ros.search.faults import paces
-from dsse_ros.search.fields import specs
 from dsse_ros.search.snapshot import Snapshot
+from dsse_ros.step.fault_kernels import STATUSES
 
 G = 8
 SEARCH: dict[str, Any] = {

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from paper_reference import SEARCH, moved, on_grid
 from play import missions, person_cells, put_person, some_actions, started, step
 
+from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.search import HOLD, FieldError, parallel_env
-from dsse_ros.search.observation import most_probable
 
 
 def test_the_public_arguments_keep_their_names_and_are_keywords() -> None:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.search import HOLD, Scenario, World, person_motion, profile
+from dsse_ros.search import HOLD, Scenario, World, profile
+from dsse_ros.targets import person_motion
 
 DATA = Path(__file__).parent.parent / "oracles" / "data"
 CHI_SQUARE_8_DOF = 39.0

@@ -12,6 +12,8 @@ import pytest
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test
 from play import started
 
+from dsse_ros.scenario.fields import specs
+from dsse_ros.scenario.rules import CoverageRules
 from dsse_ros.search import (
     PROFILES,
     FieldError,
@@ -21,9 +23,7 @@ from dsse_ros.search import (
     profile,
     vector_env,
 )
-from dsse_ros.search.fields import specs
-from dsse_ros.search.person_motion import MOTIONS
-from dsse_ros.search.rules import CoverageRules
+from dsse_ros.targets.person_motion import MOTIONS
 
 RULES = tuple(PROFILES)
 

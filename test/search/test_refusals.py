@@ -18,9 +18,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from play import started
 
+from dsse_ros.scenario.fields import specs
+from dsse_ros.scenario.rules import PROFILES
 from dsse_ros.search import FieldError, Rules, Scenario, parallel_env, profile
-from dsse_ros.search.fields import specs
-from dsse_ros.search.rules import PROFILES
 
 PAPER = profile("paper")
 SCENARIO_FIELDS = list(specs(Scenario))

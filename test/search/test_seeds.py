@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from play import missions, some_actions, started
 from play_trace import digest
 
+from dsse_ros.scenario.rules import PROFILES
 from dsse_ros.search import Scenario, SearchEnv, World, parallel_env, profile
-from dsse_ros.search.rules import PROFILES
 from dsse_ros.search.seeds import words_of_seeds
 
 SEEDS = (0, 1, 7, 2026, 2**40)

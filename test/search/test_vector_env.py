@@ -17,16 +17,10 @@ from gymnasium.utils.env_checker import data_equivalence
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.search import (
-    FieldError,
-    JointVectorEnv,
-    LazyMaps,
-    kernels,
-    parallel_env,
-    sea_map,
-    vector_env,
-)
+from dsse_ros.search import FieldError, JointVectorEnv, LazyMaps, parallel_env, vector_env
 from dsse_ros.search.world import HOLD
+from dsse_ros.step import kernels
+from dsse_ros.targets import sea_map
 
 BATCH, DRONES, GRID = 5, 3, 9
 MISSION: dict[str, Any] = {

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsse_ros.scenario.rules import PROFILES
 from dsse_ros.search import FieldError, parallel_env
-from dsse_ros.search.rules import PROFILES
 
 
 @pytest.mark.parametrize("rules", PROFILES)

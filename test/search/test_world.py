@@ -7,8 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dsse_ros.search import HOLD, PROFILES, Scenario, World, kernels, profile
-from dsse_ros.search.constants import constants_of
+from dsse_ros.search import HOLD, PROFILES, Scenario, World, profile
+from dsse_ros.step import kernels
+from dsse_ros.step.constants import constants_of
 
 
 @pytest.mark.parametrize("rules", PROFILES)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pettingzoo.test import api_test, parallel_api_test
 from pettingzoo.test.state_test import state_test
 
+from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.search import (
     FieldError,
     JointVectorEnv,
@@ -26,7 +27,6 @@ from dsse_ros.search import (
     parallel_env,
     vector_env,
 )
-from dsse_ros.search.belief import Belief, Forecast
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"

@@ -1,0 +1,320 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What can be known of where the persons are: the exact filter of the search.
+
+The map that drones observe says the same before and after a hundred searches that found nobody.
+A belief learns from them: each failed search takes the probability of detection (POD) off its cell
+and the rest counts for more (Koopman, "Search and Screening", 1946; Stone, "Theory of Optimal
+Search", 1975, chapter 8 for moving targets). Between searches it moves as persons do.
+
+It knows the scenario and the rules, no person and no random state. For one person the filter is
+exact but for two things that do not show: a person's own drift (`v2`) is one of `drift_samples`
+angles, and cells of less than 1e-13 of the whole count as empty. For several see `search_outcomes`.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief import belief_kernels, follow_kernels, search_outcomes
+from dsse_ros.scenario.actions import Cell
+from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.step import kernels
+from dsse_ros.step.constants import area_of, constants_of
+from dsse_ros.targets.person_motion import CHANCES, MOTIONS, PERSONS
+
+KEPT_BYTES = 1 << 28
+"""Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
+
+
+class Forecast:
+    """How map and persons will move: known in advance, the same for every mission of a scenario.
+
+    Steps of the sea are counted from the start of its drift: the first `first_step` of them are
+    done when a mission begins.
+
+    Args:
+        scenario: Resolved or not; it is resolved with the rules.
+        rules: The rules of the search.
+        horizon: How many steps after the present one can be looked at.
+        drift_samples: K, how many angles stand for those of a person's own drift; where persons
+            have none, K is 1.
+
+    Attributes:
+        constants: (1,) of `kernels.CONSTANTS`.
+        area: Which cells are searched, see `kernels`.
+        first_step: Steps of the sea before a mission's first observation.
+        side: S, columns and rows of the grid with its margins.
+        chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
+        tables: (R, 10, S S) float64, see `belief_kernels.complete`.
+        directions: (R, K) int64, see `belief_kernels.forecast_step`.
+        apart: (R, K) bool, see `belief_kernels.forecast_step`.
+    """
+
+    def __init__(
+        self, scenario: Scenario, rules: Rules, *, horizon: int = 0, drift_samples: int = 256
+    ) -> None:
+        self.scenario = resolved = scenario.resolve(rules)
+        self.rules = rules
+        self.horizon = horizon
+        self.constants = constants_of(resolved, rules)
+        self.area, self._runs = area_of(resolved)
+        self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
+        drifts = drift_samples if MOTIONS[rules.person_motion].own_drift else 1
+        g = resolved.grid_size
+        self.side = g + 2 * belief_kernels.MARGIN
+        cells = self.side**2
+        steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
+        if 8 * steps * cells * (1 + CHANCES) > KEPT_BYTES:
+            # Beliefs that share it may be a step apart.
+            steps = horizon + 2
+        self._world = np.zeros(1, kernels.WORLDS)
+        self._world["vector_x"], self._world["vector_y"] = resolved.vector
+        self._world["start_x"], self._world["start_y"] = resolved.person_initial_position
+        self._drifts = np.zeros(drifts, PERSONS)
+        self._gauss = np.zeros((1, 2, 2 * g + 1))
+        self._tails = np.zeros((1, 2, g + 2))
+        self._circle = np.zeros(g + 1, np.int64)
+        self.chances = np.zeros((steps, cells))
+        self.tables = np.zeros((steps, CHANCES, cells))
+        self.directions = np.zeros((steps, drifts), np.int64)
+        self.apart = np.zeros((steps, drifts), np.bool_)
+        self._still = np.zeros(drifts, np.bool_)
+        self._start()
+
+    def _start(self) -> None:
+        self._ready = 0
+        self._still[:] = self.scenario.person_amount > 1 and self.rules.person_scatter > 0
+        belief_kernels.start_sea(self.constants, self._world, self._drifts)
+        kernels.refresh_worlds(
+            self.constants, self._world, self._gauss, self._tails, self.area, None, self._circle,
+            np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32),
+        )  # fmt: skip
+
+    def look(self, step: int) -> int:
+        """Have a step of the sea ready, and the `horizon` steps after it; returns where it is."""
+        slots = len(self.directions)
+        if step < self._ready - slots:
+            self._start()
+        while self._ready <= step + self.horizon:
+            slot, before = self._ready % slots, (self._ready - 1) % slots
+            belief_kernels.forecast_step(
+                self.constants, self._world, self._gauss[0], self._tails[0], self.area,
+                self._runs, self._circle, self._drifts, self.chances[slot], self.directions[slot],
+                self.apart[slot], self._still,
+            )  # fmt: skip
+            # Where the map stays as it was, what was computed for the step before holds again.
+            stays = self._ready > 0 and np.array_equal(self.chances[slot], self.chances[before])
+            if stays:
+                self.tables[slot] = self.tables[before]
+            else:
+                self.tables[slot, 0] = -1.0
+            self._ready += 1
+        return step % slots
+
+    def take_over(self, other: Forecast) -> None:
+        """Have ready what another forecast has, with its tables where the map is the same.
+
+        Args:
+            other: Of the same rules, grid, area and number of steps.
+        """
+        steps = other._ready
+        if steps > len(self.directions):
+            return
+        self.look(steps - 1 - self.horizon)
+        same = (self.chances[:steps] == other.chances[:steps]).all(axis=1)
+        self.tables[:steps][same] = other.tables[:steps][same]
+
+    def column(self, cell: Cell) -> int:
+        """Return the column of a belief that stands for a cell (col, row)."""
+        return (cell[1] + belief_kernels.MARGIN) * self.side + cell[0] + belief_kernels.MARGIN
+
+    def cell(self, column: int) -> Cell:
+        """Return the cell (col, row) that a column of a belief stands for."""
+        row, col = divmod(column, self.side)
+        return col - belief_kernels.MARGIN, row - belief_kernels.MARGIN
+
+    def most_probable(self, steps: int) -> Cell:
+        """Return the most probable cell of the map that is observed after these steps of the sea.
+
+        Args:
+            steps: At least 1.
+        """
+        # Persons look at the map of the step before where they step first.
+        drawn = steps if self.rules.person_first else steps - 1
+        chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
+        inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
+        return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
+
+
+class Belief:
+    """The probability of where the persons are who have not been found.
+
+    Persons who start alike and have the same POD are one detection class. Who was found is not
+    known by name; `search_outcomes` has what follows from failed searches and finds.
+
+    Args:
+        forecast: How map and persons move. Beliefs may share one while they are not more than a
+            step apart.
+
+    Attributes:
+        step: Steps of the mission done.
+        pos: Cumulative probability of success: that searches so far found the person, before
+            anything was known of how they ended; of several persons the expected share of finds.
+        pods: (C,) float64, the POD of each detection class.
+        class_of: (n,) int64, the detection class of each person.
+        missing: (n,) float64, probability that a person is missing; 1 for a person alone.
+        unfound: (n,) float64, the same before anything was known of how the searches ended; of a
+            person alone see `pos`.
+        density: (C K, S S) float64, see `belief_kernels`; sums to 1, each class to its share of all
+            persons.
+    """
+
+    def __init__(self, forecast: Forecast) -> None:
+        self.forecast = forecast
+        cells = forecast.chances.shape[1]
+        self._scratch = np.zeros(cells + belief_kernels.ROW)
+        scenario = forecast.scenario
+        scattered = np.zeros(scenario.person_amount, np.bool_)
+        scattered[1:] = forecast.rules.person_scatter > 0
+        kinds, self.class_of = np.unique(
+            np.stack([scattered, scenario.person_pod_multipliers], axis=1),
+            axis=0, return_inverse=True,
+        )  # fmt: skip
+        self.class_of = self.class_of.ravel()
+        self.pods = np.minimum(kinds[:, 1] * scenario.probability_of_detection, 1.0)
+        self.missing, self.unfound = np.ones((2, scenario.person_amount))
+        self._drifts = forecast.directions.shape[1]
+        self._weights = np.zeros(len(kinds))
+        self._numbers = np.zeros((search_outcomes.OF_CLASS, len(kinds)))
+        self.density = np.zeros((len(self.pods) * self._drifts, cells))
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew: what the rules say of where persons are at a mission's first observation."""
+        self.step = -self.forecast.first_step
+        self.pos = 0.0
+        self.missing[:] = self.unfound[:] = 1.0
+        self.density[:] = 0.0
+        self._put_persons()
+        while self.step < 0:
+            self.advance()
+
+    def _put_persons(self) -> None:
+        """Put the first person in the start cell, the others likewise or scattered about it."""
+        scenario, rules = self.forecast.scenario, self.forecast.rules
+        g, reach, area = scenario.grid_size, rules.person_scatter, self.forecast.area
+        x0, y0 = scenario.person_initial_position
+        around = [
+            (x, y)
+            for y in range(max(y0 - reach, 0), min(y0 + reach, g - 1) + 1)
+            for x in range(max(x0 - reach, 0), min(x0 + reach, g - 1) + 1)
+            if (x, y) != (x0, y0) and (area is None or area[y, x])
+        ] or [(x0, y0)]
+        persons = scenario.person_amount
+        for person, of_class in enumerate(self.class_of.tolist()):
+            rows = slice(of_class * self._drifts, (of_class + 1) * self._drifts)
+            cells = around if person else [(x0, y0)]
+            for cell in cells:
+                column = self.forecast.column(cell)
+                self.density[rows, column] += 1.0 / (persons * self._drifts * len(cells))
+
+    def copy(self) -> Belief:
+        """Return a belief of its own with the same content; the forecast is shared."""
+        twin = copy.copy(self)
+        twin.density = self.density.copy()
+        twin.missing, twin.unfound = self.missing.copy(), self.unfound.copy()
+        return twin
+
+    @property
+    def mean_pod(self) -> float:
+        """The mean POD of the persons who are missing."""
+        return float(self.missing @ self.pods[self.class_of] / self.missing.sum())
+
+    def of_missing(self) -> NDArray[np.float64]:
+        """Return the density of the persons who are missing, (C K, S S); it sums to 1."""
+        if len(self.pods) == 1:
+            return self.density
+        search_outcomes.weigh_classes(self.class_of, self.missing, self._weights)
+        return self.density * np.repeat(self._weights, self._drifts)[:, None]
+
+    def advance(self) -> None:
+        """Let the sea do one step, after the searches of this one have been observed."""
+        forecast = self.forecast
+        slot = forecast.look(self.step + forecast.first_step)
+        belief_kernels.predict(
+            forecast.constants, forecast.area, self.density, forecast.chances[slot],
+            forecast.tables[slot], forecast.directions[slot], self._scratch,
+        )  # fmt: skip
+        self.step += 1
+
+    def observe_failed_searches(self, cells: Sequence[Cell]) -> None:
+        """Learn that searches of these cells (col, row) have not found anyone.
+
+        A search detects as the scenario says. Where nothing is left of the belief, as the person
+        cannot be anywhere by the rules, it starts again from the present map.
+        """
+        if len(self.missing) > 1:
+            self._observe(cells, found=False)
+            return
+        taken = 0.0
+        for x, y in cells:
+            taken += belief_kernels.search(
+                self.forecast.constants, self.density, self.pods, int(x), int(y)
+            )
+        if taken == 0.0:
+            return
+        left = belief_kernels.normalise(self.density)
+        self.pos += (1.0 - self.pos) * min(taken, 1.0)
+        if left < belief_kernels.NOTHING_LEFT:
+            self.density[:] = self._chances()
+            belief_kernels.normalise(self.density)
+
+    def observe_find(self, cell: Cell) -> None:
+        """Learn that a search of this cell has found a person, and that others are left.
+
+        Where it looks for one person only, others may be in the cell as before. Where it looks for
+        all, those whom it detects are found.
+        """
+        if len(self.missing) > 1:
+            self._observe([cell], found=True)
+            return
+        density = self.density.copy()
+        self.observe_failed_searches([cell])
+        if self.forecast.rules.one_find_per_search:
+            self.density = density
+
+    def _observe(self, cells: Sequence[Cell], *, found: bool) -> None:
+        """Learn from searches for several persons."""
+        if not cells:
+            return
+        forecast = self.forecast
+        slot = forecast.look(self.step + forecast.first_step)
+        self.pos = search_outcomes.observe(
+            forecast.constants, self.density, self.pods, self.class_of, self.missing, self.unfound,
+            forecast.apart[slot], forecast.chances[slot], np.array(cells, np.int64), found,
+            self._numbers, np.empty_like(self.missing),
+        )  # fmt: skip
+
+    def _chances(self) -> NDArray[np.float64]:
+        """Return the present map, (S S,)."""
+        step = self.step + self.forecast.first_step
+        return self.forecast.chances[self.forecast.look(step)]
+
+    def cells(self) -> NDArray[np.float64]:
+        """Return the probability of containment of every cell, (G, G) as [y, x].
+
+        It sums to 1, less the probability that the person has walked off the grid (`v1`).
+        """
+        g = self.forecast.scenario.grid_size
+        out = np.empty((g, g))
+        follow_kernels.write_cells(
+            self.forecast.constants, self.density, self.class_of, self.missing, self._weights, out
+        )
+        return out

@@ -1,0 +1,374 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled filter: how a belief about persons moves on, and learns from a failed search.
+
+A belief is (C K, S S) float64: row m K + k has the persons of detection class m and drift k, its
+columns are the cells row by row, S = G + 2 `MARGIN` along a side. Off the grid is who walked off
+it (`person_walks_blind`). Steps to neighbours are numbered as in `person_motion`.
+
+The sea is that of `sea_map`, and how probable a person's steps are says its motion in
+`person_motion`. `search_outcomes` has what follows from searches for several persons,
+`follow_kernels` the step of many beliefs.
+"""
+
+from __future__ import annotations
+
+from dsse_ros.compiled.jit import inlined, kernel, part
+from dsse_ros.targets.person_motion import (
+    CHANCES,
+    DRIFT_RANGES,
+    NO_STEP,
+    SCRATCH,
+    STAND_STILL,
+    STEPS,
+    gathered_step,
+    own_drift,
+    step_chances,
+)
+from dsse_ros.targets.sea_map import cell_probability, drift_per_step, map_step, step_within
+
+MARGIN = 3
+"""Cells around the grid: one that a person can come back from, one that it cannot, and one where
+nobody ever is, so that every cell has neighbours."""
+
+ROW = CHANCES + STEPS + SCRATCH
+"""Length of what `transition` writes to."""
+
+NEGLIGIBLE = 1e-13
+"""Probability below which a cell counts as empty: without it a few cells' belief would spread over
+the whole grid, each cell with a table to compute."""
+
+
+NOTHING_LEFT = 1e-9
+"""Share of a belief that searches have left below which it cannot be true, as nobody is there."""
+
+
+@part
+def index_of(c, x, y):
+    """Return the column of a belief that stands for a cell."""
+    return (y + MARGIN) * (c.grid_size + 2 * MARGIN) + x + MARGIN
+
+
+@part
+def offset_of(c, step):
+    """Return how far the column of a neighbour is from that of a cell."""
+    return (step // 3 - 1) * (c.grid_size + 2 * MARGIN) + step % 3 - 1
+
+
+@part
+def is_lost(c, i):
+    """Return whether a column is so far off the grid that no window reaches it any more."""
+    side = c.grid_size + 2 * MARGIN
+    x, y = i % side, i // side
+    return x <= 1 or y <= 1 or x >= side - 2 or y >= side - 2
+
+
+@kernel
+def start_sea(constants, worlds, drifts):
+    """Set map and drifts to where `kernels.reset_world` has them before the first step.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        worlds: (1,) of `kernels.WORLDS`, start and vector set; no draw is made from it.
+        drifts: (K,) of `person_motion.PERSONS` out. Where persons have a drift of their own it is
+            the middle of K equally probable parts of its angles.
+    """
+    c, w, count = constants[0], worlds[0], len(drifts)
+    w.t = w.map_steps = 0
+    w.datum_x = w.circle_x = w.start_x
+    w.datum_y = w.circle_y = w.start_y
+    w.remainder_x = w.remainder_y = 0.0
+    w.drift_x, w.drift_y = drift_per_step(c, w.vector_x, w.vector_y)
+    w.scale = 0.0
+    for k in range(count):
+        drifts[k].remainder_x = drifts[k].remainder_y = 0.0
+        if c.own_drift:
+            place = DRIFT_RANGES * (k + 0.5) / count
+            number = int(place)
+            drifts[k].drift_x, drifts[k].drift_y = own_drift(c, w, number, place - number)
+
+
+@kernel
+def forecast_step(
+    constants, worlds, gauss, tails, area, runs, circle, drifts, chances, directions, apart, still,
+):  # fmt: skip
+    """Advance map and drifts by one step and write what persons step by.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        worlds: (1,) of `kernels.WORLDS`.
+        gauss: (2, 2 G + 1) float64, exponentials along x and y.
+        tails: (2, G + 2) float64, their tail sums.
+        area: Of `kernels.step_worlds`.
+        runs: Of `kernels.step_worlds`.
+        circle: (G + 1,) int64 scratch.
+        drifts: (K,) of `person_motion.PERSONS`.
+        chances: (S S,) float64 out, the probability of every cell that persons look at.
+        directions: (K,) int64 out, the direction of each drift, see `PersonMotion`, or
+            `STAND_STILL`.
+        apart: (K,) bool out, the drifts whose persons are where they were scattered to, each in a
+            cell of its own.
+        still: (K,) bool in and out, the same before the next step.
+    """
+    c, w = constants[0], worlds[0]
+    if not c.person_first:
+        map_step(c, w, gauss, tails, area, runs, circle)
+    chances[:] = 0.0
+    for y in range(c.grid_size):
+        for x in range(c.grid_size):
+            chances[index_of(c, x, y)] = cell_probability(c, w, gauss, area, x, y)
+    for k in range(len(drifts)):
+        directions[k] = gathered_step(drifts[k]) if c.own_drift else NO_STEP
+        apart[k] = still[k]
+        still[k] = still[k] and directions[k] == STAND_STILL
+    if c.person_first:
+        map_step(c, w, gauss, tails, area, runs, circle)
+
+
+@part
+def step_of_drift(c, area, x, y, direction):
+    """Return the step that a drift in this direction adds to, from a cell of the grid."""
+    dx, dy = direction % 3 - 1, direction // 3 - 1
+    to_x, to_y = step_within(area, c.grid_size, x, y, dx, dy)
+    return 3 * (to_y - y + 1) + to_x - x + 1
+
+
+@part
+def transition(c, area, chances, i, row):
+    """Write what a table has of a cell, by the persons' motion.
+
+    Args:
+        c: The constants.
+        area: Of `kernels.step_worlds`.
+        chances: (S S,) of `forecast_step`.
+        i: Column of the cell.
+        row: (`ROW`,) float64 out, the first `CHANCES`; the rest is scratch.
+    """
+    if is_lost(c, i):
+        row[:CHANCES] = 0.0
+        row[NO_STEP] = 1.0
+        return
+    side = c.grid_size + 2 * MARGIN
+    window, scratch = row[CHANCES : CHANCES + STEPS], row[CHANCES + STEPS :]
+    for step in range(STEPS):
+        window[step] = chances[i + offset_of(c, step)]
+    x, y = i % side - MARGIN, i // side - MARGIN
+    step_chances(c, area, x, y, window, row[:CHANCES], scratch)
+
+
+@part
+def complete(c, area, chances, table, i, row):
+    """Have the column of a cell in a table.
+
+    Args:
+        c: The constants.
+        area: Of `kernels.step_worlds`.
+        chances: (S S,) of `forecast_step`.
+        table: (`CHANCES`, S S) float64; the first row is negative where nothing is known yet.
+        i: Column of the cell.
+        row: (`ROW`,) float64 scratch.
+    """
+    if table[0, i] < 0.0:
+        transition(c, area, chances, i, row)
+        for k in range(CHANCES):
+            table[k, i] = row[k]
+
+
+@part
+def look_up(c, area, chances, table, i, direction, row):
+    """Write the probabilities (9,) of the steps from a cell.
+
+    Args:
+        c: The constants.
+        area: Of `kernels.step_worlds`.
+        chances: (S S,) of `forecast_step`.
+        table: Of `complete`.
+        i: Column of the cell.
+        direction: Of `forecast_step`.
+        row: (`ROW`,) float64 out, the rest is scratch.
+    """
+    complete(c, area, chances, table, i, row)
+    for step in range(STEPS):
+        row[step] = table[step, i]
+    if table[STEPS, i] > 0.0:
+        side = c.grid_size + 2 * MARGIN
+        x, y = i % side - MARGIN, i // side - MARGIN
+        row[step_of_drift(c, area, x, y, direction)] += table[STEPS, i]
+
+
+@inlined
+def add_products(out, a, ta, b, tb, c, tc, d, td, e, te, f, tf, g, tg, h, th, i, ti):
+    """Write the sum of nine products of arrays of one length: the compiler makes vectors of it."""
+    for j in range(len(out)):
+        out[j] = (
+            a[j] * ta[j] + b[j] * tb[j] + c[j] * tc[j]
+            + d[j] * td[j] + e[j] * te[j] + f[j] * tf[j]
+            + g[j] * tg[j] + h[j] * th[j] + i[j] * ti[j]
+        )  # fmt: skip
+
+
+@part
+def gather(now, table, after, low, high, side):
+    """Write what the steps from all cells bring to the cells low..high - 1."""
+    # The cells that the steps 8 to 0 come from.
+    a, b, c = low - side - 1, low - side, low - side + 1
+    d, e, f = low - 1, low, low + 1
+    g, h, i = low + side - 1, low + side, low + side + 1
+    n = high - low
+    add_products(
+        after[low:high],
+        now[a : a + n], table[8, a : a + n], now[b : b + n], table[7, b : b + n],
+        now[c : c + n], table[6, c : c + n], now[d : d + n], table[5, d : d + n],
+        now[e : e + n], table[4, e : e + n], now[f : f + n], table[3, f : f + n],
+        now[g : g + n], table[2, g : g + n], now[h : h + n], table[1, h : h + n],
+        now[i : i + n], table[0, i : i + n],
+    )  # fmt: skip
+
+
+@part
+def drop_negligible(now, known):
+    """Empty the negligible cells of a row; returns how many others are not in a table."""
+    unknown = 0
+    for i in range(len(now)):
+        here = now[i] if now[i] > NEGLIGIBLE else 0.0
+        now[i] = here
+        unknown += (here > 0.0) & (known[i] < 0.0)
+    return unknown
+
+
+@part
+def add_drift(c, area, y, now, added, direction, after):
+    """Add what the drift adds to a step from the cells of row y of the grid, see `complete`."""
+    start, end = index_of(c, 0, y), index_of(c, c.grid_size, y)
+    inner = 0
+    if area is None and 0 < y < c.grid_size - 1:
+        # All but the first and the last can step as the drift does.
+        inner = c.grid_size - 2
+        low = start + offset_of(c, direction) + 1
+        out, shares = after[low : low + inner], now[start + 1 : end - 1]
+        chances = added[start + 1 : end - 1]
+        for j in range(inner):
+            out[j] += shares[j] * chances[j]
+    for i in range(start, end, inner + 1):
+        if now[i] > 0.0:
+            step = step_of_drift(c, area, i - start, y, direction)
+            after[i + offset_of(c, step)] += now[i] * added[i]
+
+
+@part
+def move_row(c, area, now, chances, table, direction, after, row):
+    """Let the persons of one row of a belief take their step, see `predict`."""
+    count, side = len(now), c.grid_size + 2 * MARGIN
+    unknown = drop_negligible(now, table[0])
+    first, last = 0, count
+    while first < count and now[first] == 0.0:
+        first += 1
+    while last > first and now[last - 1] == 0.0:
+        last -= 1
+    if unknown > 0:
+        for i in range(first, last):
+            if now[i] > 0.0:
+                complete(c, area, chances, table, i, row)
+    low, high = max(first - side - 1, side + 1), min(last + side + 1, count - side - 1)
+    gather(now, table, after, low, high, side)
+    if c.own_drift:
+        for y in range(first // side - MARGIN, (last - 1) // side - MARGIN + 1):
+            add_drift(c, area, y, now, table[STEPS], direction, after)
+    for i in range(low, high):
+        now[i] = after[i]
+
+
+@kernel
+def predict(constants, area, belief, chances, table, directions, scratch):
+    """Let the persons of a belief take their step; what it sums to stays as it is.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        area: Of `kernels.step_worlds`.
+        belief: (C K, S S) float64.
+        chances: (S S,) of `forecast_step`.
+        directions: (K,) of `forecast_step`.
+        table: Of `complete`.
+        scratch: (S S + `ROW`,) float64.
+    """
+    c, count = constants[0], belief.shape[1]
+    after, row = scratch[:count], scratch[count:]
+    for k in range(len(belief)):
+        direction = directions[k % len(directions)]
+        if direction != STAND_STILL:
+            move_row(c, area, belief[k], chances, table, direction, after, row)
+
+
+@kernel
+def search(constants, belief, pods, x, y):
+    """Learn that a search of a cell failed.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        belief: (C K, S S) float64.
+        pods: (C,) float64, probability of detection.
+        x: Column of the cell; off the grid nobody is looked for.
+        y: Row of the cell.
+
+    Returns:
+        What was taken away.
+    """
+    c = constants[0]
+    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
+        return 0.0
+    i = index_of(c, x, y)
+    drifts = len(belief) // len(pods)
+    taken = 0.0
+    for k in range(len(belief)):
+        part_taken = belief[k, i] * pods[k // drifts]
+        belief[k, i] -= part_taken
+        taken += part_taken
+    return taken
+
+
+@part
+def total_of(shares):
+    """Return a sum, by eight sums at once: each addition waits for the one before."""
+    a = b = c = d = e = f = g = h = 0.0
+    eights = len(shares) // 8
+    for j in range(0, 8 * eights, 8):
+        a += shares[j]
+        b += shares[j + 1]
+        c += shares[j + 2]
+        d += shares[j + 3]
+        e += shares[j + 4]
+        f += shares[j + 5]
+        g += shares[j + 6]
+        h += shares[j + 7]
+    for j in range(8 * eights, len(shares)):
+        a += shares[j]
+    return ((a + b) + (c + d)) + ((e + f) + (g + h))
+
+
+@kernel
+def normalise(belief):
+    """Scale a belief so that it sums to 1; returns what it summed to.
+
+    0 leaves it as it is: so it has none.
+    """
+    total = 0.0
+    for k in range(belief.shape[0]):
+        total += total_of(belief[k])
+    if total > 0.0:
+        scale = 1.0 / total
+        for k in range(belief.shape[0]):
+            for i in range(belief.shape[1]):
+                belief[k, i] *= scale
+    return total
+
+
+@part
+def detectable(c, belief, pods, x, y):
+    """Return what `search` would take away, 0 off the grid."""
+    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
+        return 0.0
+    i, drifts, share = index_of(c, x, y), len(belief) // len(pods), 0.0
+    for k in range(len(belief)):
+        share += belief[k, i] * pods[k // drifts]
+    return share

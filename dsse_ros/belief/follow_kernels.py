@@ -1,0 +1,162 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled step of many beliefs: each learns from the searches of its world, and moves on.
+
+Arrays are those of `belief_kernels` and `search_outcomes`, with a first axis of B worlds.
+"""
+
+from __future__ import annotations
+
+from dsse_ros.belief.belief_kernels import (
+    NOTHING_LEFT,
+    detectable,
+    index_of,
+    normalise,
+    predict,
+    search,
+)
+from dsse_ros.belief.search_outcomes import (
+    close_classes,
+    learn_outcome,
+    mean_found,
+    open_classes,
+    weigh_classes,
+)
+from dsse_ros.compiled.jit import kernel, part
+
+
+@part
+def learn(
+    c, constants, drones, actions, live, pods, class_of, missing, unfound, apart, chances, belief,
+    pos, numbers, hazard,
+):  # fmt: skip
+    """Let a belief learn from the searches of a step; returns the POS with them.
+
+    Those that failed come first, then the finds: see `belief.Belief.observe_find`.
+    """
+    several, searches = len(missing) > 1, 0
+    for finds in range(2):
+        taken = 0.0
+        for n in range(len(drones)):
+            d = drones[n]
+            if not live[n] or actions[n] != c.search_action or d.found != (finds == 1):
+                continue
+            if several:
+                if searches == 0:
+                    open_classes(class_of, numbers)
+                searches += 1
+                learn_outcome(
+                    c, belief, pods, class_of, missing, unfound, apart, numbers, hazard, d.x, d.y,
+                    d.found,
+                )  # fmt: skip
+            elif d.found and c.one_find_per_search:
+                pos += (1.0 - pos) * detectable(c, belief, pods, d.x, d.y)
+            else:
+                taken += search(constants, belief, pods, d.x, d.y)
+        if taken > 0.0:
+            pos += (1.0 - pos) * min(taken, 1.0)
+            if normalise(belief) < NOTHING_LEFT:
+                for k in range(len(belief)):
+                    for i in range(belief.shape[1]):
+                        belief[k, i] = chances[i]
+                normalise(belief)
+    if searches > 0:
+        close_classes(belief, class_of, missing, numbers, chances)
+        pos = mean_found(unfound)
+    return pos
+
+
+@kernel
+def follow_worlds(
+    constants, area, worlds, drones, actions, live, done, start, pods, class_of, chances, tables,
+    directions, apart, first_step, beliefs, missing, unfound, pos, scratch, numbers,
+    hazard, first, last,
+):  # fmt: skip
+    """Let the beliefs of the worlds first..last - 1 follow a step that is done.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        area: Of `kernels.step_worlds`.
+        worlds: (B,) of `kernels.WORLDS`, after the step.
+        drones: (B, N) of `kernels.DRONES`, after the step.
+        actions: (B, N) int8 of the step.
+        live: (B, N) bool, the drones in the search before the step.
+        done: (B,) bool, the worlds whose search had ended before the step.
+        start: (C K, S S) float64, the belief at a mission's first observation.
+        pods: (C,) float64, probability of detection.
+        class_of: (n,) int64, see `search_outcomes`.
+        chances: (R, S S) of `forecast_step`; that of step s of the sea is at s % R.
+        tables: (R, `CHANCES`, S S) of `complete`.
+        directions: (R, K) of `forecast_step`.
+        apart: (R, K) of `forecast_step`.
+        first_step: Steps of the sea before a mission's first observation.
+        beliefs: (B, C K, S S) float64.
+        missing: (B, n) float64, see `search_outcomes`.
+        unfound: (B, n) float64, see `search_outcomes`.
+        pos: (B,) float64, the POS of all searches of the mission.
+        scratch: Of `predict`.
+        numbers: (`OF_CLASS`, C) float64 scratch.
+        hazard: (n,) float64 scratch.
+        first: Number of the first world.
+        last: Number of the last world, plus one.
+    """
+    c = constants[0]
+    for b in range(first, last):
+        if c.auto_reset and done[b]:
+            for k in range(len(start)):
+                for i in range(start.shape[1]):
+                    beliefs[b, k, i] = start[k, i]
+            missing[b, :] = 1.0
+            unfound[b, :] = 1.0
+            pos[b] = 0.0
+            continue
+        step = worlds[b].t - 1
+        slot = (first_step + step) % len(directions)
+        if c.time_out_acts or step < c.timestep_limit + c.time_out_grace:
+            pos[b] = learn(
+                c, constants, drones[b], actions[b], live[b], pods, class_of, missing[b],
+                unfound[b], apart[slot], chances[slot], beliefs[b], pos[b], numbers, hazard,
+            )  # fmt: skip
+        predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
+
+
+@kernel
+def write_beliefs(constants, beliefs, class_of, missing, weights, scratch, maps, first, last):
+    """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x]."""
+    c, drifts = constants[0], beliefs.shape[1] // len(weights)
+    for b in range(first, last):
+        weigh_classes(class_of, missing[b], weights)
+        for i in range(beliefs.shape[2]):
+            scratch[i] = 0.0
+        for k in range(beliefs.shape[1]):
+            weight = weights[k // drifts]
+            for i in range(beliefs.shape[2]):
+                scratch[i] += weight * beliefs[b, k, i]
+        for y in range(c.grid_size):
+            for x in range(c.grid_size):
+                # A sum of shares may be a rounding above 1.
+                maps[b, y, x] = min(scratch[index_of(c, x, y)], 1.0)
+
+
+@kernel
+def write_cells(constants, belief, class_of, missing, weights, out):
+    """Write the probability of every cell, out (G, G) float64 as [y, x].
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        belief: (C K, S S) float64.
+        class_of: (n,) int64, see `search_outcomes`.
+        missing: (n,) float64, see `search_outcomes`.
+        weights: (C,) float64 scratch.
+        out: The probabilities of the missing persons.
+    """
+    c, drifts = constants[0], len(belief) // len(weights)
+    weigh_classes(class_of, missing, weights)
+    for y in range(c.grid_size):
+        for x in range(c.grid_size):
+            out[y, x] = 0.0
+    for k in range(len(belief)):
+        for y in range(c.grid_size):
+            for x in range(c.grid_size):
+                out[y, x] += weights[k // drifts] * belief[k, index_of(c, x, y)]

@@ -1,0 +1,204 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The actions of a search by number: their names, moves and masks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.paths import Paths
+
+T = TypeVar("T")
+
+Cell = tuple[int, int]
+"""(col, row): col grows to the east, row to the south."""
+
+ACTION_VECTORS: dict[str, tuple[int, int]] = {
+    "left": (-1, 0),
+    "right": (1, 0),
+    "up": (0, -1),
+    "down": (0, 1),
+    "up_left": (-1, -1),
+    "up_right": (1, -1),
+    "down_left": (-1, 1),
+    "down_right": (1, 1),
+    "search": (0, 0),
+}
+"""Step of each action in cells (dx to the east, dy to the south)."""
+
+STRAIGHT = ("left", "right", "up", "down")
+DIAGONAL = ("up_left", "up_right", "down_left", "down_right")
+
+
+class ActionSet:
+    """Actions by number, and the way over the grid that their moves allow.
+
+    Diagonal moves are used where all four are there. An action of an unknown name stays in its
+    cell and is never chosen.
+
+    Args:
+        names: Names of the actions; the index is the action number.
+        area: (G, G) bool [row, col], the cells that moves stay in; None for the whole grid.
+
+    Attributes:
+        names: The names.
+        area: As given.
+        moves: Of each action its step (dx, dy) in cells, to the east and to the south.
+        search: Number of the action search.
+        diagonal: Whether a step may change both coordinates.
+
+    Raises:
+        ValueError: If search is missing.
+    """
+
+    def __init__(self, names: Iterable[str], area: NDArray[np.bool_] | None = None) -> None:
+        self.names = tuple(names)
+        self.area = area
+        self._check("search")
+        self.moves = tuple(ACTION_VECTORS.get(name, (0, 0)) for name in self.names)
+        self.search = self.names.index("search")
+        self.diagonal = all(name in self.names for name in DIAGONAL)
+        usable = (*STRAIGHT, *(DIAGONAL if self.diagonal else ()), "search")
+        self._number = {
+            ACTION_VECTORS[name]: self.names.index(name) for name in usable if name in self.names
+        }
+        moves = [step for step in self._number if step != (0, 0)]
+        self._paths = None if area is None else Paths(area, moves)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __str__(self) -> str:
+        """All actions with their numbers, for messages to people."""
+        return ", ".join(f"{number} {name}" for number, name in enumerate(self.names))
+
+    def _check(self, *needed: str) -> None:
+        missing = [name for name in needed if name not in self.names]
+        if missing:
+            raise ValueError(f"actions: {', '.join(missing)} missing in {list(self.names)!r}")
+
+    def within(self, area: NDArray[np.bool_] | None) -> ActionSet:
+        """Return these actions in an area."""
+        return ActionSet(self.names, area)
+
+    def with_moves(self) -> ActionSet:
+        """Return these actions, which lead to every cell of a grid.
+
+        Raises:
+            ValueError: If one of the four straight moves is missing.
+        """
+        self._check(*STRAIGHT)
+        return self
+
+    def action(self, start: Cell, end: Cell) -> int:
+        """Return the number of the move from a cell to its neighbour; staying is a search."""
+        return self._number[end[0] - start[0], end[1] - start[1]]
+
+    def towards(self, start: Cell, goal: Cell) -> Cell:
+        """Return the cell one step closer to the goal; the goal itself once there.
+
+        Diagonally while both axes differ; without diagonals along the axis with the larger
+        difference, along the row when they are equal. In an area another way where this is not on
+        a shortest one, and the present cell where none leads to the goal.
+        """
+        (col, row), (goal_col, goal_row) = start, goal
+        d_col, d_row = goal_col - col, goal_row - row
+        if not self.diagonal:
+            if abs(d_col) >= abs(d_row):
+                d_row = 0
+            else:
+                d_col = 0
+        straight = col + (d_col > 0) - (d_col < 0), row + (d_row > 0) - (d_row < 0)
+        return straight if self._paths is None else self._paths.next_cell(start, goal, straight)
+
+    def distance(self, start: Cell, end: Cell) -> int:
+        """Return the number of moves between two cells; -1 if none lead there."""
+        if self._paths is not None:
+            return int(self._paths.distances(end)[start[1], start[0]])
+        d_col, d_row = abs(start[0] - end[0]), abs(start[1] - end[1])
+        return max(d_col, d_row) if self.diagonal else d_col + d_row
+
+    def distances(self, cell: Cell, size: int) -> NDArray[np.int32]:
+        """Return the number of moves between a cell and each of a size x size grid, as `distance`.
+
+        Returns:
+            (G, G) [row, col].
+        """
+        if self._paths is not None:
+            return self._paths.distances(cell)
+        line = np.arange(size, dtype=np.int32)
+        across, down = abs(line - cell[0])[np.newaxis], abs(line - cell[1])[:, np.newaxis]
+        return np.maximum(across, down) if self.diagonal else across + down
+
+    def neighbours(self, cell: Cell, size: int) -> list[Cell]:
+        """Return the cells of a size x size grid, and of the area, that are one move away."""
+        col, row = cell
+        cells = [
+            (col + d_col, row + d_row)
+            for d_col, d_row in self._number
+            if (d_col, d_row) != (0, 0) and 0 <= col + d_col < size and 0 <= row + d_row < size
+        ]
+        return cells if self.area is None else [(x, y) for x, y in cells if self.area[y, x]]
+
+    def by_water(self, cells: Sequence[Cell]) -> list[tuple[list[int], NDArray[np.bool_] | None]]:
+        """Return drones by the cells that they can get to.
+
+        Args:
+            cells: Cell of each drone.
+
+        Returns:
+            Indices of drones that can meet, and the cells (G, G) bool [row, col] they can get to,
+            None for all of the grid.
+        """
+        if self._paths is None:
+            return [(list(range(len(cells))), None)]
+        waters: list[tuple[list[int], NDArray[np.bool_] | None]] = []
+        left = list(range(len(cells)))
+        while left:
+            water = self._paths.distances(cells[left[0]]) >= 0
+            waters.append(([i for i in left if water[cells[i][1], cells[i][0]]], water))
+            left = [i for i in left if not water[cells[i][1], cells[i][0]]]
+        return waters
+
+    def masks(self, grid_size: int) -> list[list[NDArray[np.int8]]]:
+        """Return by [row][col] the action masks (A,) int8, 0 where a move would leave the grid.
+
+        They are 0, too, where it would leave the area. They are read-only, and equal ones are one
+        object. The last row and column are for a drone just outside, at -1 or G.
+        """
+
+        def mask(west: bool, east: bool, north: bool, south: bool) -> NDArray[np.int8]:
+            blocked = {(-1, 0): west, (1, 0): east, (0, -1): north, (0, 1): south}
+            free = [not (blocked.get((dx, 0)) or blocked.get((0, dy))) for dx, dy in self.moves]
+            made = np.array(free, np.int8)
+            made.flags.writeable = False
+            return made
+
+        def along(make: Callable[[bool, bool], T]) -> list[T]:
+            edges = [(i == 0, i == grid_size - 1) for i in range(grid_size)] + [(False, False)]
+            distinct = {edge: make(*edge) for edge in set(edges)}
+            return [distinct[edge] for edge in edges]
+
+        table = along(lambda north, south: along(lambda west, east: mask(west, east, north, south)))
+        return table if self.area is None else self._masks_of(self.area, table)
+
+    def _masks_of(
+        self, area: NDArray[np.bool_], table: list[list[NDArray[np.int8]]]
+    ) -> list[list[NDArray[np.int8]]]:
+        """Return the table with the masks of the cells of an area."""
+        size, around = len(area), np.pad(area, 1)
+        free = np.stack(
+            [around[1 + dy : 1 + dy + size, 1 + dx : 1 + dx + size] for dx, dy in self.moves], -1
+        ).astype(np.int8)
+        free.flags.writeable = False
+        distinct: dict[bytes, NDArray[np.int8]] = {}
+        inner = [
+            [distinct.setdefault(mask.tobytes(), mask) for mask in masks_of_row]
+            for masks_of_row in free
+        ]
+        margin = table[size]
+        return [[*masks, table[i][size]] for i, masks in enumerate(inner)] + [margin]

@@ -1,0 +1,67 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a step takes from a drone's battery, in percent of a full one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dsse_ros.scenario.fields import FieldError, field
+
+FULL = 100.0
+"""Energy of a battery, in percent."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatteryFields:
+    """What a battery holds for, in percent of a full one."""
+
+    battery_move: float = field(
+        "float", "Energy of a move; 0: batteries do not run down.", 0.0, low=0, high=100, unit="%"
+    )
+    battery_search: float | None = field(
+        "float", "Energy of a search; by default that of a move.", None, low=0, high=100, unit="%"
+    )
+    battery_hover: float | None = field(
+        "float", "Energy of a step in place without a search; by default that of a move.", None,
+        low=0, high=100, unit="%",
+    )  # fmt: skip
+    battery_return: float | None = field(
+        "float", "Energy of a step on the way home; by default that of a move.", None,
+        low=0, high=100, unit="%",
+    )  # fmt: skip
+    battery_reserve: float = field(
+        "float", "What has to be left in the battery when a drone is home.", 20.0,
+        low=0, high=99, unit="%",
+    )  # fmt: skip
+    relief_steps: int = field(
+        "int",
+        "Steps after which another drone, fully charged, takes the place of one that came home; "
+        "0: none does.",
+        0,
+        low=0,
+        high=10**6,
+        unit="steps",
+    )
+
+    def resolved_battery(self) -> dict[str, float]:
+        """Return the energies with nothing left to derive.
+
+        Raises:
+            FieldError: If there is no energy for a step, or fields are given without a battery.
+        """
+        given = {
+            name: getattr(self, name)
+            for name in ("battery_search", "battery_hover", "battery_return")
+        }
+        if not self.battery_move:
+            for name, value in {**given, "relief_steps": self.relief_steps}.items():
+                if value:
+                    raise FieldError(f"{name} is not allowed without battery_move; give both")
+        energies = {n: self.battery_move if e is None else e for n, e in given.items()}
+        if self.battery_reserve + energies["battery_search"] > FULL:
+            raise FieldError(
+                f"battery_reserve: {self.battery_reserve:g} is not allowed; at most "
+                f"{FULL - energies['battery_search']:g} %, or there is no energy for a search"
+            )
+        return energies

@@ -1,0 +1,225 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A probability matrix that is given: as an array, or as a file (.npy, CSV or GeoTIFF)."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import math
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.extras import pip_install
+from dsse_ros.scenario.area import cell_centre
+from dsse_ros.scenario.array_files import array_header
+from dsse_ros.scenario.fields import FieldError, shown
+from dsse_ros.scenario.limits import MAX_SIDE
+
+if TYPE_CHECKING:
+    from dsse_ros.scenario.geodesy import Origin
+
+NAME = "probability_matrix"
+ALLOWED = (
+    f"a square matrix of finite numbers >= 0, not all 0, at most {MAX_SIDE} a side, or a file of "
+    "one: .npy, .csv, .tif or .tiff"
+)
+
+_KINDS = "fiu"
+"""Kinds of numbers, as NumPy has them."""
+_LONGEST_LINE = 32 * MAX_SIDE
+"""Characters of a line of a CSV; a float64 has 25."""
+
+_M_PER_DEG = 111_320.0
+"""Of latitude; near enough to see whether a cell lies where it should."""
+
+
+@dataclass(frozen=True)
+class ProbabilityMatrix:
+    """A matrix whose row 0 is in the north, as texts and numbers that fit into JSON.
+
+    Attributes:
+        content: The matrix row by row, float64, little-endian, in base64.
+        corners: Latitude and longitude in degrees of the centres of the cells in the north-west,
+            the north-east, the south-west and the south-east; None without georeference.
+        source: Path of the file, "" for none.
+    """
+
+    content: str
+    corners: tuple[tuple[float, float], ...] | None = None
+    source: str = field(default="", compare=False)
+
+    @classmethod
+    def of(cls, value: Any) -> ProbabilityMatrix:
+        """Return the matrix of an array, of a file, or of the fields of one as JSON has them.
+
+        Raises:
+            FieldError: If it is none of these, or the file cannot be read.
+        """
+        if isinstance(value, cls):
+            return value
+        try:
+            if isinstance(value, str | os.PathLike):
+                path = os.path.abspath(os.fspath(value))
+                kind = Path(path).suffix.lower()
+                matrix, corners = _READERS[kind](path)
+                return cls(_content(matrix), corners, path)
+            if isinstance(value, Mapping):
+                places = value["corners"]
+                corners = places and tuple((float(lat), float(lon)) for lat, lon in places)
+                made = cls(str(value["content"]), corners)
+                _content(made.values)
+                return made
+            return cls(_content(np.asarray(value)))
+        except OSError as error:
+            reason = error.strerror or "it cannot be read"
+            raise FieldError(f"{NAME}: {shown(value)}: {reason}; {ALLOWED}") from None
+        except FieldError:
+            raise
+        except (EOFError, KeyError, MemoryError, TypeError, ValueError, csv.Error):
+            raise FieldError(f"{NAME}: {shown(value)} is not allowed; {ALLOWED}") from None
+
+    @cached_property
+    def values(self) -> NDArray[np.float64]:
+        """The matrix (G, G) float64 [row, col], read-only."""
+        flat = np.frombuffer(base64.b64decode(self.content, validate=True), "<f8")
+        side = round(len(flat) ** 0.5)
+        return flat.reshape(side, side)
+
+    def check_place(self, grid_size: int, cell_size_m: float, origin: Origin) -> None:
+        """Raise unless the matrix has the size of this grid and, if it says where, its place.
+
+        Args:
+            grid_size: Cells along a side.
+            cell_size_m: Side of a cell.
+            origin: The grid's south-west corner.
+
+        Raises:
+            FieldError: If the size differs, or a corner lies off by more than half a cell.
+        """
+        size, edge = len(self.values), grid_size - 1
+        what = f"{NAME}: {shown(self.source)}" if self.source else f"{NAME}: it"
+        if size != grid_size:
+            raise FieldError(
+                f"{what} of {size} x {size} cells is not allowed; grid_size is {grid_size}"
+            )
+        if self.corners is None:
+            return
+        from dsse_ros.scenario.geodesy import surface_to_geodetic
+
+        col, row = np.array([0, edge, 0, edge]), np.array([0, 0, edge, edge])
+        lat, lon = surface_to_geodetic(origin, *cell_centre(grid_size, cell_size_m, col, row))
+        given_lat, given_lon = np.array(self.corners).T
+        north = (given_lat - lat) * _M_PER_DEG
+        # The shorter way round the Earth.
+        degrees = (given_lon - lon + 180.0) % 360.0 - 180.0
+        off_m = float(np.hypot(north, degrees * _M_PER_DEG * np.cos(np.radians(lat))).max())
+        if not off_m <= cell_size_m / 2:
+            raise FieldError(
+                f"{what} with a corner {off_m:.0f} m from that of the grid is not allowed; at most "
+                "half a cell: origin_lat, origin_lon and cell_size say where the grid lies"
+            )
+
+
+def _content(matrix: NDArray[Any]) -> str:
+    """Return the content of a matrix.
+
+    Raises:
+        ValueError: If it is not allowed.
+    """
+    if matrix.dtype.kind not in _KINDS or matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise ValueError
+    if not np.isfinite(matrix).all() or not matrix.any() or matrix.min() < 0:
+        raise ValueError
+    return base64.b64encode(np.ascontiguousarray(matrix, "<f8").tobytes()).decode()
+
+
+_Read = tuple[NDArray[Any], tuple[tuple[float, float], ...] | None]
+
+
+def _check_shape(shape: tuple[int, ...]) -> None:
+    """Raise unless a matrix of this shape may be read, before there is memory for it.
+
+    Raises:
+        ValueError: If it may not.
+    """
+    if len(shape) != 2 or shape[0] != shape[1] or not 1 <= shape[0] <= MAX_SIDE:
+        raise ValueError
+
+
+def _read_npy(path: str) -> _Read:
+    with open(path, "rb") as file:
+        shape, dtype = array_header(file)
+        _check_shape(shape)
+        if dtype.kind not in _KINDS:
+            raise ValueError
+        if os.path.getsize(path) - file.tell() < math.prod(shape) * dtype.itemsize:
+            raise EOFError
+    return np.asarray(np.load(path, allow_pickle=False)), None
+
+
+def _read_csv(path: str) -> _Read:
+    rows: list[NDArray[np.float64]] = []
+    with open(path, newline="", encoding="utf-8") as file:
+        for row in csv.reader(_lines(file)):
+            if row:
+                rows.append(np.array([float(value) for value in row]))
+                if len(rows) > MAX_SIDE or len(rows[-1]) != len(rows[0]):
+                    raise ValueError
+    return np.array(rows), None
+
+
+def _lines(file: TextIO) -> Iterator[str]:
+    """Yield the lines of a CSV, none longer than those of the largest matrix.
+
+    Raises:
+        ValueError: If one is.
+    """
+    while line := file.readline(_LONGEST_LINE):
+        if len(line) == _LONGEST_LINE:
+            raise ValueError
+        yield line
+
+
+def _read_tiff(path: str) -> _Read:
+    """Return the first band, 0 where it has no data, and where its corners lie."""
+    try:
+        import rasterio
+        from rasterio.warp import transform
+    except ModuleNotFoundError:
+        raise FieldError(
+            f"{NAME}: {shown(path)} needs rasterio; {pip_install('geotiff')}"
+        ) from None
+    # Without a file of this name rasterio has an error of its own.
+    os.stat(path)
+    try:
+        with warnings.catch_warnings():
+            # One without georeference is allowed.
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            raster = rasterio.open(path)
+        with raster:
+            _check_shape(raster.shape)
+            # One is read as a whole, also where it is larger than the image.
+            if math.prod(raster.block_shapes[0]) > MAX_SIDE**2:
+                raise ValueError
+            values = raster.read(1, masked=True).filled(0)
+            if raster.crs is None:
+                return values, None
+            last_row, last_col = (end - 1 for end in raster.shape)
+            rows, cols = [0, 0, last_row, last_row], [0, last_col, 0, last_col]
+            x, y = rasterio.transform.xy(raster.transform, rows, cols)
+            lon, lat = transform(raster.crs, "EPSG:4326", x, y)
+    except rasterio.errors.RasterioError:
+        raise ValueError from None
+    return values, tuple(zip(lat, lon, strict=True))
+
+
+_READERS = {".npy": _read_npy, ".csv": _read_csv, ".tif": _read_tiff, ".tiff": _read_tiff}

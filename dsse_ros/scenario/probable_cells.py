@@ -1,0 +1,33 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The most probable cells of a map, in the order that all planners and tests share."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.actions import Cell
+
+
+def most_probable(probability: NDArray[np.float32], count: int) -> list[Cell]:
+    """Return the count most probable cells (col, row), the best one last.
+
+    The last `count` of a stable ascending sort of the cells row by row: of equally probable
+    cells the one further south, then further east, counts as better. NaN is the worst. This is the
+    order of the published greedy policy (`Greedy`), and whatever asks for the datum has it too.
+
+    Args:
+        probability: Map (G, G).
+        count: At most G * G.
+    """
+    flat = probability.ravel()
+    parted = np.partition(flat, flat.size - count)[flat.size - count :]
+    if np.isnan(parted).any():  # NaN sorts last, so one would be among the best
+        return most_probable(np.nan_to_num(probability, nan=-np.inf), count)
+    least = parted[0]
+    above = np.flatnonzero(flat > least)
+    equal = np.flatnonzero(flat == least)[above.size - count :]
+    best = np.concatenate([equal, above[np.argsort(flat[above], kind="stable")]])
+    rows, cols = np.divmod(best, probability.shape[1])
+    return list(zip(cols.tolist(), rows.tolist(), strict=True))

@@ -1,0 +1,359 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The rules of the search as data: one frozen value per profile, read by one compiled step.
+
+Sources: the DSSE paper (arXiv 2307.06240), its table of rewards and its sections on the
+probability matrix and the person's movement, and the behaviour of the packages DSSE 0.1.13
+(profile v1) and DSSE 1.1.9 (profile v2, and coverage for its CoverageDroneSwarmSearch).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, ActionSet
+from dsse_ros.scenario.fields import FieldError, check_all, check_known, field, shown, specs
+from dsse_ros.targets.person_motion import MOTIONS
+
+_PLUS = (*STRAIGHT, "search")
+_STAR = (*STRAIGHT, *DIAGONAL, "search")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActionRules:
+    """What drones can do, and what a search looks for."""
+
+    actions: tuple[str, ...] = field(
+        "names", "Names of the actions: the action with number i is actions[i]."
+    )
+    noop_actions: bool = field(
+        "bool", "Whether an unknown action number does nothing, or is refused.", False
+    )
+    leave_policy: str = field(
+        "str",
+        "A drone that would leave the grid keeps its cell and is terminated, keeps its cell and "
+        "goes on, or flies on outside.",
+        choices=("terminate", "stay", "fly_on"),
+    )
+    collisions: bool = field("bool", "Whether drones in one cell after all moved collide.")
+    one_find_per_search: bool = field(
+        "bool", "Whether a search looks for the first person in the cell only, or for all.", False
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardRules:
+    """What drones earn."""
+
+    move: float = field("float", "Reward of any action that no other rule rewards.")
+    leave_grid: float = field("float", "Reward of a move that would leave the grid.")
+    collision: float = field("float", "Reward of each drone that collided.", 0.0)
+    search_min_probability: float = field(
+        "float", "Searching a cell below this probability is penalised.", 0.01, low=0, high=1
+    )
+    search_min_inclusive: bool = field(
+        "bool", "Whether a cell of exactly the minimum probability counts as above it.", True
+    )
+    search_below: float = field("float", "Reward of searching a cell below the minimum.")
+    search_scale: float = field("float", "Reward of any other search: probability times this.")
+    find: float = field("float", "Reward of finding a person.")
+    find_bonus: float = field("float", "Added to `find`, times (1 - t / L).")
+    time_out: float = field("float", "Reward of an action after the time limit.")
+    time_out_total: bool = field(
+        "bool",
+        "Whether a time-out makes the drone's sum of rewards the time_out reward; rewards that "
+        "a collision replaced count as they were.",
+        False,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoverageRules:
+    """Whether the task is coverage, and what drones earn for it then."""
+
+    task: str = field(
+        "str",
+        "Drones look for persons (find), or visit each cell of a map that stands still where "
+        "probability is, once (cover).",
+        "find",
+        choices=("find", "cover"),
+    )
+    cover_min_probability: float = field(
+        "float", "Cells below this probability need not be covered.", 1e-10, above=0, high=1
+    )
+    cover: float = field("float", "Reward of covering a cell.", 0.0)
+    cover_scale: float = field(
+        "float",
+        "Added to `cover`, times the cell's probability, the number of cells to cover and "
+        "(1 - (t + 1) / L).",
+        0.0,
+    )
+    cover_all: float = field(
+        "float",
+        "Reward of each drone once all is covered: this times the number of cells per drone.",
+        0.0,
+    )
+    cover_all_bonus: float = field("float", "Added to `cover_all`, times (1 - (t + 1) / L).", 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TerminationRules:
+    """When a search ends, and for whom."""
+
+    time_out_grace: int = field(
+        "int", "Out of time is t >= L + this many steps.", 0, low=-1, high=1000, unit="steps"
+    )
+    time_out_acts: bool = field(
+        "bool", "Whether an action after the time limit is still done.", False
+    )
+    both_flags: bool = field(
+        "bool", "Whether a drone that is terminated or truncated is flagged as both.", False
+    )
+    ends_together: bool = field(
+        "bool",
+        "Whether the first flag ends the search for all; a find then flags every drone but those "
+        "that move after it in the same step.",
+        False,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeaRules:
+    """How the map drifts, and which cells are possible."""
+
+    drift_remainder: str = field(
+        "str",
+        "The remainder of a drift that moved the datum is kept; dropped; or less one cell.",
+        "kept",
+        choices=("kept", "dropped", "less_one"),
+    )
+    drift_axes_independent: bool = field(
+        "bool", "Whether an axis of the datum that would leave the grid stays alone, or both do."
+    )
+    drift_by_speed: bool = field(
+        "bool", "Whether the drift per step is v times norm(v) / drone_speed, or v.", False
+    )
+    reset_sea_steps: int = field(
+        "int", "Steps of map and persons that reset does.", 0, low=0, high=1000, unit="steps"
+    )
+    circle: bool = field("bool", "Whether only cells inside the growing circle are possible.")
+    circle_on_previous_datum: bool = field(
+        "bool", "Whether the circle is centred on the datum of the step before.", False
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PersonRules:
+    """Where persons start, how they move, and what becomes of those who are found."""
+
+    person_motion: str = field(
+        "str",
+        "A person "
+        + ", or ".join(f"{motion.doc} ({name})" for name, motion in MOTIONS.items())
+        + ".",
+        "window",
+        choices=tuple(MOTIONS),
+    )
+    person_first: bool = field("bool", "Whether persons step before the map does.", False)
+    person_walks_blind: bool = field(
+        "bool", "Whether a person with an all-zero window walks (-1, -1), or stays.", False
+    )
+    person_scatter: int = field(
+        "int",
+        "One person starts in the given cell, the others in different ones within this "
+        "distance; 0: all in it.",
+        0,
+        low=0,
+        high=2,
+        unit="cells",
+    )
+    found_persons_stay: bool = field(
+        "bool", "Whether a found person drifts on and can be found again.", False
+    )
+
+
+# A dataclass has the fields of its last base first.
+@dataclass(frozen=True, kw_only=True)
+class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules, ActionRules):
+    """One set of rules; t is the number of steps done before the present one, L the limit.
+
+    Any field can be overridden by name: `profile("paper", collision=-2000)`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    profile: str = field("str", "Name of the profile these rules started from.")
+    sigma: float = field("float", "Default spread of the Gaussian.", above=0, unit="cells")
+    dispersion_inc: float = field(
+        "float", "Default growth of the spread per step.", 0.0, low=0, unit="cells"
+    )
+    grid_size: int = field("int", "Default number of cells along a side.", low=1, high=10000)
+    vector: tuple[float, float] = field("vector", "Default drift.", unit="cells per step")
+    person_initial_position: tuple[int, int] | None = field(
+        "cell", "Default cell of the person; the centre of the grid if not given.", None
+    )
+    timestep_limit: int = field("int", "Default limit L.", 100, low=1, high=10**9, unit="steps")
+
+    def __post_init__(self) -> None:
+        check_all(self, Rules)
+        for name in self.actions:
+            if name not in ACTION_VECTORS:
+                check_known("the actions", [name], ACTION_VECTORS)
+        if "search" not in self.actions or len(set(self.actions)) != len(self.actions):
+            raise FieldError(
+                f"actions: {list(self.actions)!r} is not allowed; different names, search included"
+            )
+
+    @property
+    def covers(self) -> bool:
+        """Whether the task is to cover cells."""
+        return self.task == "cover"
+
+    @property
+    def margin(self) -> int:
+        """Cells off the grid that a drone can be: one that flies on is there when it ends."""
+        return int(self.leave_policy == "fly_on")
+
+    @cached_property
+    def action_set(self) -> ActionSet:
+        """The actions with their moves and masks."""
+        return ActionSet(self.actions)
+
+    def override(self, **values: Any) -> Rules:
+        """Return the rules with these fields replaced.
+
+        Raises:
+            FieldError: If a field is unknown or a value is not allowed.
+        """
+        check_known("the rules", values, specs(Rules))
+        return dataclasses.replace(self, **values)
+
+
+_PAPER = Rules(
+    profile="paper",
+    actions=_PLUS,
+    move=1,
+    leave_grid=-100000,
+    leave_policy="terminate",
+    collisions=True,
+    collision=-100000,
+    search_min_probability=0.01,
+    search_below=-100,
+    search_scale=10000,
+    find=10000,
+    find_bonus=10000,
+    time_out=-100000,
+    drift_axes_independent=True,
+    circle=True,
+    sigma=10,
+    grid_size=8,
+    vector=(-0.5, -0.5),
+)
+
+_V1 = _PAPER.override(
+    profile="v1",
+    noop_actions=True,
+    leave_policy="fly_on",
+    search_min_inclusive=False,
+    find=100000,
+    find_bonus=100000,
+    found_persons_stay=True,
+    time_out_grace=1,
+    time_out_acts=True,
+    time_out_total=True,
+    both_flags=True,
+    ends_together=True,
+    drift_remainder="dropped",
+    drift_axes_independent=False,
+    reset_sea_steps=1,
+    circle_on_previous_datum=True,
+    person_walks_blind=True,
+    grid_size=7,
+    person_initial_position=(0, 0),
+)
+
+_V2 = Rules(
+    profile="v2",
+    actions=_STAR,
+    move=0,
+    leave_grid=0,
+    leave_policy="stay",
+    collisions=False,
+    search_below=0,
+    search_scale=0,
+    find=1,
+    find_bonus=1,
+    one_find_per_search=True,
+    time_out=0,
+    both_flags=True,
+    drift_remainder="less_one",
+    drift_axes_independent=False,
+    drift_by_speed=True,
+    reset_sea_steps=1,
+    circle=False,
+    sigma=0.5,
+    dispersion_inc=0.1,
+    person_motion="drift",
+    person_first=True,
+    person_scatter=2,
+    grid_size=20,
+    vector=(1.1, 1),
+    person_initial_position=(0, 0),
+)
+
+_COVERAGE = _V2.override(
+    profile="coverage",
+    task="cover",
+    move=-0.2,
+    leave_grid=-0.2,
+    cover=1,
+    cover_scale=1,
+    cover_all=1,
+    cover_all_bonus=1,
+    time_out_grace=-1,
+    both_flags=False,
+    # Ten minutes of steps of 13 s, after which the package has the drones come.
+    reset_sea_steps=46,
+    # Where there is no matrix, persons drift as the paper has it, with a spread that grows.
+    drift_remainder="kept",
+    drift_axes_independent=True,
+    drift_by_speed=False,
+    person_motion="window",
+    person_first=False,
+    person_scatter=0,
+    vector=(0.05, 0.05),
+    person_initial_position=None,
+)
+
+GROUPS: dict[str, type] = {
+    "Actions": ActionRules,
+    "Rewards": RewardRules,
+    "Coverage": CoverageRules,
+    "Termination": TerminationRules,
+    "Sea": SeaRules,
+    "Persons": PersonRules,
+}
+"""The fields of the rules by what they are about, without the defaults of the scenario."""
+
+PROFILES: dict[str, Rules] = {rules.profile: rules for rules in (_PAPER, _V1, _V2, _COVERAGE)}
+"""The profiles by name."""
+
+
+def profile(name: str, **overrides: Any) -> Rules:
+    """Return a profile, with single fields overridden.
+
+    Args:
+        name: A key of `PROFILES`.
+        overrides: Fields of `Rules`.
+
+    Raises:
+        FieldError: If the profile or a field is unknown or a value is not allowed.
+    """
+    if not isinstance(name, str) or name not in PROFILES:
+        known = ", ".join(PROFILES)
+        raise FieldError(f"rules: {shown(name)} is not allowed; one of {known}")
+    return PROFILES[name].override(**overrides)

@@ -1,0 +1,493 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The scenario of a search: area, camera, sea, persons, drones and limits, checked and frozen."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.area import Area, area_mask
+from dsse_ros.scenario.current import mean_drift, resolve_vector
+from dsse_ros.scenario.fault_fields import FaultFields
+from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
+from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
+from dsse_ros.scenario.rules import Rules, profile
+from dsse_ros.scenario.yaml_file import read_yaml
+
+PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
+"""A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real
+world")."""
+
+MAX_PRE_SEARCH_STEPS = 1_000_000
+
+SYNONYMS = {"dispersion_start": "sigma"}
+"""Other names of fields, as DSSE 1.1.9 has them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario(FaultFields):
+    """What is searched, by whom, for how long; None means "derive it" or "the profile's default".
+
+    `resolve` gives the scenario with every such field filled in.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    name: str = field("str", "Name of the place, for people.", "")
+    origin_lat: float = field(
+        "float", "WGS84 latitude of the grid's south-west corner.", -24.04, low=-90, high=90,
+        unit="deg",
+    )  # fmt: skip
+    origin_lon: float = field(
+        "float", "WGS84 longitude of the grid's south-west corner.", -46.17, low=-180, high=180,
+        unit="deg",
+    )  # fmt: skip
+    origin_alt: float = field(
+        "float", "Ellipsoidal height of the sea at the origin.", 0.0, low=-500, high=9000, unit="m"
+    )
+    area: Area | None = field(
+        "area",
+        "Polygons that are searched: a GeoJSON file or, in YAML and Python, a list of [lat, lon]. "
+        "A cell is in them if its centre is. Empty for the whole grid.",
+        None,
+    )
+    land: bool = field(
+        "bool",
+        "Whether cells on land, by the shoreline of GSHHG, are left out; it takes 6 s and 1.3 GB.",
+        False,
+    )
+    probability_matrix: ProbabilityMatrix | None = field(
+        "matrix",
+        "Coverage: what is to be covered, a .npy, CSV or GeoTIFF file or, in Python, an array; "
+        "empty for where the persons are after pre_search_minutes.",
+        None,
+    )
+    grid_size: int | None = field(
+        "int", "Cells along a side of the square grid.", None, low=1, high=10000, unit="cells"
+    )
+    zone_size: float | None = field(
+        "float", "Side of the zone to search, instead of grid_size; whole cells cover it.", None,
+        above=0, high=1e7, unit="m",
+    )  # fmt: skip
+    cell_size: float | None = field(
+        "float", "Side of a cell; by default what the camera sees.", None,
+        low=1e-3, high=1e6, unit="m",
+    )  # fmt: skip
+    altitude: float = field(
+        "float", "Height of the drones above the sea.", 120.0, low=1e-3, high=20000, unit="m"
+    )
+    field_of_view: float = field(
+        "float", "Full angle of the camera across a cell.", PAPER_FIELD_OF_VIEW_DEG,
+        above=0, high=175, unit="deg",
+    )  # fmt: skip
+    drone_speed: float = field(
+        "float", "Airspeed of the drones.", 10.0, low=1e-3, high=1000, unit="m/s"
+    )
+    num_drones: int | None = field(
+        "int", "Number of drones; by default one per start cell given, else 1.", None,
+        low=1, high=10**8,
+    )  # fmt: skip
+    drones_positions: tuple[tuple[int, int], ...] | None = field(
+        "cells", "Start cells (col, row); by default row by row from the north-west corner.", None
+    )
+    vector: tuple[float, float] | None = field(
+        "vector", "Drift of the datum, x to the east, y to the south; with drift_by_speed (v2) "
+        "times its norm / drone_speed.", None, low=-1e6, high=1e6, unit="cells per step",
+    )  # fmt: skip
+    current_speed: float | None = field(
+        "float", "Speed of the current, instead of vector.", None, low=0, high=100, unit="m/s"
+    )
+    current_toward: float | None = field(
+        "float", "Direction the current flows to, clockwise from north.", None,
+        low=-360, high=360, unit="deg",
+    )  # fmt: skip
+    person_initial_position: tuple[int, int] | None = field(
+        "cell", "Last known cell (col, row) of the person.", None
+    )
+    person_amount: int = field("int", "Number of persons.", 1, low=1, high=10000)
+    sigma: float | None = field(
+        "float", "Spread of the probability along both axes.", None, low=1e-6, unit="cells"
+    )
+    sigma_x: float | None = field(
+        "float", "Spread along x, where it differs from sigma.", None, low=1e-6, unit="cells"
+    )
+    sigma_y: float | None = field(
+        "float", "Spread along y, where it differs from sigma.", None, low=1e-6, unit="cells"
+    )
+    dispersion_inc: float | None = field(
+        "float", "Growth of the spread per step.", None, low=0, unit="cells"
+    )
+    probability_of_detection: float = field(
+        "float", "Probability that a search of a person's cell finds them.", 1.0, low=0, high=1
+    )
+    person_pod_multipliers: tuple[float, ...] | None = field(
+        "floats", "Factor on the probability of detection, one per person; by default 1.", None,
+        low=0,
+    )  # fmt: skip
+    pre_search_minutes: float = field(
+        "float", "Drift before the drones arrive.", 0.0, low=0, high=1e6, unit="min"
+    )
+    timestep_limit: int | None = field(
+        "int", "Steps the drones can do, their endurance.", None, low=1, high=10**9, unit="steps"
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self, Scenario)
+        for name, make in (("area", Area.of), ("probability_matrix", ProbabilityMatrix.of)):
+            if (value := getattr(self, name)) is not None:
+                empty = isinstance(value, str) and not value
+                object.__setattr__(self, name, None if empty else make(value))
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Scenario:
+        """Return the scenario with these fields.
+
+        Raises:
+            FieldError: If a key is unknown or a value is not allowed.
+        """
+        if not isinstance(values, Mapping):
+            raise FieldError("the scenario must be a mapping of field names to values")
+        check_known("the scenario", values, [*specs(cls), *SYNONYMS])
+        renamed = {SYNONYMS.get(name, name): value for name, value in values.items()}
+        if len(renamed) < len(values):
+            raise FieldError("dispersion_start and sigma are the same field; give one")
+        return cls(**renamed)
+
+    @classmethod
+    def from_yaml(cls, path: str | os.PathLike[str]) -> Scenario:
+        """Return the scenario that a YAML file of field names and values states.
+
+        The path of a file in it starts from its folder.
+
+        Raises:
+            FieldError: If the file cannot be read, is not YAML, or does not fit.
+        """
+        try:
+            values = read_yaml(path)
+            for name in FILES if isinstance(values, dict) else ():
+                if values.get(name) and isinstance(values[name], str):
+                    values[name] = os.path.join(os.path.dirname(path), values[name])
+            return cls.from_dict({} if values is None else values)
+        except FieldError as error:
+            raise FieldError(f"scenario {os.fspath(path)!r}: {error}") from None
+
+    @classmethod
+    def of(cls, source: ScenarioSource) -> Scenario:
+        """Return a scenario from any form it may have: itself, a mapping, a YAML path or None.
+
+        Raises:
+            FieldError: If it is not one of these or does not fit.
+        """
+        if source is None:
+            return cls()
+        if isinstance(source, Scenario):
+            return source
+        if isinstance(source, str | os.PathLike):
+            return cls.from_yaml(source)
+        return cls.from_dict(source)
+
+    def override(self, **values: Any) -> Scenario:
+        """Return the scenario with these fields replaced; a None leaves a field as it is.
+
+        An override of one way of stating a thing (grid_size, vector, num_drones) replaces the
+        other (zone_size, current_speed and current_toward, drones_positions).
+
+        Raises:
+            FieldError: If a key is unknown or a value is not allowed.
+        """
+        check_known("the scenario", values, [*specs(Scenario), *SYNONYMS])
+        named = {k: v for k, v in values.items() if v is not None}
+        given = {SYNONYMS.get(k, k): v for k, v in named.items()}
+        if len(given) < len(named):
+            raise FieldError("dispersion_start and sigma are the same field; give one")
+        if "sigma" in given:
+            given = {"sigma_x": None, "sigma_y": None, **given}
+        for ways in _ALTERNATIVES:
+            for way, other in (ways, ways[::-1]):
+                if any(name in given for name in way):
+                    given = {**dict.fromkeys(set(other) - set(given), None), **given}
+        return dataclasses.replace(self, **given)
+
+    def resolve(self, rules: Rules) -> ResolvedScenario:
+        """Return the scenario with nothing left to derive.
+
+        Raises:
+            FieldError: If fields contradict each other or do not fit the grid.
+        """
+        grid, cell = self.grid_of(rules)
+        origin = (self.origin_lat, self.origin_lon, self.origin_alt)
+        if self.probability_matrix is not None:
+            self.probability_matrix.check_place(grid, cell, origin)
+        mask = area_mask(self.area, self.land, grid, cell, origin)
+        positions = self._resolve_positions(grid, mask)
+        sigma = self.sigma if self.sigma is not None else rules.sigma
+        growth = rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
+        person = self.person_initial_position or rules.person_initial_position
+        person = person or (grid // 2, grid // 2)
+        check_cell("person_initial_position", person, grid, mask)
+        vector = resolve_vector(
+            rules, self.vector, self.current_speed, self.current_toward, self.drone_speed
+        )
+        multipliers = self.person_pod_multipliers
+        check_multipliers(multipliers, self.person_amount)
+        if rules.person_scatter:
+            check_scatter(self.person_amount, person, grid, rules.person_scatter, mask)
+        derived = {
+            "grid_size": grid,
+            "zone_size": None,
+            "cell_size": cell,
+            "num_drones": len(positions),
+            "drones_positions": positions,
+            "vector": vector,
+            "drift": mean_drift(rules, vector, self.drone_speed),
+            "current_speed": None,
+            "current_toward": None,
+            "person_initial_position": person,
+            "person_pod_multipliers": multipliers or (1.0,) * self.person_amount,
+            "sigma": sigma,
+            "sigma_x": self.sigma_x or sigma,
+            "sigma_y": self.sigma_y or sigma,
+            "dispersion_inc": growth,
+            "timestep_limit": self.timestep_limit or rules.timestep_limit,
+            **self.resolved_faults(len(positions), self.drone_speed),
+        }
+        given = {name: getattr(self, name) for name in SPECS}
+        resolved = ResolvedScenario(**{**given, **derived, "stated": self})
+        if resolved.pre_search_steps > MAX_PRE_SEARCH_STEPS:
+            raise FieldError(
+                f"pre_search_minutes: {self.pre_search_minutes:g} is not allowed; at most "
+                f"{MAX_PRE_SEARCH_STEPS} steps of {resolved.step_duration_s:g} s"
+            )
+        return resolved
+
+    def grid_of(self, rules: Rules) -> tuple[int, float]:
+        """Return the cells along a side of the grid, and the side of a cell in metres.
+
+        Raises:
+            FieldError: If fields contradict each other, or there is no such grid.
+        """
+        cell = self.cell_size
+        if cell is None:
+            cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
+            derived_from = "cell_size (of altitude and field_of_view)"
+            cell = SPECS["cell_size"].check(derived_from, round(cell, 3))
+        return self._resolve_grid(rules, cell), cell
+
+    def _resolve_grid(self, rules: Rules, cell: float) -> int:
+        matrix = self.probability_matrix
+        if matrix is not None and not rules.covers:
+            raise FieldError(
+                f"probability_matrix: it is not allowed with rules {rules.profile}; those of a "
+                "coverage task"
+            )
+        if self.zone_size is None:
+            side = rules.grid_size if matrix is None else len(matrix.values)
+            return SPECS["grid_size"].check("grid_size", self.grid_size or side)
+        # The tolerance keeps a zone of exactly n cells at n.
+        grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
+        if self.grid_size not in (None, grid):
+            raise FieldError("grid_size and zone_size state the same thing, not alike; give one")
+        return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", grid)
+
+    def _resolve_positions(
+        self, grid: int, mask: NDArray[np.bool_] | None
+    ) -> tuple[tuple[int, int], ...]:
+        count = self.num_drones
+        if self.drones_positions is None:
+            count = 1 if count is None else count
+            most = grid * grid if mask is None else int(mask.sum())
+            if count > most:
+                place = f"a {grid} x {grid} grid" if mask is None else "the area"
+                raise FieldError(
+                    f"num_drones: {count} is not allowed; at most {most}, one per cell of {place}"
+                )
+            cells = range(count) if mask is None else np.flatnonzero(mask)[:count].tolist()
+            return tuple((i % grid, i // grid) for i in cells)
+        check_positions(self.drones_positions, grid, count, mask)
+        return self.drones_positions
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedScenario(Scenario):
+    """A scenario with nothing left to derive.
+
+    Attributes:
+        stated: The scenario that it was derived from.
+        drift: How far the datum drifts in a step on average, to the east and to the south, in
+            cells, by the rules that it was resolved with.
+    """
+
+    grid_size: int
+    cell_size: float
+    num_drones: int
+    drones_positions: tuple[tuple[int, int], ...]
+    vector: tuple[float, float]
+    person_initial_position: tuple[int, int]
+    sigma: float
+    sigma_x: float
+    sigma_y: float
+    dispersion_inc: float
+    person_pod_multipliers: tuple[float, ...]
+    timestep_limit: int
+    battery_search: float
+    battery_hover: float
+    battery_return: float
+    stated: Scenario = dataclasses.field(repr=False, compare=False)
+    drift: tuple[float, float] = dataclasses.field(repr=False, compare=False)
+
+    def override(self, **values: Any) -> Scenario:
+        """Return the scenario as it was stated, with these fields replaced.
+
+        What was derived is derived anew: the cell of another altitude, the drift in cells of
+        other drones. Where nothing is replaced, nothing is.
+
+        Raises:
+            FieldError: If a key is unknown or a value is not allowed.
+        """
+        changed = self.stated.override(**values)
+        return self if changed == self.stated else changed
+
+    @property
+    def area_mask(self) -> NDArray[np.bool_] | None:
+        """Which cells are searched, (G, G) bool [row, col], read-only; None for all."""
+        origin = (self.origin_lat, self.origin_lon, self.origin_alt)
+        return area_mask(self.area, self.land, self.grid_size, self.cell_size, origin)
+
+    @property
+    def step_duration_s(self) -> float:
+        """Time of one step, cell_size / drone_speed (13 s for the paper's cell), in seconds."""
+        return self.cell_size / self.drone_speed
+
+    @property
+    def other_ways(self) -> dict[str, float]:
+        """The fields that state grid_size and vector in other ways, as they would be."""
+        east, south = self.drift
+        return {
+            "zone_size": self.grid_size * self.cell_size,
+            "current_speed": math.hypot(east, south) * self.drone_speed,
+            "current_toward": math.degrees(math.atan2(east, -south)) % 360.0,
+        }
+
+    @property
+    def pre_search_steps(self) -> int:
+        """Steps of drift before the drones arrive."""
+        return round(self.pre_search_minutes * 60 / self.step_duration_s)
+
+
+FILES = ("area", "probability_matrix")
+"""Fields whose texts are paths."""
+
+_ALTERNATIVES = (
+    (("grid_size",), ("zone_size",)),
+    (("vector",), ("current_speed", "current_toward")),
+    (("num_drones",), ("drones_positions",)),
+)
+
+SPECS: dict[str, Spec] = specs(Scenario)
+"""What each field of a scenario may be."""
+
+ScenarioSource = Scenario | Mapping[str, Any] | str | os.PathLike[str] | None
+"""A scenario, its fields, the path of its YAML file, or None for the profile's defaults."""
+
+
+def scenario_and_rules(
+    scenario: ScenarioSource = None, rules: str | Rules = "paper", **fields: Any
+) -> tuple[Scenario, Rules]:
+    """Return scenario and rules with single fields of either overridden by name.
+
+    A field that both have is the scenario's. A None leaves a field as it is.
+
+    Raises:
+        FieldError: If a field is unknown or a value is not allowed.
+    """
+    of_scenario = {*SPECS, *SYNONYMS}
+    check_known("the scenario or the rules", fields, [*of_scenario, *specs(Rules)])
+    chosen = rules if isinstance(rules, Rules) else profile(rules)
+    of_rules = {k: v for k, v in fields.items() if k not in of_scenario and v is not None}
+    given = {k: v for k, v in fields.items() if k in of_scenario}
+    return Scenario.of(scenario).override(**given), chosen.override(**of_rules)
+
+
+def check_cell(
+    name: str, cell: tuple[int, int], grid_size: int, mask: NDArray[np.bool_] | None = None
+) -> None:
+    """Raise unless the cell (col, row) is on the grid and, with a mask (G, G), in the area.
+
+    Raises:
+        FieldError: If it is outside.
+    """
+    if not all(0 <= c < grid_size for c in cell):
+        raise FieldError(
+            f"{name}: {list(cell)} is not allowed; col and row from 0 to {grid_size - 1}"
+        )
+    if mask is not None and not mask[cell[1], cell[0]]:
+        raise FieldError(
+            f"{name}: {list(cell)} is not allowed; one of the {int(mask.sum())} cells of the area"
+        )
+
+
+def check_positions(
+    positions: tuple[tuple[int, int], ...],
+    grid_size: int,
+    count: int | None,
+    mask: NDArray[np.bool_] | None = None,
+) -> None:
+    """Raise unless these are `count` different cells of the grid and, with a mask, of the area.
+
+    Raises:
+        FieldError: If there are too few or too many, or a cell is outside or stands twice.
+    """
+    if not positions or (count is not None and len(positions) != count):
+        raise FieldError(
+            f"drones_positions: {len(positions)} cells are not allowed; "
+            f"one per drone ({count or 'at least 1'})"
+        )
+    for cell in positions:
+        check_cell("drones_positions", cell, grid_size, mask)
+    if len(set(positions)) != len(positions):
+        raise FieldError("drones_positions: two drones in one cell are not allowed")
+
+
+def check_multipliers(multipliers: tuple[float, ...] | None, person_amount: int) -> None:
+    """Raise unless there is one multiplier per person.
+
+    Raises:
+        FieldError: If the numbers differ.
+    """
+    if multipliers is not None and len(multipliers) != person_amount:
+        raise FieldError(
+            f"person_pod_multipliers: {len(multipliers)} values are not allowed; "
+            f"one per person ({person_amount})"
+        )
+
+
+def check_scatter(
+    amount: int,
+    cell: tuple[int, int],
+    grid_size: int,
+    scatter: int,
+    mask: NDArray[np.bool_] | None = None,
+) -> None:
+    """Raise unless the cells within `scatter` of the cell have room for every person.
+
+    Raises:
+        FieldError: If there are more persons than cells.
+    """
+    cols, rows = (range(max(c - scatter, 0), min(c + scatter + 1, grid_size)) for c in cell)
+    room = len(cols) * len(rows)
+    if mask is not None:
+        room = int(mask[rows.start : rows.stop, cols.start : cols.stop].sum())
+    if amount > room:
+        raise FieldError(
+            f"person_amount: {amount} is not allowed; at most {room}, the cells within "
+            f"{scatter} of person_initial_position {list(cell)}"
+        )

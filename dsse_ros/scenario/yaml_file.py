@@ -1,0 +1,117 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""YAML files of fields and values: small, plain, and read as YAML 1.2 reads them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Hashable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import yaml
+
+from dsse_ros.scenario.fields import FieldError, shown
+
+MAX_BYTES = 1_000_000
+MAX_DEPTH = 8
+
+
+def read_yaml(path: str | os.PathLike[str]) -> Any:
+    """Return what a file says, by the core schema of YAML 1.2 (yaml.org/spec/1.2.2, 10.3).
+
+    So `1e3` is a number, and `no`, `1:30` and `2024-01-01` are texts.
+
+    Raises:
+        FieldError: If the file cannot be read, is not YAML, has a key twice, or has what fields
+            never need: an alias, a tag of its own, deep nesting, more than `MAX_BYTES`.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise FieldError(f"more than {MAX_BYTES} bytes are not allowed")
+        return yaml.load(data.decode("utf-8"), _Loader)
+    except OSError as error:
+        raise FieldError(str(error.strerror)) from None
+    except UnicodeDecodeError:
+        raise FieldError("not UTF-8 text") from None
+    except FieldError:
+        raise
+    except ValueError as error:
+        # A path that no file system has.
+        raise FieldError(str(error)) from None
+    except yaml.YAMLError as error:
+        raise FieldError(f"not YAML: {' '.join(str(error).split())}") from None
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML reads YAML 1.1; this leaves out what 1.2 no longer has and files do not need."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}
+    yaml_constructors: ClassVar[dict[Any, Any]] = {}
+    _depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise FieldError(f"{_line(self.peek_event())}: an alias is not allowed")
+        if self._depth >= MAX_DEPTH:
+            raise FieldError(f"{_line(self.peek_event())}: {MAX_DEPTH} levels are the most allowed")
+        self._depth += 1
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        lines: dict[Hashable, str] = {}
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                raise FieldError(f"{_line(key_node)}: {shown(key)} is no name of a field")
+            if key in lines:
+                raise FieldError(f"{shown(key)} stands twice: {lines[key]} and {_line(key_node)}")
+            lines[key] = _line(key_node)
+        return super().construct_mapping(node, deep)
+
+
+def _number(loader: Any, node: Any) -> int | float:
+    text = loader.construct_scalar(node)
+    try:
+        if node.tag.endswith(":int"):
+            return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    except ValueError:
+        # A tag that does not fit, or more digits than Python reads.
+        raise FieldError(f"{_line(node)}: {shown(text)} is no number") from None
+
+
+def _line(place: Any) -> str:
+    return f"line {place.start_mark.line + 1}"
+
+
+def _truth(loader: Any, node: Any) -> bool:
+    return bool(loader.construct_scalar(node).lower() == "true")
+
+
+_TAG = "tag:yaml.org,2002:"
+_SCALARS: dict[str, tuple[str, str, Callable[[Any, Any], Any]]] = {
+    "null": ("~|null|Null|NULL|", "~nN", lambda loader, node: None),
+    "bool": ("true|True|TRUE|false|False|FALSE", "tTfF", _truth),
+    "int": ("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789", _number),
+    "float": (
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        "-+.0123456789",
+        _number,
+    ),
+}
+"""How a scalar looks, what it can begin with, and what it is made into."""
+
+for _kind, (_pattern, _first, _make) in _SCALARS.items():
+    _first_of = [*_first, ""] if _kind == "null" else list(_first)
+    _Loader.add_implicit_resolver(_TAG + _kind, re.compile(f"(?:{_pattern})\\Z"), _first_of)
+    _Loader.add_constructor(_TAG + _kind, _make)
+for _kind in ("str", "seq", "map"):
+    _Loader.add_constructor(_TAG + _kind, getattr(_Loader, f"construct_yaml_{_kind}"))
+_Loader.add_constructor(None, _Loader.construct_undefined)  # type: ignore[type-var]

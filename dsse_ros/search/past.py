@@ -1,0 +1,103 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a picture shows of a world: its past, and how it is now."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.search.world import World
+from dsse_ros.targets import sea_map
+from dsse_ros.view.mission_view import MissionView
+
+
+class Past:
+    """The tracks and searches of a world, a batch of one, from now on.
+
+    Where the task is coverage, a visit is a search. Each step of the world stands between
+    `before_step` and `after_step`.
+
+    Args:
+        world: What is followed.
+
+    Attributes:
+        searches: See `MissionView`.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._cells = [self._now()]
+        self._searching = np.zeros(world.num_drones, bool)
+        self.searches = np.zeros((world.grid_size, world.grid_size), np.int32)
+
+    def before_step(self, actions: NDArray[np.int8]) -> None:
+        """Note who is about to search.
+
+        Args:
+            actions: (N,) int8, those of the step.
+        """
+        world, rules = self._world, self._world.rules
+        limit = world.scenario.timestep_limit + rules.time_out_grace
+        self._searching[:] = world.drones["alive"][0] & (actions == rules.action_set.search)
+        if world.worlds["done"][0] or (world.worlds["t"][0] >= limit and not rules.time_out_acts):
+            self._searching[:] = False
+
+    def after_step(self) -> None:
+        """Add the step."""
+        if self._world.faults is not None:
+            search = self._world.rules.action_set.search
+            self._searching &= self._world.faults.applied[0] == search
+        self._cells.append(self._now())
+        if self._world.coverage is not None:
+            self._searching |= (self._cells[-1] != self._cells[-2]).any(axis=1)
+        col, row = self._cells[-1][self._searching].T
+        np.add.at(self.searches, (row, col), 1)
+
+    @property
+    def tracks(self) -> NDArray[np.int64]:
+        """(N, K, 2) cells of each drone, from its start to where it is now."""
+        return np.stack(self._cells, axis=1)
+
+    def _now(self) -> NDArray[np.int64]:
+        drones = self._world.drones[0]
+        return np.stack([drones["x"], drones["y"]], axis=1)
+
+
+def view_of(
+    world: World, probability: NDArray[np.float32], past: Past, pos: float | None
+) -> MissionView:
+    """Return what a picture shows of a world, a batch of one.
+
+    Args:
+        world: The world.
+        probability: (G, G) float32, its map, or the belief.
+        past: Its past.
+        pos: Cumulative probability of success, None if the probability is no belief.
+    """
+    covered = {name: float(of[0]) for name, of in world.coverage_metrics().items()}
+    s, now, persons = world.scenario, world.worlds[0], world.persons[0]
+    circle = None
+    if world.rules.circle and not covered:
+        circle = (float(now["circle_x"]), float(now["circle_y"]), float(sea_map.radius(now)))
+    return MissionView(
+        probability=probability,
+        tracks=past.tracks,
+        # A drone that the find of all persons or the time has ended is still in the air.
+        alive=world.drones["alive"][0] | world.truncated[0] | (now["num_missing"] == 0),
+        persons=np.stack([persons["x"], persons["y"]], axis=1),
+        found=persons["found"].copy(),
+        datum=None if covered else (int(now["datum_x"]), int(now["datum_y"])),
+        step=int(now["t"]),
+        timestep_limit=s.timestep_limit,
+        cell_size_m=s.cell_size,
+        title=s.name,
+        pos=covered.get("pos", pos),
+        coverage_rate=covered.get("coverage_rate"),
+        belief=pos is not None,
+        area=s.area_mask,
+        searches=past.searches.copy(),
+        circle=circle,
+        origin=(s.origin_lat, s.origin_lon, s.origin_alt),
+        step_s=s.step_duration_s,
+    )

@@ -1,0 +1,372 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled faults: what stands between a command and what a drone does, step by step.
+
+`before_step` decides what each drone does and takes the energy for it off its battery, the world
+does its step with that, and `after_step` looks at what came of it. Without faults neither is
+called. All draws come from the generator of the world: of each drone in index order those of loss,
+dropped command and stuck before the step, those of false alarm and position after it, each only
+where its fault is in the scenario.
+"""
+
+from __future__ import annotations
+
+from math import cos, log, pi, sin, sqrt
+
+import numpy as np
+
+from dsse_ros.compiled.draws import draw_unit
+from dsse_ros.compiled.jit import kernel, part
+from dsse_ros.scenario.battery_fields import FULL
+from dsse_ros.scenario.fault_fields import MAX_DELAY
+from dsse_ros.step.kernels import MAX_ACTIONS
+from dsse_ros.targets.sea_map import is_inside, is_open
+
+STATUSES = ("searching", "stuck", "identifying", "returning", "home", "lost")
+"""What a drone is about, by number."""
+SEARCHING, STUCK, IDENTIFYING, RETURNING, HOME, LOST = range(len(STATUSES))
+
+HELD = -1
+"""The action of a drone that does nothing, `world.HOLD`."""
+ROUNDING = 1e-9
+"""Of energy and of the progress of a move: sums of decimal fractions are not exact."""
+
+FAULT_CONSTANTS = np.dtype(
+    [
+        ("battery", "?"),  # batteries run down
+        ("battery_move", "f8"),
+        ("battery_search", "f8"),
+        ("battery_hover", "f8"),
+        ("battery_return", "f8"),
+        ("battery_reserve", "f8"),
+        ("relief_steps", "i8"),  # 0: no relief
+        ("loss_rate", "f8"),
+        ("stuck_rate", "f8"),
+        ("stuck_steps", "i8"),
+        ("command_delay", "i8"),
+        ("command_drop_rate", "f8"),
+        ("false_alarm_rate", "f8"),
+        ("false_alarm_steps", "i8"),
+        ("position_noise", "f8"),
+        ("pace", "f8", (MAX_ACTIONS,)),  # share of each action's move that a step does
+    ],
+    align=True,
+)
+"""The fields of `faults.FAULTS`, as the kernels read them."""
+
+CONDITIONS = np.dtype(
+    [
+        ("seen_x", "i8"),  # where the drone says that it is
+        ("seen_y", "i8"),
+        ("battery", "f8"),  # percent
+        ("progress", "f8"),  # share of a move that is done
+        ("until", "i8"),  # step until which it is stuck, identifies, or is home
+        ("status", "i1"),  # number in `STATUSES`
+        ("applied", "i1"),  # action of the last step, `HELD` for none
+        ("heading", "i1"),  # action of the move that is in progress
+        ("pending", "i1", (MAX_DELAY,)),  # commands under way
+    ],
+    align=True,
+)
+"""What faults have made of each drone."""
+
+
+@part
+def can_afford(f, o, home_steps, x, y, to_x, to_y, energy):
+    """Return whether a drone can spend this energy and still come home with its reserve.
+
+    It may then be in either of the two cells: a move against the wind may not be done.
+    """
+    steps = max(home_steps[y, x], home_steps[to_y, to_x])
+    left = o.battery - energy - steps * f.battery_return
+    return left >= f.battery_reserve - ROUNDING
+
+
+@part
+def can_do(c, f, area, d, o, home_steps, action):
+    """Return whether a drone, on the grid, can do an action and still come home."""
+    x, y = d.x, d.y
+    if action == c.search_action:
+        return can_afford(f, o, home_steps, x, y, x, y, f.battery_search)
+    if not 0 <= action < c.num_actions:
+        return can_afford(f, o, home_steps, x, y, x, y, f.battery_hover)
+    to_x, to_y = x + c.dx[action], y + c.dy[action]
+    if not is_open(area, c.grid_size, to_x, to_y):
+        to_x, to_y = x, y
+    if f.pace[action] >= 1.0:
+        return can_afford(f, o, home_steps, to_x, to_y, to_x, to_y, f.battery_move)
+    return can_afford(f, o, home_steps, x, y, to_x, to_y, f.battery_move)
+
+
+@part
+def can_go_on(c, f, area, d, o, home_steps):
+    """Return whether a drone can do anything but go home."""
+    if o.status == IDENTIFYING:
+        return can_do(c, f, area, d, o, home_steps, HELD)
+    for action in range(c.num_actions):
+        to_x, to_y = d.x + c.dx[action], d.y + c.dy[action]
+        if is_open(area, c.grid_size, to_x, to_y) and can_do(c, f, area, d, o, home_steps, action):
+            return True
+    return False
+
+
+@part
+def land(f, w, o):
+    """Note that a drone is home."""
+    o.status = HOME
+    o.until = w.t + f.relief_steps
+
+
+@part
+def turn_home(f, w, d, o, home_steps):
+    """Send a drone home, above the others; in its home cell it is there."""
+    o.status = RETURNING
+    if home_steps[d.y, d.x] == 0:
+        land(f, w, o)
+    o.progress = 0.0
+    o.heading = HELD
+    d.aloft = True
+
+
+@part
+def lose(w, d, o):
+    """Take a drone out; the step that follows terminates it."""
+    o.status = LOST
+    d.alive = False
+    w.num_active -= 1
+
+
+@part
+def arrived_command(f, w, o, command):
+    """Return the command that a drone gets in this step, `HELD` if none."""
+    if f.command_delay > 0:
+        slot = w.t % f.command_delay
+        delayed = o.pending[slot]
+        o.pending[slot] = command
+        command = delayed
+    if f.command_drop_rate > 0.0 and draw_unit(w) < f.command_drop_rate:
+        command = HELD
+    return command
+
+
+@part
+def against_wind(f, o, action, num_actions, search_action):
+    """Return the action that gets done: a move only once the steps have added up to one."""
+    if not 0 <= action < num_actions or action == search_action or f.pace[action] >= 1.0:
+        o.progress = 0.0
+        o.heading = HELD
+        return action
+    if action != o.heading:
+        o.progress = 0.0
+        o.heading = action
+    o.progress += f.pace[action]
+    if o.progress < 1.0 - ROUNDING:
+        return np.int64(HELD)
+    o.progress -= 1.0
+    return action
+
+
+@part
+def decide(c, f, area, w, d, o, home_steps, home_actions, command):
+    """Return what a drone in the air does, and take the energy for it off its battery."""
+    action = np.int64(arrived_command(f, w, o, command))
+    if o.status != STUCK and f.stuck_rate > 0.0 and draw_unit(w) < f.stuck_rate:
+        o.status = STUCK
+        o.until = w.t + f.stuck_steps
+    inside = is_inside(c.grid_size, d.x, d.y)
+    if o.status == STUCK or o.status == IDENTIFYING:
+        action = np.int64(HELD)
+    may_turn = f.battery and inside and (o.status == SEARCHING or o.status == IDENTIFYING)
+    if may_turn and not can_do(c, f, area, d, o, home_steps, action):
+        turn_home(f, w, d, o, home_steps)
+        if o.status == HOME:
+            return np.int64(HELD)
+    energy = f.battery_move
+    if o.status == RETURNING and inside:
+        action = np.int64(home_actions[d.y, d.x])
+        energy = f.battery_return
+    elif action == c.search_action:
+        energy = f.battery_search
+    elif not 0 <= action < c.num_actions:
+        energy = f.battery_hover
+    if o.status != STUCK:
+        action = against_wind(f, o, action, c.num_actions, c.search_action)
+    if f.battery:
+        o.battery = max(o.battery - energy, 0.0)
+    return action
+
+
+@kernel
+def before_step(
+    constants, faults, area, worlds, drones, conditions, losses, home_steps, home_actions, actions,
+    applied, first, last,
+):  # fmt: skip
+    """Decide what the drones of the worlds first..last - 1 do.
+
+    Args:
+        constants: (1,) of `kernels.CONSTANTS`.
+        faults: (1,) of `FAULT_CONSTANTS`.
+        area: As in `kernels.step_worlds`.
+        worlds: (B,) of `kernels.WORLDS`.
+        drones: (B, N) of `kernels.DRONES`.
+        conditions: (B, N) of `CONDITIONS`.
+        losses: (N,) int64, step in which each drone is lost; 0 for never.
+        home_steps: (N, G, G) int32 of `battery.WaysHome`; (N, 0, 0) without batteries.
+        home_actions: (N, G, G) int8, likewise.
+        actions: (B, N) int8, the commands.
+        applied: (B, N) int8 out, what the drones do.
+        first: Number of the first world.
+        last: Number of the last world, plus one.
+    """
+    c, f = constants[0], faults[0]
+    for b in range(first, last):
+        w = worlds[b]
+        for n in range(drones.shape[1]):
+            applied[b, n] = HELD
+            d, o = drones[b, n], conditions[b, n]
+            if w.done or not d.alive:
+                continue
+            if o.status == HOME:
+                if f.relief_steps == 0:
+                    d.alive = False
+                    w.num_active -= 1
+                continue
+            lost = w.t + 1 == losses[n] or (f.battery and o.battery <= 0.0)
+            if f.loss_rate > 0.0:
+                lost |= draw_unit(w) < f.loss_rate
+            if lost:
+                lose(w, d, o)
+                continue
+            applied[b, n] = decide(
+                c, f, area, w, d, o, home_steps[n], home_actions[n], actions[b, n]
+            )
+
+
+@part
+def is_vacant(c, drones, n):
+    """Return whether a drone can take off in its cell: no other would collide with it there."""
+    if not c.collisions:
+        return True
+    d = drones[n]
+    for m in range(len(drones)):
+        other = drones[m]
+        if m != n and other.alive and not other.aloft and other.x == d.x and other.y == d.y:
+            return False
+    return True
+
+
+@part
+def observe(c, f, w, d, o):
+    """Note where a drone says that it is: with a normal error along each axis, on the grid."""
+    o.seen_x, o.seen_y = d.x, d.y
+    if f.position_noise > 0.0 and d.alive and is_inside(c.grid_size, d.x, d.y):
+        # Box and Muller; 1 - u is never 0.
+        reach = f.position_noise * sqrt(-2.0 * log(1.0 - draw_unit(w)))
+        turn = 2.0 * pi * draw_unit(w)
+        edge = c.grid_size - 1
+        # An error of more than the grid is the edge's; the cast of a larger one is undefined.
+        error_x = min(max(np.floor(reach * cos(turn) + 0.5), -edge), edge)
+        error_y = min(max(np.floor(reach * sin(turn) + 0.5), -edge), edge)
+        o.seen_x = min(max(d.x + np.int64(error_x), 0), edge)
+        o.seen_y = min(max(d.y + np.int64(error_y), 0), edge)
+
+
+@part
+def start(c, f, area, w, d, o, home_steps):
+    """Set what faults have made of a drone to the start of a mission."""
+    d.aloft = False
+    o.battery = FULL
+    o.progress = 0.0
+    o.until = 0
+    o.status = SEARCHING
+    o.applied = o.heading = HELD
+    for k in range(MAX_DELAY):
+        o.pending[k] = HELD
+    if f.battery and not can_go_on(c, f, area, d, o, home_steps):
+        turn_home(f, w, d, o, home_steps)
+    observe(c, f, w, d, o)
+
+
+@part
+def update(c, f, area, w, drones, n, o, home_steps, searched):
+    """Note what a step has made of a drone that is still in the mission."""
+    d = drones[n]
+    inside = is_inside(c.grid_size, d.x, d.y)
+    if o.status == HOME:
+        if f.relief_steps > 0 and w.t >= o.until and is_vacant(c, drones, n):
+            o.status = SEARCHING
+            o.battery = FULL
+            d.aloft = False
+    elif o.status == RETURNING:
+        if inside and home_steps[d.y, d.x] == 0:
+            land(f, w, o)
+    elif o.status != SEARCHING and w.t >= o.until:
+        o.status = RETURNING if d.aloft else SEARCHING
+    in_vain = searched and f.false_alarm_rate > 0.0 and not d.found
+    if in_vain and draw_unit(w) < f.false_alarm_rate:
+        o.status = IDENTIFYING
+        o.until = w.t + f.false_alarm_steps
+    may_turn = f.battery and inside and (o.status == SEARCHING or o.status == IDENTIFYING)
+    if may_turn and not can_go_on(c, f, area, d, o, home_steps):
+        turn_home(f, w, d, o, home_steps)
+
+
+@kernel
+def after_step(
+    constants, faults, area, worlds, drones, conditions, home_steps, applied, first, last
+):
+    """Note what a step has made of the drones; arguments as in `before_step`."""
+    c, f = constants[0], faults[0]
+    for b in range(first, last):
+        w = worlds[b]
+        for n in range(drones.shape[1]):
+            d, o = drones[b, n], conditions[b, n]
+            if w.t == 0:
+                # A batch has reset the world.
+                start(c, f, area, w, d, o, home_steps[n])
+                continue
+            o.applied = applied[b, n]
+            if d.alive and not w.done:
+                searched = o.applied == c.search_action
+                update(c, f, area, w, drones[b], n, o, home_steps[n], searched)
+            observe(c, f, w, d, o)
+
+
+@kernel
+def start_conditions(constants, faults, area, worlds, drones, conditions, home_steps, which):
+    """Begin the missions of the worlds with which[b], (B,) bool; see `before_step`."""
+    c, f = constants[0], faults[0]
+    for b in range(len(worlds)):
+        if which[b]:
+            for n in range(drones.shape[1]):
+                start(c, f, area, worlds[b], drones[b, n], conditions[b, n], home_steps[n])
+
+
+@kernel
+def restrict_masks(
+    constants, faults, area, drones, conditions, home_steps, home_actions, masks, first, last
+):
+    """Take off the action masks what would keep drones from coming home.
+
+    Of a drone that goes home, or is there, only that is left; one is always left. `masks` are
+    (B, N, A) int8, 0 for moves out of the grid or the area; the other arguments are as in
+    `before_step`.
+    """
+    c, f = constants[0], faults[0]
+    if not f.battery:
+        return
+    for b in range(first, last):
+        for n in range(drones.shape[1]):
+            d, o = drones[b, n], conditions[b, n]
+            if not d.alive or not is_inside(c.grid_size, d.x, d.y):
+                continue
+            steered = o.status == RETURNING or o.status == HOME
+            left = 0
+            for a in range(c.num_actions):
+                if masks[b, n, a] and (steered or not can_do(c, f, area, d, o, home_steps[n], a)):
+                    masks[b, n, a] = 0
+                left += masks[b, n, a]
+            if left == 0:
+                home = home_actions[n, d.y, d.x]
+                masks[b, n, home if home >= 0 else c.search_action] = 1

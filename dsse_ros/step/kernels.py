@@ -1,0 +1,465 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled step of B worlds at once: drones, map, persons and rewards.
+
+The state of the worlds is in three structured arrays, `worlds` (B,), `drones` (B, N) and `persons`
+(B, P); `constants` (1,) is shared and never written. x is the column and grows to the east, y is
+the row and grows to the south.
+
+Where only a part of the grid is searched, `area` (G, G) bool is true in its cells, and `runs`
+(R, 3) int64 has them as (row, first column, last column). Both are None where all of it is: then
+what they would cost is compiled away. So it is where `coverage`, see `coverage_kernels`, is None.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsse_ros.compiled.draws import draw_unit
+from dsse_ros.compiled.jit import inlined, kernel, part
+from dsse_ros.compiled.streaming import ALIGNMENT, LANES
+from dsse_ros.step.collisions import collide, next_stamp, occupy
+from dsse_ros.step.coverage_kernels import put_back, reward_if_all_covered, visit, write_left
+from dsse_ros.targets.person_motion import draw_own_drift, persons_step, scatter_persons
+from dsse_ros.targets.sea_map import (
+    cell_probability,
+    disperse,
+    drift_per_step,
+    is_inside,
+    is_open,
+    map_step,
+    write_map,
+)
+
+MAX_ACTIONS = 16
+
+CONSTANTS = np.dtype(
+    [
+        ("grid_size", "i8"),
+        ("timestep_limit", "i8"),
+        ("pre_search_steps", "i8"),
+        ("probability_of_detection", "f8"),
+        ("sigma_x", "f8"),
+        ("sigma_y", "f8"),
+        ("dispersion_inc", "f8"),
+        ("num_actions", "i8"),
+        ("search_action", "i8"),
+        ("dx", "i8", (MAX_ACTIONS,)),
+        ("dy", "i8", (MAX_ACTIONS,)),
+        ("move", "f8"),
+        ("leave_grid", "f8"),
+        ("leave_terminates", "?"),
+        ("leave_flies_on", "?"),
+        ("collisions", "?"),
+        ("collision", "f8"),
+        ("search_min_probability", "f8"),
+        ("search_min_inclusive", "?"),
+        ("search_below", "f8"),
+        ("search_scale", "f8"),
+        ("find", "f8"),
+        ("find_bonus", "f8"),
+        ("cover", "f8"),
+        ("cover_scale", "f8"),
+        ("cover_all", "f8"),
+        ("cover_all_bonus", "f8"),
+        ("one_find_per_search", "?"),
+        ("found_persons_stay", "?"),
+        ("time_out", "f8"),
+        ("time_out_grace", "i8"),
+        ("time_out_acts", "?"),
+        ("time_out_total", "?"),
+        ("both_flags", "?"),
+        ("ends_together", "?"),
+        ("drift_remainder_dropped", "?"),
+        ("drift_remainder_less_one", "?"),
+        ("drift_axes_independent", "?"),
+        ("drift_by_speed", "?"),
+        ("cell_size", "f8"),
+        ("step_duration_s", "f8"),
+        ("reset_sea_steps", "i8"),
+        ("circle", "?"),
+        ("circle_on_previous_datum", "?"),
+        ("motion", "i8"),  # number in `person_motion.MOTIONS`
+        ("own_drift", "?"),
+        ("person_first", "?"),
+        ("person_walks_blind", "?"),
+        ("person_scatter", "i8"),
+        ("auto_reset", "?"),  # a step resets a world that is done, whatever its actions
+    ],
+    align=True,
+)
+"""The scenario, the rules and the options of the batch, as the kernels read them."""
+
+WORLDS = np.dtype(
+    [
+        ("rng", "u8"),  # state of the world's own generator
+        ("t", "i8"),  # steps done
+        ("map_steps", "i8"),
+        ("datum_x", "i8"),
+        ("datum_y", "i8"),
+        ("circle_x", "i8"),
+        ("circle_y", "i8"),
+        ("remainder_x", "f8"),  # drift not yet moved, cells
+        ("remainder_y", "f8"),
+        ("vector_x", "f8"),  # the scenario's drift
+        ("vector_y", "f8"),
+        ("drift_x", "f8"),  # drift per step, cells
+        ("drift_y", "f8"),
+        ("scale", "f8"),  # 1 / sum of the Gaussian over the possible cells; 0: one cell has it all
+        ("start_x", "i8"),  # cell of the person at reset
+        ("start_y", "i8"),
+        ("num_active", "i8"),  # drones still in the search
+        ("num_missing", "i8"),  # persons not found, or cells not covered
+        ("done", "?"),  # the search has ended: none missing, time out, or no drone left
+    ],
+    align=True,
+)
+
+DRONES = np.dtype(
+    [
+        ("x", "i8"),
+        ("y", "i8"),
+        ("episode_return", "f8"),  # sum of rewards, before collisions replaced any
+        ("reward", "f8"),  # of the last step
+        ("alive", "?"),  # in the search; without a flag and not alive: withdrawn
+        ("terminated", "?"),  # since the last reset
+        ("truncated", "?"),
+        ("found", "?"),  # found a person in the last step
+        ("aloft", "?"),  # above the others, or on the ground: it does not collide
+    ],
+    align=True,
+)
+
+
+@part
+def sea_step(c, w, persons, gauss, tails, area, runs, circle):
+    """Advance the map and the persons by one step."""
+    if c.person_first:
+        persons_step(c, w, gauss, area, persons)
+    map_step(c, w, gauss, tails, area, runs, circle)
+    if not c.person_first:
+        persons_step(c, w, gauss, area, persons)
+
+
+@part
+def reset_world(
+    c, w, starts, drones, persons, gauss, tails, area, runs, coverage, b, circle, cells
+):
+    """Set a world to its start: persons at the start cell, which has all the probability."""
+    w.t = w.map_steps = 0
+    w.datum_x = w.circle_x = w.start_x
+    w.datum_y = w.circle_y = w.start_y
+    w.remainder_x = w.remainder_y = 0.0
+    w.drift_x, w.drift_y = drift_per_step(c, w.vector_x, w.vector_y)
+    w.scale = 0.0
+    w.done = False
+    w.num_active = len(drones)
+    w.num_missing = len(persons)
+    for n in range(len(drones)):
+        d = drones[n]
+        d.x, d.y = starts[n, 0], starts[n, 1]
+        d.episode_return = d.reward = 0.0
+        d.alive = True
+        d.terminated = d.truncated = d.found = False
+    if coverage is not None:
+        put_back(w, coverage, b)
+        return
+    for p in range(len(persons)):
+        person = persons[p]
+        person.x, person.y = w.start_x, w.start_y
+        person.remainder_x = person.remainder_y = 0.0
+        person.found = False
+        if c.own_drift:
+            draw_own_drift(c, w, person)
+    if c.person_scatter > 0:
+        scatter_persons(c, w, area, persons, cells)
+    for _ in range(c.pre_search_steps + c.reset_sea_steps):
+        sea_step(c, w, persons, gauss, tails, area, runs, circle)
+
+
+@inlined
+def search_cell(c, w, gauss, area, d, persons):
+    """Return (reward, found) of a search by a drone where it is."""
+    finds = 0
+    for p in range(len(persons)):
+        person = persons[p]
+        gone = person.found and not c.found_persons_stay
+        if gone or person.x != d.x or person.y != d.y:
+            continue
+        chance = min(person.pod_multiplier * c.probability_of_detection, 1.0)
+        if chance >= 1.0 or draw_unit(w) < chance:
+            person.found = True
+            finds += 1
+        if c.one_find_per_search:
+            break
+    if finds > 0:
+        return finds * (c.find + c.find_bonus * (1.0 - w.t / c.timestep_limit)), True
+    x, y = d.x, d.y
+    if c.leave_flies_on:
+        # A drone outside to the west or north sees the cell that a negative index names.
+        x, y = (x + c.grid_size if x < 0 else x), (y + c.grid_size if y < 0 else y)
+    probability = cell_probability(c, w, gauss, area, x, y)
+    enough = probability > c.search_min_probability or (
+        c.search_min_inclusive and probability == c.search_min_probability
+    )
+    return (probability * c.search_scale if enough else c.search_below), False
+
+
+@part
+def step_drones(c, w, drones, persons, gauss, area, coverage, b, occupied, actions):
+    """Do the actions in index order against the map of the last observation.
+
+    Returns:
+        Whether active drones may share a cell, and whether any has found a person or got a
+        flag.
+    """
+    # Read once: the compiler must expect that what is written to the drones changes them.
+    grid_size, move_reward, leave_reward = c.grid_size, c.move, c.leave_grid
+    search_action, num_actions, leave_flies_on = c.search_action, c.num_actions, c.leave_flies_on
+    leave_flags = c.leave_terminates or leave_flies_on
+    ends_together, collisions = c.ends_together, c.collisions
+    out_of_time = w.t >= c.timestep_limit + c.time_out_grace
+    idle = out_of_time and not c.time_out_acts
+    moves_x, moves_y = c.dx, c.dy
+    stamp = next_stamp(occupied)
+    shared = eventful = False
+    for n in range(len(drones)):
+        d, action = drones[n], actions[n]
+        if not d.alive:
+            d.reward = 0.0
+            d.found = False
+            # One that was withdrawn has no flag yet.
+            eventful |= not (d.terminated or d.truncated)
+            continue
+        reward, found, terminated = move_reward, False, d.terminated
+        if idle:
+            pass
+        elif coverage is None and action == search_action:
+            reward, found = search_cell(c, w, gauss, area, d, persons)
+            if found and ends_together:
+                for m in range(len(drones)):
+                    drones[m].terminated = True
+                terminated = True
+        elif 0 <= action < num_actions:
+            x, y = d.x + moves_x[action], d.y + moves_y[action]
+            inside = is_open(area, grid_size, x, y)
+            # Outside the grid is water, outside the area is not.
+            if inside or (leave_flies_on and not is_inside(grid_size, x, y)):
+                d.x, d.y = x, y
+            if not inside:
+                reward = leave_reward
+            elif coverage is not None:
+                reward = visit(c, w, coverage, b, x, y)
+            terminated = leave_flags and not inside
+        if out_of_time:
+            reward = c.time_out - (d.episode_return if c.time_out_total else 0.0)
+            d.truncated = True
+        d.reward = reward
+        d.episode_return += reward
+        d.found = found
+        d.terminated = terminated
+        eventful |= found or terminated or d.truncated
+        if collisions and not d.aloft and (ends_together or not terminated):
+            shared |= occupy(grid_size, d, occupied, stamp)
+    return shared, eventful
+
+
+@part
+def update_flags(c, w, drones, persons, coverage):
+    """Flag the drones whose search has ended, and the world when all have."""
+    if coverage is None:
+        w.num_missing = 0
+        for p in range(len(persons)):
+            w.num_missing += not persons[p].found
+    all_found = w.num_missing == 0 and not c.ends_together
+    any_flag = False
+    num_active = 0
+    for n in range(len(drones)):
+        d = drones[n]
+        if not d.alive:
+            # One without a flag was withdrawn since the last step.
+            d.terminated = d.terminated or not d.truncated
+            continue
+        d.terminated = d.terminated or all_found
+        if d.terminated or d.truncated:
+            any_flag = True
+            d.terminated = d.terminated or c.both_flags
+            d.truncated = d.truncated or c.both_flags
+            d.alive = c.ends_together
+        num_active += d.alive
+    w.num_active = num_active
+    w.done = num_active == 0 or (c.ends_together and any_flag)
+    if c.ends_together and w.done:
+        # A drone that ends only because the search has ended is truncated.
+        for n in range(len(drones)):
+            drones[n].truncated = drones[n].truncated or not drones[n].terminated
+
+
+@part
+def step_world(
+    c, w, drones, persons, gauss, tails, area, runs, coverage, b, occupied, circle, actions
+):
+    """Advance one world: drones in index order, then the sea, then collisions."""
+    if c.ends_together:
+        for n in range(len(drones)):
+            if drones[n].alive:
+                drones[n].terminated = drones[n].truncated = False
+    if c.found_persons_stay:
+        for p in range(len(persons)):
+            persons[p].found = False
+    unchanged = not w.done and w.num_missing == len(persons)
+    shared, eventful = step_drones(
+        c, w, drones, persons, gauss, area, coverage, b, occupied, actions
+    )
+    w.t += 1
+    if coverage is None:
+        sea_step(c, w, persons, gauss, tails, area, runs, circle)
+    else:
+        reward_if_all_covered(c, w, coverage, b, drones)
+    if shared:
+        collide(c, drones, occupied)
+    if shared or eventful or not unchanged:
+        update_flags(c, w, drones, persons, coverage)
+
+
+STREAMED_BYTES = 1 << 25
+"""Maps that take more than this are written past the caches, which they would not stay in."""
+
+
+@part
+def is_streamed(maps):
+    """Return whether maps (B, G, G) are to be written past the caches, and can be."""
+    large = maps.size * maps.itemsize > STREAMED_BYTES
+    return large and maps.shape[1] % LANES == 0 and maps.ctypes.data % ALIGNMENT == 0
+
+
+@inlined
+def write_observed(c, w, gauss, area, coverage, b, circle, span, stream, out):
+    """Write what drones observe of a world: the map, or the probability that is left to cover."""
+    if coverage is None:
+        write_map(c, w, gauss, area, circle, span, stream, out)
+    else:
+        write_left(coverage, b, out)
+
+
+@kernel
+def step_worlds(
+    constants, worlds, starts, drones, persons, gauss, tails, area, runs, coverage,
+    occupied, circle, cells, span, actions, maps, first, last,
+):  # fmt: skip
+    """Advance the worlds first..last - 1 by one step and write their maps.
+
+    Args:
+        constants: (1,) of `CONSTANTS`.
+        worlds: (B,) of `WORLDS`.
+        starts: (B, N, 2) int64, cells of the drones at reset.
+        drones: (B, N) of `DRONES`.
+        persons: (B, P) of `PERSONS`.
+        gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
+        tails: (1 or B, 2, G + 2) float64, their tail sums.
+        area: (G, G) bool, the cells that are searched; None for all.
+        runs: (R, 3) int64, the same by row, first and last column; None for all.
+        coverage: See `coverage_kernels`; None where the task is to find persons.
+        occupied: (G * G + 1,) uint16 scratch, see `occupy`.
+        circle: (G + 1,) int64 scratch, see `update_circle`.
+        cells: (K,) int64 scratch, the cells that persons are scattered over.
+        span: (G,) float64 scratch.
+        actions: (B, N) int8; a number without an action does nothing.
+        maps: (B, G, G) float32 out, [y, x], C-contiguous; (B, 0, 0) to write none.
+        first: Number of the first world.
+        last: Number of the last world, plus one.
+    """
+    c = constants[0]
+    stream = is_streamed(maps)
+    for b in range(first, last):
+        w = worlds[b]
+        table = min(b, len(gauss) - 1)
+        if c.auto_reset and w.done:
+            reset_world(
+                c, w, starts[b], drones[b], persons[b], gauss[table], tails[table], area, runs,
+                coverage, b, circle, cells,
+            )  # fmt: skip
+        else:
+            step_world(
+                c, w, drones[b], persons[b], gauss[table], tails[table], area, runs,
+                coverage, b, occupied, circle, actions[b],
+            )  # fmt: skip
+        if maps.shape[1] > 0:
+            write_observed(c, w, gauss[table], area, coverage, b, circle, span, stream, maps[b])
+
+
+@kernel
+def reset_worlds(
+    constants, worlds, starts, drones, persons, gauss, tails, area, runs, coverage,
+    circle, cells, span, maps, which,
+):  # fmt: skip
+    """Reset the worlds with which[b] and write their maps; arguments as in `step_worlds`."""
+    c = constants[0]
+    stream = is_streamed(maps)
+    for b in range(len(worlds)):
+        if which[b]:
+            table = min(b, len(gauss) - 1)
+            reset_world(
+                c, worlds[b], starts[b], drones[b], persons[b], gauss[table], tails[table], area,
+                runs, coverage, b, circle, cells,
+            )  # fmt: skip
+            if maps.shape[1] > 0:
+                write_observed(
+                    c, worlds[b], gauss[table], area, coverage, b, circle, span, stream, maps[b]
+                )
+
+
+@kernel
+def refresh_worlds(constants, worlds, gauss, tails, area, coverage, circle, span, maps):
+    """Write the tables and the maps that the state asks for; arguments as in `step_worlds`."""
+    c = constants[0]
+    stream = is_streamed(maps)
+    for b in range(len(gauss)):
+        disperse(c, worlds[b], gauss[b], tails[b])
+    if maps.shape[1] > 0:
+        for b in range(len(worlds)):
+            table = gauss[min(b, len(gauss) - 1)]
+            write_observed(c, worlds[b], table, area, coverage, b, circle, span, stream, maps[b])
+
+
+@kernel
+def report_worlds(
+    constants, area, drones, positions, rewards, terminated, truncated, action_masks, first, last
+):
+    """Write positions, rewards, flags and action masks of the drones of the worlds first..last - 1.
+
+    Args:
+        constants: (1,) of `CONSTANTS`.
+        area: As in `step_worlds`.
+        drones: (B, N) of `DRONES`.
+        positions: (B, N, 2) int64 out, as (x, y).
+        rewards: (B, N) float64 out.
+        terminated: (B, N) bool out.
+        truncated: (B, N) bool out.
+        action_masks: (B, N, A) int8 out, 0 for moves out of the grid or the area.
+        first: Number of the first world.
+        last: Number of the last world, plus one.
+    """
+    c = constants[0]
+    edge, num_actions = c.grid_size - 1, action_masks.shape[2]
+    inner = np.uint64(max(edge - 1, 0))
+    for b in range(first, last):
+        of_world, cells, masks = drones[b], positions[b], action_masks[b]
+        reward, ended, stopped = rewards[b], terminated[b], truncated[b]
+        masks[:] = 1
+        for n in range(len(of_world)):
+            d = of_world[n]
+            x, y = d.x, d.y
+            cells[n, 0], cells[n, 1] = x, y
+            reward[n] = d.reward
+            ended[n], stopped[n] = d.terminated, d.truncated
+            if area is not None and is_inside(c.grid_size, x, y):
+                for a in range(num_actions):
+                    masks[n, a] = is_open(area, c.grid_size, x + c.dx[a], y + c.dy[a])
+            elif (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):
+                for a in range(num_actions):
+                    dx, dy = c.dx[a], c.dy[a]
+                    west, east = dx < 0 and x == 0, dx > 0 and x == edge
+                    north, south = dy < 0 and y == 0, dy > 0 and y == edge
+                    masks[n, a] = not (west or east or north or south)

@@ -1,0 +1,147 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A mission as a movie: GIF, or MP4 by the ffmpeg of imageio-ffmpeg."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.extras import pip_install
+from dsse_ros.progress import progress
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.view.mission_view import MissionView
+from dsse_ros.view.picture import DRONE_COLOURS, sea_colours
+from dsse_ros.view.rendering import Camera
+from dsse_ros.view.signs import FOUND, LAND, PERSON
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+FPS = 5
+_LAST_S = 2.0
+"""How long the end of the mission is shown."""
+_SUFFIXES = (".gif", ".mp4")
+
+
+def check_movie(path: str | os.PathLike[str]) -> None:
+    """Check that a movie can be written to a file of this name.
+
+    Raises:
+        FieldError: If not; one line says why.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise FieldError(
+            f"movie: {os.fspath(path)!r} is not allowed; a file that ends in .gif or .mp4"
+        )
+    if suffix == ".mp4":
+        try:
+            import imageio_ffmpeg
+
+            imageio_ffmpeg.get_ffmpeg_exe()
+        except ModuleNotFoundError:
+            raise FieldError(f"movie: MP4 needs imageio-ffmpeg: {pip_install('movie')}") from None
+        except RuntimeError as error:
+            raise FieldError(f"movie: {' '.join(str(error).split())}") from None
+
+
+def save_movie(
+    views: Iterable[MissionView],
+    path: str | os.PathLike[str],
+    *,
+    fps: int = FPS,
+    total: int | None = None,
+) -> None:
+    """Write a mission as a movie; its end is shown for two seconds more.
+
+    Args:
+        views: One for each frame.
+        path: The file, .gif or .mp4.
+        fps: Frames per second.
+        total: How many views there are, for the progress bar, where they have no length.
+
+    Raises:
+        FieldError: If the file's name is not allowed, an extra is missing, or there is no view.
+        OSError: If the file cannot be written.
+    """
+    check_movie(path)
+    frames = _frames(progress(views, "movie", total=total), round(_LAST_S * fps))
+    try:
+        first = next(frames)
+    except StopIteration:
+        raise FieldError("movie: no view is not allowed; one or more") from None
+    write = _write_gif if Path(path).suffix.lower() == ".gif" else _write_mp4
+    write(first, frames, path, fps)
+
+
+def _frames(views: Iterable[MissionView], last: int) -> Iterator[NDArray[np.uint8]]:
+    """Yield the image of each view, and the last one that many times more."""
+    camera, frame = Camera(), None
+    for view in views:
+        frame = camera.rgb_array(view)
+        yield frame
+    if frame is not None:
+        for _ in range(last):
+            yield frame
+
+
+def _write_gif(
+    first: NDArray[np.uint8], rest: Iterator[NDArray[np.uint8]], path: Any, fps: int
+) -> None:
+    from PIL import Image
+
+    palette = _palette()
+
+    def reduced(frame: NDArray[np.uint8]) -> Image.Image:
+        return Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+
+    # Equal frames in a row are written once, for their time together.
+    reduced(first).save(
+        path, format="GIF", save_all=True, append_images=map(reduced, rest), loop=0,
+        duration=round(1000 / fps), optimize=False,
+    )  # fmt: skip
+
+
+def _palette() -> Image:
+    """Return the colours of all pictures; one palette for all frames keeps the file small."""
+    from matplotlib.colors import to_rgb
+    from PIL import Image
+
+    white = np.ones(3)
+    sea = [np.array(colour[:3]) for colour in sea_colours()(np.linspace(0, 1, 56))]
+    marks = [np.array(to_rgb(colour)) for colour in (*DRONE_COLOURS, PERSON, FOUND, LAND)]
+    shades = [
+        white + share * (mark - white) for mark in marks for share in np.linspace(0.15, 1, 14)
+    ]
+    greys = [grey * white for grey in np.linspace(0, 1, 40)]
+    colours = np.round(255 * np.array([*sea, *shades, *greys])).astype(np.uint8)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(colours.tobytes())
+    return palette
+
+
+def _write_mp4(
+    first: NDArray[np.uint8], rest: Iterator[NDArray[np.uint8]], path: Any, fps: int
+) -> None:
+    import imageio_ffmpeg
+
+    # ffmpeg would not say in one line that it cannot.
+    Path(path).open("wb").close()
+    height, width = first.shape[:2]
+    writer = imageio_ffmpeg.write_frames(
+        os.fspath(path), (width, height), fps=fps, macro_block_size=2, quality=7,
+        ffmpeg_log_level="error",
+    )  # fmt: skip
+    writer.send(None)
+    try:
+        writer.send(np.ascontiguousarray(first))
+        for frame in rest:
+            writer.send(np.ascontiguousarray(frame))
+    finally:
+        writer.close()

@@ -1,0 +1,103 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Where a mission is drawn: image, file and window, all by one `Picture` of its view."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.extras import pip_install
+from dsse_ros.view.mission_view import MissionView, to_ansi
+from dsse_ros.view.picture import SIZE_IN, Picture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "Camera", "MissionView", "Picture", "Viewer", "new_figure", "save_picture", "to_ansi",
+]  # fmt: skip
+
+
+def new_figure() -> Figure:
+    """Return an empty figure of the size that `Picture` is made for, without a window."""
+    try:
+        from matplotlib.figure import Figure
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(f"pictures need matplotlib: {pip_install('viz')}") from None
+    return Figure(figsize=SIZE_IN, dpi=100)
+
+
+class Camera:
+    """Takes one image after the other."""
+
+    def __init__(self) -> None:
+        figure = new_figure()
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        self._figure = figure
+        self._canvas = FigureCanvasAgg(figure)
+        self._picture = Picture(figure)
+        self._background: Any = None
+
+    def rgb_array(self, view: MissionView) -> NDArray[np.uint8]:
+        """Return the mission as an image (H, W, 3) uint8."""
+        if self._picture.draw(view):
+            # Texts that stay take most of the time.
+            for artist in self._picture.moving:
+                artist.set_animated(True)
+            self._canvas.draw()
+            self._background = self._canvas.copy_from_bbox(self._figure.bbox)
+        else:
+            self._canvas.restore_region(self._background)
+        for artist in self._picture.moving:
+            self._figure.draw_artist(artist)
+        return np.array(np.asarray(self._canvas.buffer_rgba())[..., :3])
+
+
+def save_picture(view: MissionView, path: str | os.PathLike[str]) -> None:
+    """Write the mission as an image file; the ending of the path chooses the format."""
+    figure = new_figure()
+    Picture(figure).draw(view)
+    figure.savefig(path)
+
+
+class Viewer:
+    """A window that shows the mission; without a display it draws and shows nothing.
+
+    Args:
+        fps: Pictures per second at most.
+    """
+
+    def __init__(self, fps: float) -> None:
+        new_figure()
+        from matplotlib import pyplot
+
+        self._pyplot = pyplot
+        self._figure = pyplot.figure(figsize=SIZE_IN)
+        self._picture = Picture(self._figure)
+        self._interactive = pyplot.get_backend().lower() != "agg"
+        self._period_s = 1.0 / fps
+        self._due_s = -math.inf
+
+    def show(self, view: MissionView) -> None:
+        """Draw the mission once its turn has come, and let the window handle its events."""
+        self._pause(self._due_s - time.monotonic())
+        self._due_s = time.monotonic() + self._period_s
+        self._picture.draw(view)
+        self._figure.canvas.draw()
+        if self._interactive:
+            self._pause(0.001)
+
+    def _pause(self, seconds: float) -> None:
+        if seconds > 0:
+            (self._pyplot.pause if self._interactive else time.sleep)(seconds)
+
+    def close(self) -> None:
+        """Close the window."""
+        self._pyplot.close(self._figure)

@@ -1,0 +1,60 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What was compiled is not used again once the code that it was compiled from has changed."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import dsse_ros
+from dsse_ros.compiled import jit
+
+PACKAGE = Path(dsse_ros.__file__).parent
+OF_SEARCH = ("belief", "compiled", "scenario", "search", "step", "targets")
+RUN = """
+import numpy as np
+from dsse_ros.belief.drift_estimate import per_step
+from dsse_ros.step.kernels import CONSTANTS
+print(per_step(np.zeros(1, CONSTANTS), 1.0, 2.0))
+"""
+BEFORE, AFTER = (
+    f"    if not c.drift_by_speed or norm == 0.0:\n        return {vector}\n"
+    for vector in ("x, y", "y, x")
+)
+
+
+@pytest.mark.slow
+def test_a_change_of_a_function_that_is_called_has_its_callers_compiled_anew(
+    tmp_path: Path,
+) -> None:
+    ignore = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(PACKAGE, tmp_path / "dsse_ros", ignore=ignore)
+
+    def run() -> str:
+        # The folder that it runs in comes first on its path.
+        done = subprocess.run(
+            [sys.executable, "-c", RUN], cwd=tmp_path, check=True, capture_output=True, text=True
+        )
+        return done.stdout.strip()
+
+    called = tmp_path / "dsse_ros" / "targets" / "sea_map.py"
+    text = called.read_text()
+    assert text.count(BEFORE) == 1
+    assert run() == "(1.0, 2.0)"
+    called.write_text(text.replace(BEFORE, AFTER))
+    assert run() == "(2.0, 1.0)"
+
+
+def test_every_compiled_module_of_the_search_is_one_that_the_cache_depends_on() -> None:
+    compiled = {
+        str(path.relative_to(PACKAGE).with_suffix(""))
+        for folder in OF_SEARCH
+        for path in (PACKAGE / folder).glob("*.py")
+        if "from dsse_ros.compiled.jit " in path.read_text()
+    }
+    assert compiled | {"compiled/jit", "compiled/streaming"} == set(jit.MODULES)

@@ -1,0 +1,341 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Where only a part of the grid is searched, drones, persons and probability stay in it."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from areas import CELL_M, ORIGIN, geojson_of, random_mask, scenario_of
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.area import Area, area_mask, runs_of
+from dsse_ros.search import (
+    PROFILES,
+    FieldError,
+    Scenario,
+    SnapshotError,
+    parallel_env,
+    profile,
+    vector_env,
+)
+
+SQUARE = [[-24.035, -46.165], [-24.035, -46.15], [-24.02, -46.15], [-24.02, -46.165]]
+PLACE = {"origin_lat": ORIGIN[0], "origin_lon": ORIGIN[1], "cell_size": CELL_M}
+SEEDS = range(8)
+
+
+def within(mask: NDArray[np.bool_], x: NDArray[Any], y: NDArray[Any], *, v1: bool) -> bool:
+    """Whether all cells are in the area; where drones and persons may leave the grid, or off it."""
+    inside = (x >= 0) & (y >= 0) & (x < len(mask)) & (y < len(mask))
+    return (v1 or bool(inside.all())) and bool(mask[y[inside], x[inside]].all())
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_cell_is_in_the_area_if_its_centre_is_in_a_polygon(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mask = random_mask(rng, int(rng.integers(2, 15)))
+    resolved = Scenario(area=geojson_of(mask), grid_size=len(mask), **PLACE).resolve(
+        profile("paper").override(person_initial_position=tuple(np.argwhere(mask)[0, ::-1]))
+    )
+    found = resolved.area_mask
+    np.testing.assert_array_equal(np.ones_like(mask) if found is None else found, mask)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("rules", PROFILES)
+def test_nothing_leaves_the_area_in_a_hundred_thousand_random_steps(rules: str, seed: int) -> None:
+    """24 runs of 4200 steps, of 84 searches at once; actions are drawn without their masks."""
+    rng = np.random.default_rng(seed)
+    mask = random_mask(rng, int(rng.integers(4, 15)))
+    given = scenario_of(mask, rng, 4)
+    around = np.array([(y, x) for x, y in [given["person_initial_position"]]])
+    near = (np.abs(np.argwhere(mask) - around) <= 2).all(axis=1).sum()
+    amount = min(3, int(near))
+    env = vector_env(84, given, rules=rules, person_amount=amount)
+    lazy = vector_env(84, given, rules=rules, person_amount=amount, lazy=True)
+    moves = env.rules.action_set.moves
+    observed, infos = env.reset(seed=seed)
+    lazy.reset(seed=seed)
+    for _ in range(50):
+        maps, positions = observed["probability"], observed["positions"]
+        assert not maps[:, ~mask].any()
+        total = maps.sum(axis=(1, 2))
+        np.testing.assert_allclose(np.maximum(total, float(env.rules.covers)), 1.0, atol=1e-5)
+        np.testing.assert_allclose(lazy.world.cells(*_all_cells(mask)), maps.reshape(84, -1))
+        assert within(mask, positions[..., 0], positions[..., 1], v1=rules == "v1")
+        persons = env.world.persons
+        assert within(mask, persons["x"], persons["y"], v1=rules == "v1")
+        worlds = env.world.worlds
+        assert mask[worlds["datum_y"], worlds["datum_x"]].all()
+        for a, (dx, dy) in enumerate(moves):
+            to = np.pad(mask, 1)[1 + dy :, 1 + dx :]
+            x, y = positions[..., 0], positions[..., 1]
+            inside = (x >= 0) & (y >= 0) & (x < len(mask)) & (y < len(mask))
+            allowed = infos["action_mask"][..., a]
+            np.testing.assert_array_equal(allowed[inside], to[y[inside], x[inside]])
+        actions = rng.integers(0, len(moves), positions.shape[:2])
+        observed, *_, infos = env.step(actions)
+        lazy.step(actions)
+
+
+def _all_cells(mask: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    y, x = np.indices(mask.shape)
+    return [np.tile(axis.ravel(), (84, 1)) for axis in (x, y)]
+
+
+# What is to be covered is a map of persons who do not drift onto land.
+@pytest.mark.parametrize("rules", [name for name, of in PROFILES.items() if not of.covers])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_map_is_that_of_the_whole_grid_cut_to_the_area_and_normalised(
+    rules: str, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    mask = random_mask(rng, 12)
+    # A datum that stays where it is, so that it is the same in both.
+    given = scenario_of(mask, rng, 1) | {"vector": [0, 0], "sigma": 3.0}
+    cut, whole = (
+        parallel_env({**given, "area": area}, rules=rules) for area in (given["area"], None)
+    )
+    cut.reset(seed=seed)
+    whole.reset(seed=seed)
+    for _ in range(15):
+        wanted = np.where(mask, whole.probability, 0).astype(float)
+        np.testing.assert_allclose(cut.probability, wanted / wanted.sum(), rtol=1e-5, atol=1e-9)
+        for env in (cut, whole):
+            env.advance(np.array([env.rules.action_set.search]))
+
+
+@pytest.mark.parametrize("rules", PROFILES)
+def test_an_area_of_the_whole_grid_changes_nothing(rules: str) -> None:
+    around = [[-25, -47], [-25, -45], [-23, -45], [-23, -47]]
+    envs = [parallel_env(rules=rules, num_drones=3, area=area) for area in (around, None)]
+    rng = np.random.default_rng(1)
+    for env in envs:
+        env.reset(seed=4)
+    for _ in range(60):
+        joint = rng.integers(0, len(envs[0].rules.actions), 3).astype(np.int8)
+        for env in envs:
+            env.advance(joint)
+        first, second = (env.world for env in envs)
+        assert first.state_bytes() == second.state_bytes()
+        assert first.maps.tobytes() == second.maps.tobytes()
+
+
+@pytest.mark.parametrize("rules", PROFILES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_one_environment_and_the_batch_have_the_same_masks_and_maps(rules: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    given = scenario_of(random_mask(rng, 9), rng, 3)
+    single, batch = parallel_env(given, rules=rules), vector_env(2, given, rules=rules)
+    single.reset(seed=seed)
+    observed, infos = batch.reset(seed=seed)
+    while single.agents:
+        np.testing.assert_array_equal(single.action_masks(), infos["action_mask"][0])
+        np.testing.assert_array_equal(single.probability, observed["probability"][0])
+        joint = rng.integers(0, len(single.rules.actions), single.world.num_drones).astype(np.int8)
+        single.advance(joint)
+        observed, *_, infos = batch.step(np.stack([joint, joint]))
+
+
+@pytest.mark.parametrize("rules", PROFILES)
+def test_a_snapshot_and_a_pickle_go_on_bit_for_bit(rules: str) -> None:
+    rng = np.random.default_rng(5)
+    given = scenario_of(random_mask(rng, 9), rng, 3)
+    env = parallel_env(given, rules=rules)
+    env.reset(seed=1)
+    env.advance(np.zeros(env.world.num_drones, np.int8))
+    restored, pickled = parallel_env(given, rules=rules), pickle.loads(pickle.dumps(env))
+    restored.restore(env.snapshot())
+    for twin in (restored, pickled):
+        assert twin.probability.tobytes() == env.probability.tobytes()
+    for _ in range(10):
+        joint = rng.integers(0, len(env.rules.actions), env.world.num_drones).astype(np.int8)
+        for one in (env, restored, pickled):
+            one.advance(joint)
+        for twin in (restored, pickled):
+            assert twin.world.state_bytes() == env.world.state_bytes()
+            assert twin.probability.tobytes() == env.probability.tobytes()
+            np.testing.assert_array_equal(twin.action_masks(), env.action_masks())
+
+
+def test_a_snapshot_of_another_area_is_refused() -> None:
+    env = parallel_env(area=SQUARE, grid_size=20, person_initial_position=(8, 8), **PLACE)
+    other = parallel_env(grid_size=20, person_initial_position=(8, 8), **PLACE)
+    env.reset(seed=1)
+    with pytest.raises(SnapshotError, match="area"):
+        other.restore(env.snapshot())
+
+
+def test_a_drone_that_would_leave_the_area_is_treated_as_at_the_edge_of_the_grid() -> None:
+    mask = np.ones((3, 3), bool)
+    mask[1, 2] = False
+    given = {"area": geojson_of(mask), "grid_size": 3, "person_initial_position": (0, 0), **PLACE}
+    for rules, reward, out in (("paper", -100000, True), ("v1", -100000, True), ("v2", 0, False)):
+        env = parallel_env(given, rules=rules, drones_positions=[(1, 1)])
+        _, infos = env.reset(seed=0)
+        right = env.rules.actions.index("right")
+        assert infos["drone0"]["action_mask"][right] == 0
+        _, rewards, terminated, _, _ = env.step({"drone0": right})
+        assert (rewards["drone0"], terminated["drone0"]) == (reward, out)
+        assert env.positions.tolist() == [[1, 1]]
+
+
+def test_a_person_that_walks_blindly_stays_before_a_cell_outside_the_area() -> None:
+    for masked, wanted in ((True, (7, 7)), (False, (6, 6))):
+        mask = np.ones((9, 9), bool)
+        mask[6, 6], mask[0, 0] = not masked, False
+        given = {"area": geojson_of(mask), "grid_size": 9, "vector": (0, 0), **PLACE}
+        env = parallel_env(given, rules="v1", person_initial_position=(2, 2))
+        env.reset(seed=0)
+        person = env.world.persons[0]
+        person["x"] = person["y"] = 7
+        assert not env.probability[6:, 6:].any()
+        env.advance(np.array([-1], np.int8))
+        assert (person["x"][0], person["y"][0]) == wanted
+
+
+def test_drones_start_row_by_row_in_the_area() -> None:
+    env = parallel_env(
+        area=SQUARE, grid_size=20, num_drones=12, person_initial_position=(8, 8), **PLACE
+    )
+    mask = env.scenario.area_mask
+    assert mask is not None
+    wanted = np.argwhere(mask)[:12, ::-1]
+    assert [list(cell) for cell in env.scenario.drones_positions] == wanted.tolist()
+
+
+def test_runs_are_the_cells_of_a_mask_row_by_row() -> None:
+    mask = np.array([[1, 1, 0, 1], [0, 0, 0, 0], [0, 1, 1, 1], [1, 0, 1, 0]], bool)
+    wanted = [[0, 0, 1], [0, 3, 3], [2, 1, 3], [3, 0, 0], [3, 2, 2]]
+    assert runs_of(mask).tolist() == wanted
+
+
+def test_geojson_comes_back_from_its_text_and_from_a_file_beside_the_scenario(
+    tmp_path: Path,
+) -> None:
+    area = Area.of(geojson_of(random_mask(np.random.default_rng(3), 12)))
+    assert Area.of(area.to_geojson()) == area
+    assert Scenario(area=area).override(area="").area is None
+    feature = {"type": "Feature", "properties": {}, "geometry": json.loads(area.to_geojson())}
+    collection = {"type": "FeatureCollection", "features": [feature]}
+    (tmp_path / "shore.geojson").write_text(json.dumps(collection))
+    (tmp_path / "scenario.yaml").write_text("area: shore.geojson\n")
+    assert Scenario.from_yaml(tmp_path / "scenario.yaml").area == area
+    (tmp_path / "scenario.yaml").write_text(f"area: {SQUARE}\n")
+    assert Scenario.from_yaml(tmp_path / "scenario.yaml").area == Area.of(SQUARE)
+
+
+BOW = [[-24.035, -46.165], [-24.02, -46.15], [-24.035, -46.15], [-24.02, -46.165]]
+POINT = {"type": "Point", "coordinates": [-46, -24]}
+
+
+@pytest.mark.parametrize(
+    ("area", "error"),
+    [
+        (7, "area: 7 is not allowed; a GeoJSON file"),
+        ([], "three or more"),
+        (SQUARE[:2], "three or more"),
+        ([[1, 2, 3], [4, 5, 6], [7, 8, 9]], "area: "),
+        ([[91, 0], [0, 1], [1, 0]], "area: [91, 0] is not allowed; latitude"),
+        ([["a", 0], [0, 1], [1, 0]], "area: ['a', 0] is not allowed"),
+        ([[float("nan"), 0], [0, 1], [1, 0]], "area: [nan, 0] is not allowed"),
+        (POINT, "area: 'Point' is not allowed; a GeoJSON file of a Polygon"),
+        ({"type": "Polygon"}, "Polygon"),
+        ({"type": "Polygon", "coordinates": []}, "Polygon"),
+        ({"type": "MultiPolygon", "coordinates": []}, "Polygon"),
+        ({"type": "Polygon", "coordinates": 3}, "Polygon"),
+        ({"type": "FeatureCollection", "features": []}, "Polygon"),
+        ({}, "Polygon"),
+        ("nowhere.geojson", "area: 'nowhere.geojson': No such file"),
+        ("{no json", "is no GeoJSON"),
+        (BOW, "Self-intersection"),
+        ([[0, 0], [0, 1], [0, 2]], "area: "),
+        ([[10, 10], [10, 11], [11, 11]], "centre of a cell of the grid"),
+    ],
+)
+def test_an_area_that_cannot_be_searched_is_refused_in_one_line(area: Any, error: str) -> None:
+    with pytest.raises(FieldError, match=re.escape(error)) as refusal:
+        parallel_env(area=area, grid_size=20)
+    assert str(refusal.value).startswith("area: ") and "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("fields", "error"),
+    [
+        ({"person_initial_position": (0, 0)}, "person_initial_position: [0, 0] is not allowed"),
+        ({"drones_positions": [(8, 8), (1, 1)]}, "drones_positions: [1, 1] is not allowed"),
+        ({"num_drones": 200}, "num_drones: 200 is not allowed; at most 156, one per cell of the"),
+    ],
+)
+def test_nobody_starts_outside_the_area(fields: dict[str, Any], error: str) -> None:
+    given = {"area": SQUARE, "grid_size": 20, "person_initial_position": (8, 8), **PLACE}
+    with pytest.raises(FieldError, match=re.escape(error)):
+        parallel_env(given, **fields)
+    options = {k: v for k, v in fields.items() if k != "num_drones"}
+    if options:
+        env = parallel_env(given, num_drones=len(options.get("drones_positions", [0])))
+        with pytest.raises(FieldError, match=re.escape(error)):
+            env.reset(options=options)
+
+
+def test_persons_have_room_in_the_area_or_are_refused() -> None:
+    mask = np.zeros((5, 5), bool)
+    mask[2, 1:4] = True
+    given = {"area": geojson_of(mask), "grid_size": 5, "person_initial_position": (2, 2), **PLACE}
+    env = parallel_env(given, rules="v2", person_amount=3)
+    for seed in range(20):
+        env.reset(seed=seed)
+        assert set(env.world.persons["x"][0].tolist()) <= {1, 2, 3}
+    with pytest.raises(FieldError, match="person_amount: 4 is not allowed; at most 3"):
+        parallel_env(given, rules="v2", person_amount=4)
+
+
+def test_land_is_left_out_where_the_land_mask_is_installed() -> None:
+    pytest.importorskip("roaring_landmask")
+    sea, mountains = (-24.04, -46.36), (-23.80, -46.40)
+    env = parallel_env(land=True, grid_size=40, origin_lat=sea[0], origin_lon=sea[1], cell_size=130)
+    mask = env.scenario.area_mask
+    assert mask is not None and mask[39, 0] and not mask[12, 36]
+    with pytest.raises(FieldError, match="land: true is not allowed; the grid has no cell at sea"):
+        parallel_env(land=True, origin_lat=mountains[0], origin_lon=mountains[1])
+    # An island and a strait that a mask of 1 km does not have: Moela, and the Golden Gate.
+    island = area_mask(None, True, 5, 130.0, (-24.0527, -46.2665, 0.0))
+    assert island is not None and not island[2, 2] and island[0, 0]
+    strait = area_mask(None, True, 1, 130.0, (37.8174, -122.4787, 0.0))
+    assert strait is None
+
+
+def test_without_the_land_mask_land_is_refused_with_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "roaring_landmask", None)
+    with pytest.raises(FieldError, match=r"^land: roaring-landmask is missing; pip install .*land"):
+        parallel_env(land=True, grid_size=3)
+
+
+def test_a_large_grid_is_looked_at_in_parts(
+    monkeypatch: pytest.MonkeyPatch, little_memory: Any
+) -> None:
+    ring = [(-24.05, -46.18), (-23.9, -46.1), (-23.95, -46.0)]
+    whole = area_mask(Area.of(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    monkeypatch.setattr("dsse_ros.scenario.area._BLOCK_CELLS", 7 * 300)
+    area_mask.cache_clear()
+    parts = area_mask(Area.of(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    assert whole is not None and parts is not None and 0 < parts.sum() < 90_000
+    np.testing.assert_array_equal(parts, whole)
+    with pytest.raises(
+        FieldError,
+        match=r"a cell of the grid, -24\.03986 to -23\.95885 N and -46\.16985 to -46\.08167 E",
+    ):
+        area_mask(Area.of([(10, 10), (10, 11), (11, 11)]), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    monkeypatch.undo()
+    with little_memory():
+        area_mask(Area.of(ring), False, 2000, 4.0, (-24.04, -46.17, 0.0))

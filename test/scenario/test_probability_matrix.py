@@ -1,0 +1,240 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A probability matrix comes from any kind of file, and what is none gets one clear line."""
+
+from __future__ import annotations
+
+import io
+import re
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.area import cell_centre
+from dsse_ros.scenario.geodesy import surface_to_geodetic
+from dsse_ros.search import FieldError, Scenario, parallel_env, profile
+
+RULES = profile("coverage")
+# What rasterio does with its own dependencies.
+pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")
+MATRIX = np.arange(16.0).reshape(4, 4) + 0.125
+PLACE: dict[str, Any] = {"origin_lat": -24.04, "origin_lon": -46.17, "cell_size": 130.0}
+
+
+def write_tiff(path: Path, matrix: NDArray[Any], **options: Any) -> Path:
+    """Write a matrix as GeoTIFF."""
+    rasterio = pytest.importorskip("rasterio")
+    rows, cols = matrix.shape
+    with rasterio.open(
+        path, "w", driver="GTiff", height=rows, width=cols, count=1, dtype=matrix.dtype, **options
+    ) as file:
+        file.write(matrix, 1)
+    return path
+
+
+def georeference(shift_cells: float = 0.0) -> dict[str, Any]:
+    """Where the grid of `PLACE` lies, in degrees, moved to the east."""
+    rasterio = pytest.importorskip("rasterio")
+    origin = (PLACE["origin_lat"], PLACE["origin_lon"], 0.0)
+    ends = (cell_centre(4, 130.0, col, row) for col, row in ((0, 0), (3, 3)))
+    (north, west), (south, east) = (surface_to_geodetic(origin, *end) for end in ends)
+    across, down = (east - west) / 3, (north - south) / 3
+    west += shift_cells * across
+    corner = (west - across / 2, north + down / 2)
+    return {
+        "crs": "EPSG:4326",
+        "transform": rasterio.transform.from_origin(*corner, across, down),
+    }
+
+
+def saved(folder: Path, kind: str) -> Path:
+    """`MATRIX` as a file of this kind."""
+    path = folder / f"matrix.{kind}"
+    if kind == "npy":
+        np.save(path, MATRIX)
+    elif kind == "csv":
+        np.savetxt(path, MATRIX, fmt="%.17g", delimiter=",")
+    else:
+        write_tiff(path, MATRIX, **georeference())
+    return path
+
+
+@pytest.mark.parametrize("kind", ["npy", "csv", "tif", "tiff"])
+def test_each_kind_of_file_gives_the_same_map(kind: str, tmp_path: Path) -> None:
+    path = saved(tmp_path, kind)
+    env = parallel_env(rules="coverage", probability_matrix=path, **PLACE)
+    assert env.scenario.grid_size == 4
+    observed = env.reset()[0]["drone0"][1]
+    np.testing.assert_array_equal(observed, (MATRIX / MATRIX.sum()).astype(np.float32))
+    of_array = Scenario(probability_matrix=MATRIX.tolist())
+    assert of_array.probability_matrix is not None
+    assert env.scenario.probability_matrix is not None
+    assert env.scenario.probability_matrix.content == of_array.probability_matrix.content
+
+
+def test_the_path_in_a_scenario_s_file_starts_from_its_folder(tmp_path: Path) -> None:
+    saved(tmp_path, "npy")
+    file = tmp_path / "scenario.yaml"
+    file.write_text("probability_matrix: matrix.npy\n")
+    np.testing.assert_array_equal(Scenario.from_yaml(file).probability_matrix.values, MATRIX)  # type: ignore[union-attr]
+    assert Scenario.from_dict({"probability_matrix": ""}).probability_matrix is None
+
+
+def test_a_tiff_s_cells_without_data_count_as_zero(tmp_path: Path) -> None:
+    matrix = MATRIX.astype(np.float32)
+    matrix[1, 2] = -9999.0
+    path = write_tiff(tmp_path / "matrix.tif", matrix, nodata=-9999.0, **georeference())
+    found = Scenario(probability_matrix=path).probability_matrix
+    assert found is not None and found.values[1, 2] == 0.0
+
+
+@pytest.mark.parametrize(("shift", "allowed"), [(0.4, True), (-0.4, True), (0.6, False)])
+def test_a_tiff_that_lies_elsewhere_is_refused(shift: float, allowed: bool, tmp_path: Path) -> None:
+    path = write_tiff(tmp_path / "matrix.tif", MATRIX, **georeference(shift))
+    scenario = Scenario(probability_matrix=path, **PLACE)
+    if allowed:
+        scenario.resolve(RULES)
+        return
+    with pytest.raises(FieldError, match=r"^probability_matrix: .* corner 78 m from that of the"):
+        scenario.resolve(RULES)
+
+
+def test_without_rasterio_a_tiff_is_refused_with_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "matrix.tif").write_bytes(b"II*\x00")
+    monkeypatch.setitem(sys.modules, "rasterio", None)
+    with pytest.raises(FieldError, match=r"needs rasterio; pip install '.*\[geotiff\]'$"):
+        Scenario(probability_matrix=tmp_path / "matrix.tif")
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        [[1.0, 2.0]],
+        [[0.0]],
+        [[-1.0, 2.0], [0.0, 0.0]],
+        [[np.nan]],
+        [[np.inf]],
+        [1.0],
+        [[1.0, 2.0], [3.0]],
+        [],
+        [["a"]],
+        [[1j]],
+        7,
+        {},
+        {"content": "AAAA", "corners": None},
+        {"content": "no base64", "corners": None},
+    ],
+)
+def test_what_is_no_matrix_is_refused_in_one_line(matrix: Any) -> None:
+    with pytest.raises(FieldError, match=r"^probability_matrix: .* is not allowed; ") as refusal:
+        Scenario(probability_matrix=matrix)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "text"),
+    [
+        ("a.npy", b"", "is not allowed"),
+        ("a.npy", b"\x93NUMPY\x01\x00", "is not allowed"),
+        ("a.csv", b"1,2\n3\n", "is not allowed"),
+        ("a.csv", b"1,x\n3,4\n", "is not allowed"),
+        ("a.csv", b"\xff\xfe", "is not allowed"),
+        ("a.tif", b"no tiff", "is not allowed"),
+        ("a.txt", b"1", "is not allowed"),
+        ("a.npy", None, "No such file or directory"),
+        ("a.tif", None, "No such file or directory"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_refused_in_one_line(
+    name: str, content: bytes | None, text: str, tmp_path: Path
+) -> None:
+    if name == "a.tif":
+        pytest.importorskip("rasterio")
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(FieldError, match=re.escape(text)) as refusal:
+        Scenario(probability_matrix=tmp_path / name)
+    assert str(refusal.value).startswith("probability_matrix: ")
+    assert str(refusal.value).endswith(".tif or .tiff") and "\n" not in str(refusal.value)
+
+
+def test_a_matrix_of_another_size_or_task_is_refused() -> None:
+    scenario = Scenario(probability_matrix=MATRIX, grid_size=5)
+    with pytest.raises(FieldError, match=r"4 x 4 cells is not allowed; grid_size is 5$"):
+        scenario.resolve(RULES)
+    for name in ("paper", "v1", "v2"):
+        with pytest.raises(FieldError, match=rf"^probability_matrix: .* with rules {name}"):
+            Scenario(probability_matrix=MATRIX).resolve(profile(name))
+
+
+def test_a_matrix_with_nothing_in_the_area_is_refused() -> None:
+    matrix = np.zeros((20, 20))
+    matrix[0, 0] = 1.0
+    square = [[-24.035, -46.165], [-24.035, -46.15], [-24.02, -46.15], [-24.02, -46.165]]
+    with pytest.raises(FieldError, match=r"^cover_min_probability: .* no cell of the area"):
+        parallel_env(rules="coverage", probability_matrix=matrix, area=square, **PLACE)
+
+
+def header_of(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
+    """The header of an array in NumPy's format."""
+    file = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        file, {"descr": dtype, "fortran_order": False, "shape": shape}
+    )
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.npy", header_of((100_000, 100_000))),
+        ("a.npy", header_of((9_000, 9_000)) + bytes(800)),
+        ("a.npy", header_of((10_001, 10_001), "|u1")),
+        ("a.npy", header_of((5_000, 5_000), "<U100")),
+        ("a.npy", header_of((10**8,))),
+        ("a.csv", b"1," * 3_000_000 + b"1"),
+        ("a.csv", b"1\n" * 10_001),
+        ("a.csv", b"1,1\n" + b"1\n" * 100_000),
+        ("a.csv", b"1" * 200_000),
+        ("a.csv", b'"' + b"1\n" * 200_000),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_file_of_a_larger_matrix_is_refused_before_there_is_memory_for_it(
+    name: str, content: bytes, tmp_path: Path, little_memory: Any
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    del content
+    with (
+        little_memory(),
+        pytest.raises(FieldError, match="is not allowed; a square matrix .* at most 10000 a side"),
+    ):
+        Scenario(probability_matrix=tmp_path / name)
+
+
+@pytest.mark.parametrize("block", [16, 60_000])
+def test_a_tiff_is_looked_at_before_it_is_read(
+    block: int, tmp_path: Path, little_memory: Any
+) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    side = 12_000 if block == 16 else 16
+    profile_of_it: dict[str, Any] = {
+        "driver": "GTiff", "width": side, "height": side, "count": 1, "dtype": "uint8",
+        "sparse_ok": True, "tiled": True, "blockxsize": block, "blockysize": block,
+        "compress": "deflate",
+    }  # fmt: skip
+    path = tmp_path / "a.tif"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        with rasterio.open(path, "w", **profile_of_it):
+            pass
+    assert path.stat().st_size < 10_000_000
+    with little_memory(), pytest.raises(FieldError, match="is not allowed; a square matrix"):
+        Scenario(probability_matrix=path)

@@ -1,0 +1,10 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Puts the helpers of the search's tests where they can import them, and keeps windows closed."""
+
+import os
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "search"))
+os.environ["MPLBACKEND"] = "agg"
