@@ -38,6 +38,7 @@ class FlightRecord:
         end: While it is recalled, `return` or `land`.
         mode: While we fly it, the mode in which it was seen last.
         alt_m: Altitude above home to which it takes off for that search.
+        arming: While it is cleared, whether it was commanded to arm, which has not shown.
     """
 
     custody: Custody = Custody.FREE
@@ -49,6 +50,7 @@ class FlightRecord:
     end: str = ""
     mode: str = ""
     alt_m: float = 0.0
+    arming: bool = False
 
 
 COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
@@ -312,7 +314,10 @@ class VehicleCustody:
             ordered = outcome.order is not None or not self.airborne
             known = ordered or self._observe_since_record(state)
             self._observe_mode(before, state)
-            self._observe_motors(before, state, takes_off=takes_off)
+            self._observe_motors(before, state, takes_off=takes_off or self._arms(state))
+            arming = outcome.arming and self.state is Custody.CLEARED
+            if arming != self.record.arming:
+                self.record = replace(self.record, arming=arming)
             mode = state.mode if self.airborne else ""
             # A mode that another has set is not recorded before it is known who has.
             ours = not mode or (known and self._is_ours(mode, outcome))
@@ -417,6 +422,10 @@ class VehicleCustody:
             self.on(Event.RELEASE)
         if self.state is Custody.RELEASED and state.mode not in autopilot.orderly_modes:
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
+
+    def _arms(self, state: VehicleState) -> bool:
+        """Return whether an earlier program has just armed it."""
+        return self.record.arming and state.mode in self._autopilot.take_off_modes
 
     def _observe_motors(
         self, before: VehicleState, state: VehicleState, *, takes_off: bool

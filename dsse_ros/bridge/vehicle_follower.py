@@ -321,18 +321,16 @@ class VehicleFollower:
             self.drop_out(state.problem)
         elif silent and now_s - state.heard_s >= self._lost_timeout_s and not self.lost:
             self.drop_out(f"link lost: no heartbeat for {self._lost_timeout_s:g} s{because}")
-        elif self._is_to_watch(state) and self._has_failsafe(state, now_s):
+        elif self._has_failsafe(state, now_s):
             self.drop_out(f"{state.failsafe} failsafe")
             if self._acts_when_critical:
                 custody.on(Event.FAILSAFE)
 
-    def _is_to_watch(self, state: VehicleState) -> bool:
-        """Whether its failsafe counts: without an order, one that certainly has the vehicle."""
-        certain = self._acts_when_critical and state.failsafe != "critical"
-        return self._given is not None or (certain and self.custody.airborne)
-
     def _has_failsafe(self, state: VehicleState, now_s: float) -> bool:
         """Whether a failsafe has struck that does not end in time."""
+        certain = self._acts_when_critical and state.failsafe != "critical"
+        if self._given is None and not (certain and self.custody.airborne):
+            return False
         if state.failsafe != "critical":
             self._critical_since_s = None
             return state.failsafe not in CONTINUES

@@ -250,8 +250,8 @@ class ModeWatch:
         now = self._situation.now
         if self._setpoint_loss_until_s is None:
             self._setpoint_loss_until_s = now + _MODE_RESTORED_S
-            if self.allowed is not None:
-                self.allowed |= {self._situation.autopilot.guided_mode}
+            allowed = frozenset({self._mode}) if self.allowed is None else self.allowed
+            self.allowed = allowed | {self._situation.autopilot.guided_mode}
         if now > self._setpoint_loss_until_s:
             raise TakenOverError
 

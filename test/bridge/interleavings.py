@@ -28,6 +28,8 @@ from msg_adapters.geodesy import geodetic_to_map
 ARM, TAKE_OFF, SET_MODE, START = 400, 22, 176, 300
 STARTS = (ARM, TAKE_OFF, START)
 NEAR_TOP_M = 51.0
+TURN_S = 0.2
+"""How long it may take from a message about the search to an order."""
 HERE_M = 25.0
 """How far from a vehicle a setpoint is that has it stay, hold or climb where it is."""
 
@@ -131,6 +133,7 @@ class Interleaving:
         self.sent = [0] * vehicles
         self.first_sent = [0] * vehicles
         self.first_received = [0] * vehicles
+        self.cells: list[list[tuple[float, tuple[int, int]]]] = [[] for _ in range(vehicles)]
         self.run_id = 7
         self.search: VirtualSearch | None = None
         self.other: VirtualSearch | None = None
@@ -453,6 +456,7 @@ class Interleaving:
         """Look at what was sent to a vehicle since the last time, and at what is true of it."""
         flight, facts = self.fleet.flights[i], self.facts[i]
         self.clear_by_parameter(i)
+        self.cells_of(i)
         for k in range(self.sent[i], len(flight.sent)):
             self.check(i, flight.sent[k][1], flight.heard[k])
         self.sent[i] = len(flight.sent)
@@ -559,12 +563,20 @@ class Interleaving:
         home_m = geodetic_to_map(frame, home.lat_deg, home.lon_deg, 0.0)[:2]
         here_m = (home_m[0] + craft.east_m, home_m[1] + craft.north_m)
         near = [here_m, home_m]
-        legs = self.fleet.controller.search.legs
-        if legs:
-            near.append(cell_to_map(frame, *legs[i].cell))
+        near += [cell_to_map(frame, *cell) for cell in self.cells_of(i)]
         away_m = min(((x - place[0]) ** 2 + (y - place[1]) ** 2) ** 0.5 for x, y in near)
         if away_m > HERE_M:
             self.fail(i, f"{message} is {away_m:.0f} m from where it should be")
+
+    def cells_of(self, i: int) -> list[tuple[int, int]]:
+        """Return the cell of a drone's leg, and the one of before for as long as that may take."""
+        legs = self.fleet.controller.search.legs
+        known = self.cells[i]
+        if legs and (not known or known[-1][1] != legs[i].cell):
+            known.append((self.fleet.now, legs[i].cell))
+        current = [cell for _, cell in known[-1:]] if legs else []
+        late = len(known) > 1 and self.fleet.now - known[-1][0] < TURN_S
+        return current + ([known[-2][1]] if late else [])
 
     def fail(self, i: int, what: str) -> None:
         """Raise.

@@ -28,7 +28,7 @@ def test_what_keeps_vehicles_from_flying_is_in_the_health(one: Any) -> None:
     assert health(Situation(2, **changes)) == (level, line)
 
 
-def test_the_worst_is_said_first() -> None:
+def test_the_worst_is_reported_first() -> None:
     both = Situation(1, alive=False, unreachable=["drone0"], waiting={"blocked": ["drone0"]})
     assert health(both) == ("error", "no vehicle can be reached")
 

@@ -75,7 +75,7 @@ def test_what_has_changed_without_a_bridge_was_changed_by_somebody_else(found: A
     assert bool(custody.lost) == (expected in (Custody.TAKEN, Custody.FAILSAFE))
 
 
-def test_whether_a_climb_has_ended_is_not_told_without_an_altitude() -> None:
+def test_whether_a_climb_has_ended_is_not_known_without_an_altitude() -> None:
     custody = custody_of(PX4, replace(FLOWN, mode="TAKEOFF"))
     lost = {"lat_deg": float("nan"), "lon_deg": float("nan"), "alt_m": float("nan")}
     custody.observe(seen_in("HOLD", **lost), Outcome(), takes_off=False)
@@ -133,3 +133,33 @@ def test_what_an_operator_has_called_back_is_not_given_back_by_the_parameter(
         custody.observe(seen_in("GUIDED"), taken, takes_off=False)
         custody.clear_automatically()
     assert custody.state is Custody.RELEASED
+
+
+CLEARED = FlightRecord(Custody.CLEARED, SEARCH, arm=True, alt_m=TOP_M)
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda one: one.name)
+@pytest.mark.parametrize("flying", [False, True], ids=["on the ground", "in the air"])
+def test_what_was_commanded_to_arm_as_a_bridge_ended_is_flown_on_by_the_next_one(
+    autopilot: Autopilot, flying: bool
+) -> None:
+    before = custody_of(autopilot, CLEARED)
+    waits = seen_in(autopilot.resting_mode, armed=False, flying=False, alt_m=0.0)
+    arms = Outcome(TakeOff(TOP_M), 2, "under_way", "arming", arming=True)
+    before.observe(waits, arms, takes_off=True)
+    mode = (autopilot.take_off_mode or autopilot.guided_mode) if flying else autopilot.resting_mode
+    after = custody_of(autopilot, before.record)
+    after.observe(seen_in(mode, flying=flying, alt_m=10.0 * flying), Outcome(), takes_off=False)
+    assert after.state is Custody.FOLLOWING
+
+
+@pytest.mark.parametrize("mode", ["GUIDED", "LOITER"])
+@pytest.mark.parametrize("shown", [False, True], ids=["not commanded", "seen on the ground"])
+def test_what_is_armed_at_another_time_is_somebody_elses(mode: str, shown: bool) -> None:
+    record = replace(CLEARED, arming=shown)
+    custody = custody_of(ARDUPILOT, record)
+    if shown:
+        waits = seen_in("GUIDED", armed=False, flying=False, alt_m=0.0)
+        custody.observe(waits, Outcome(), takes_off=False)
+    custody.observe(seen_in(mode, flying=False, alt_m=0.0), Outcome(), takes_off=False)
+    assert custody.state is Custody.TAKEN
