@@ -27,7 +27,7 @@ from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
 from dsse_ros.campaign.statistics import MEASURES
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
-from dsse_ros.nodes.parameters import descriptor
+from dsse_ros.runtime.parameters import descriptor
 from dsse_ros.nodes.settings import (
     RUN_TIME_SETTINGS,
     PlannerSettings,

@@ -28,8 +28,8 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 from std_srvs.srv import Trigger
 
-from dsse_ros.nodes import security
-from dsse_ros.nodes.qos import COMMANDS, COMPLETE, LATCHED
+from dsse_ros.runtime import security
+from dsse_ros.runtime.qos import COMMANDS, COMPLETE, LATCHED
 from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.options import IGNORED_OPTION, check_seed
 from dsse_ros.search import HOLD, FieldError

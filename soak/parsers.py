@@ -195,9 +195,9 @@ def _mavlink() -> tuple[Take, list[bytes]]:
     from autopilot.wire import mavlink
     from fuzz import any_message
 
-    from dsse_ros.flight.codec import Codec
+    from dsse_ros.mavlink.codec import Codec
     from dsse_ros.flight.commands import ControllerSettings
-    from dsse_ros.flight.mission_messages import Address
+    from dsse_ros.mavlink.mission_messages import Address
     from dsse_ros.flight.vehicle_controller import VehicleController
 
     ours, vehicle = Address(245, 191), Address(7, 1)
@@ -356,7 +356,7 @@ PARSERS = {
         ("msg_adapters.plan_files", "msg_adapters.waypoint_files", "msg_adapters.mission_items"),
     ),
     "mavlink": Parser(
-        "MAVLink bytes", _mavlink, ("dsse_ros.flight.codec", "dsse_ros.flight.vehicle_controller")
+        "MAVLink bytes", _mavlink, ("dsse_ros.mavlink.codec", "dsse_ros.flight.vehicle_controller")
     ),
     "snapshots": Parser(
         "snapshots", _snapshots, ("dsse_ros.search.snapshot", "dsse_ros.mission.mission")

@@ -22,8 +22,8 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Int32MultiArray
 
 from benchmarks.ros.peer import REPORT, STEP_AT, message_type, profile_of
-from dsse_ros.nodes.qos import RELIABLE
-from dsse_ros.nodes.runtime import new_executor
+from dsse_ros.runtime.qos import RELIABLE
+from dsse_ros.runtime.run_node import new_executor
 
 NAME = "ping_pong"
 # What sim_node sends after the report of a step.
@@ -89,7 +89,7 @@ def main(recording: str, steps: str) -> None:
     rclpy.init()
     executor = new_executor()
     executor.add_node(PingPong(json.loads(Path(recording).read_text()), int(steps)))
-    # As sim_node does it, see `dsse_ros.nodes.runtime`.
+    # As sim_node does it, see `dsse_ros.runtime.run_node`.
     while rclpy.ok():
         executor.spin_once(timeout_sec=0.1)
 

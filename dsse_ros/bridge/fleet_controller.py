@@ -23,7 +23,7 @@ from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import Arm, SearchId, VehicleCustody
 from dsse_ros.bridge.vehicle_follower import Clearance, VehicleFollower
 from dsse_ros.flight.autopilots import AUTOPILOTS
-from dsse_ros.flight.mavlink_messages import StatusText
+from dsse_ros.mavlink.messages import StatusText
 from dsse_ros.flight.orders import FlyMission
 from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, describe
 from dsse_ros.flight.vehicle_state import VehicleState

@@ -16,7 +16,7 @@ from dsse_ros.campaign.config import Campaign
 from dsse_ros.campaign.engines import ENGINES, WorkerError
 from dsse_ros.cli.command_line import Parser, make_folder
 from dsse_ros.cli.start import not_found
-from dsse_ros.nodes.exit_codes import FAILED, fail
+from dsse_ros.runtime.exit_codes import FAILED, fail
 from dsse_ros.search import FieldError
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from dsse_ros.mission.scenario_files import find_scenario
-from dsse_ros.nodes.exit_codes import fail
-from dsse_ros.nodes.ros_arguments import (
+from dsse_ros.runtime.exit_codes import fail
+from dsse_ros.runtime.ros_arguments import (
     OF_EVERY_NODE,
     Given,
     from_ros,

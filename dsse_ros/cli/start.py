@@ -11,8 +11,8 @@ import importlib
 import sys
 
 from dsse_ros.extras import pip_install
-from dsse_ros.nodes.exit_codes import MISSING
-from dsse_ros.nodes.interrupts import leave_on_signals
+from dsse_ros.runtime.exit_codes import MISSING
+from dsse_ros.runtime.interrupts import leave_on_signals
 
 _DASHBOARD = ("dashboard", "make sim VIEW=1")
 _OF_EXTRAS = {

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.messages import (
     BatteryStatus,
     EkfStatus,
     ExtendedSysState,

@@ -15,13 +15,13 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.messages import (
     CommandAck,
     CommandLong,
     MissionSetCurrent,
     Outgoing,
 )
-from dsse_ros.flight.mission_messages import Address
+from dsse_ros.mavlink.mission_messages import Address
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_state import VehicleState
 

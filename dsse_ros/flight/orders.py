@@ -16,8 +16,8 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.commands import MISSION_START, OrderFailedError
-from dsse_ros.flight.mavlink_messages import MissionSetCurrent
-from dsse_ros.flight.mission_messages import WireItem
+from dsse_ros.mavlink.messages import MissionSetCurrent
+from dsse_ros.mavlink.mission_messages import WireItem
 from dsse_ros.flight.order_steps import (
     STANDING_MPS,
     allow_present_mode,

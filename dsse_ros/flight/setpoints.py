@@ -8,7 +8,7 @@ import math
 from dataclasses import replace
 
 from dsse_ros.flight.commands import OrderFailedError, Situation
-from dsse_ros.flight.mavlink_messages import SetPositionTarget
+from dsse_ros.mavlink.messages import SetPositionTarget
 
 _TARGET_DEG = 1e-5
 _TARGET_ALT_M = 1.0

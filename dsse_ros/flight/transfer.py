@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import ClassVar, Protocol, get_args
 
-from dsse_ros.flight.mission_messages import (
+from dsse_ros.mavlink.mission_messages import (
     MISSION_FAULTS,
     Address,
     MissionAck,

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.mission_messages import (
+from dsse_ros.mavlink.mission_messages import (
     MISSION_FAULTS,
     Address,
     MissionAck,

@@ -22,7 +22,7 @@ from dsse_ros.flight.commands import (
     Situation,
     TakenOverError,
 )
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.messages import (
     CommandAck,
     Heartbeat,
     Incoming,
@@ -30,7 +30,7 @@ from dsse_ros.flight.mavlink_messages import (
     SetPositionTarget,
     StatusText,
 )
-from dsse_ros.flight.mission_messages import Address, MissionMessage
+from dsse_ros.mavlink.mission_messages import Address, MissionMessage
 from dsse_ros.flight.mode_watch import ModeWatch
 from dsse_ros.flight.setpoints import SetpointStreamer
 from dsse_ros.flight.transfer import Exchange

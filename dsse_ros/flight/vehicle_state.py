@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.messages import (
     NO_POSITION,
     BatteryStatus,
     CommandLong,
@@ -28,8 +28,8 @@ from dsse_ros.flight.mavlink_messages import (
     StatusText,
     SysStatus,
 )
-from dsse_ros.flight.mission_messages import Address
-from dsse_ros.flight.px4_events import SUMMARY, failed_check
+from dsse_ros.mavlink.mission_messages import Address
+from dsse_ros.mavlink.px4_events import SUMMARY, failed_check
 
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE

@@ -17,7 +17,7 @@ from dsse_ros.bridge.fleet_controller import shown_order
 from dsse_ros.bridge.health import Level, Situation, health
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
-from dsse_ros.nodes.qos import LATCHED, RELIABLE, SENSOR, Endpoints
+from dsse_ros.runtime.qos import LATCHED, RELIABLE, SENSOR, Endpoints
 from msg_adapters.battery import battery_state
 from msg_adapters.diagnostics import diagnostic_array
 from msg_adapters.frames import GridFrame

@@ -33,10 +33,10 @@ from dsse_ros.nodes.operator_services import (
     find_bridges,
     service_name,
 )
-from dsse_ros.nodes.parameters import declare
-from dsse_ros.nodes.polling import polling_node, spun_by_nobody, take_all
-from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, Endpoints
-from dsse_ros.nodes.runtime import AlarmNode, run_node
+from dsse_ros.runtime.parameters import declare
+from dsse_ros.runtime.polling import polling_node, spun_by_nobody, take_all
+from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, Endpoints
+from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.scenario.fields import specs
 
 _NICENESS = 10

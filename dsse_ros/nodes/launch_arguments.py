@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import yaml
 
-from dsse_ros.nodes.ros_arguments import parameters_for
+from dsse_ros.runtime.ros_arguments import parameters_for
 from msg_adapters.mission_items import FIRMWARES
 
 Kind = Literal["bool", "int", "float", "str", "ints", "names"]

@@ -24,9 +24,9 @@ from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
 from dsse_ros.nodes import bridge_services
 from dsse_ros.nodes.bridge_publishers import BridgePublishers
-from dsse_ros.nodes.parameters import declare
-from dsse_ros.nodes.qos import COMPLETE, LATCHED, Endpoints
-from dsse_ros.nodes.runtime import AlarmNode, run_node
+from dsse_ros.runtime.parameters import declare
+from dsse_ros.runtime.qos import COMPLETE, LATCHED, Endpoints
+from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError
 from msg_adapters.agents import agents_from_message

@@ -23,7 +23,7 @@ from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.status import Health, Level
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.mission.step_scheduler import Timing
-from dsse_ros.nodes.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
+from dsse_ros.runtime.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
 from dsse_ros.search import SearchDefinition
 from dsse_ros.step.fault_kernels import HOME, LOST
 from dsse_ros.targets import sea_map

@@ -28,11 +28,11 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
 from dsse_ros.nodes import sim_services, simulation_interfaces
-from dsse_ros.nodes.parameters import check_changes, check_flat
+from dsse_ros.runtime.parameters import check_changes, check_flat
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
 from dsse_ros.nodes.publishers import MissionPublishers
-from dsse_ros.nodes.qos import COMMANDS, RELIABLE, Endpoints
-from dsse_ros.nodes.runtime import AlarmNode, run_node
+from dsse_ros.runtime.qos import COMMANDS, RELIABLE, Endpoints
+from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.nodes.sim_parameters import (
     OF_TIMING,
     SETTINGS_SPECS,

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from virtual_fleet import VirtualFleet, VirtualSearch, pilots_mode
 from virtual_flight import VirtualFlight
 
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.messages import (
     CommandAck,
     CommandLong,
     Heartbeat,

@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 from virtual_fleet import SEARCH, VirtualFleet, pilots_mode, with_settings
 
-from dsse_ros.flight.mavlink_messages import CommandLong, SetPositionTarget
+from dsse_ros.mavlink.messages import CommandLong, SetPositionTarget
 
 ARM, SET_MODE = 400, 176
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

@@ -18,7 +18,7 @@ from virtual_flight import STEP_S, VirtualFlight
 from dsse_ros.bridge.fleet_controller import FleetController
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import FlightRecord
-from dsse_ros.flight.mavlink_messages import StatusText
+from dsse_ros.mavlink.messages import StatusText
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from msg_adapters.agents import AgentsInfo, Origin

@@ -210,7 +210,7 @@ def test_a_ros_2_of_another_python_is_reported_on_one_line(tmp_path: Path) -> No
 
 
 def test_a_defect_of_the_package_itself_is_not_taken_for_something_missing() -> None:
-    assert start.missing(ImportError("cannot import name 'x'", name="dsse_ros.nodes.qos")) is None
+    assert start.missing(ImportError("cannot import name 'x'", name="dsse_ros.runtime.qos")) is None
     with pytest.raises(ModuleNotFoundError):
         start.start("cli.no_such_program")
 

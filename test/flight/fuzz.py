@@ -20,10 +20,10 @@ if not __package__ and __name__ == "__main__":
 from autopilot.wire import Codec as VehicleCodec
 from autopilot.wire import mavlink
 
-from dsse_ros.flight.codec import Codec
+from dsse_ros.mavlink.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.mavlink_messages import INCOMING_NAMES
-from dsse_ros.flight.mission_messages import Address, WireItem
+from dsse_ros.mavlink.messages import INCOMING_NAMES
+from dsse_ros.mavlink.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import (
     FlyMission,
     GoTo,

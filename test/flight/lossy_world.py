@@ -11,7 +11,7 @@ from itertools import count
 
 from mission_vehicle import VEHICLE, MissionVehicle
 
-from dsse_ros.flight.mission_messages import Address, MissionMessage
+from dsse_ros.mavlink.mission_messages import Address, MissionMessage
 from dsse_ros.flight.transfer import Done, Exchange, Failed
 
 OURSELVES = Address(245, 191)

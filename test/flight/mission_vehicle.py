@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from dsse_ros.flight.mission_messages import (
+from dsse_ros.mavlink.mission_messages import (
     Address,
     MissionAck,
     MissionCount,

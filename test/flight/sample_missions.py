@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from dsse_ros.flight.mission_messages import WireItem
+from dsse_ros.mavlink.mission_messages import WireItem
 
 
 def mission(number: int, count: int = 20) -> tuple[WireItem, ...]:

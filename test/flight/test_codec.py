@@ -15,8 +15,8 @@ from autopilot.wire import mavlink
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.flight.codec import Codec
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.codec import Codec
+from dsse_ros.mavlink.messages import (
     CommandLong,
     GlobalPosition,
     Heartbeat,
@@ -24,7 +24,7 @@ from dsse_ros.flight.mavlink_messages import (
     SetPositionTarget,
     StatusText,
 )
-from dsse_ros.flight.mission_messages import Address, MissionItemInt, MissionRequest, WireItem
+from dsse_ros.mavlink.mission_messages import Address, MissionItemInt, MissionRequest, WireItem
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 both = pytest.mark.parametrize("datagram", [True, False], ids=["datagrams", "stream"])

@@ -9,7 +9,7 @@ from lossy_world import OURSELVES, Channel, World
 from mission_vehicle import VEHICLE, VEHICLES
 from sample_missions import mission
 
-from dsse_ros.flight.mission_messages import (
+from dsse_ros.mavlink.mission_messages import (
     MissionAck,
     MissionCount,
     MissionItemInt,

@@ -13,7 +13,7 @@ from mission_vehicle import VEHICLE
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import ARDUPILOT, PX4
-from dsse_ros.flight.mission_messages import (
+from dsse_ros.mavlink.mission_messages import (
     Address,
     MissionAck,
     MissionCount,

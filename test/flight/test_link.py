@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from dsse_ros.flight.link import Link, parse_connection
+from dsse_ros.mavlink.link import Link, parse_connection
 
 TIMEOUT_S = 60.0
 

@@ -13,9 +13,9 @@ from autopilot.wire import mavlink
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.flight.codec import Codec
+from dsse_ros.mavlink.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.mission_messages import Address
+from dsse_ros.mavlink.mission_messages import Address
 from dsse_ros.flight.vehicle_controller import VehicleController
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)

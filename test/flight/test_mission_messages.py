@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.mission_messages import (
+from dsse_ros.mavlink.mission_messages import (
     Address,
     MissionAck,
     MissionCount,

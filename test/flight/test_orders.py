@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
-from dsse_ros.flight.mission_messages import WireItem
+from dsse_ros.mavlink.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Order, Search, TakeOff
 
 

@@ -9,8 +9,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.flight.mavlink_messages import SetPositionTarget
-from dsse_ros.flight.mission_messages import Address
+from dsse_ros.mavlink.messages import SetPositionTarget
+from dsse_ros.mavlink.mission_messages import Address
 from dsse_ros.flight.setpoints import PacedSetpoint
 
 METRE_DEG = 1 / 111_195.0

@@ -11,7 +11,7 @@ import pytest
 from autopilot.commands import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED
 from virtual_flight import VirtualFlight
 
-from dsse_ros.flight.mavlink_messages import SetPositionTarget
+from dsse_ros.mavlink.messages import SetPositionTarget
 from dsse_ros.flight.orders import GoTo, TakeOff
 
 TAKEOFF, CHANGE_SPEED = 22, 178

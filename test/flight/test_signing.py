@@ -15,10 +15,10 @@ from autopilot.wire import mavlink
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.flight.codec import Codec
-from dsse_ros.flight.mavlink_messages import Heartbeat
-from dsse_ros.flight.mission_messages import Address
-from dsse_ros.flight.signing import SigningClock, read_key
+from dsse_ros.mavlink.codec import Codec
+from dsse_ros.mavlink.messages import Heartbeat
+from dsse_ros.mavlink.mission_messages import Address
+from dsse_ros.mavlink.signing import SigningClock, read_key
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 KEY, WRONG_KEY = bytes(range(32)), bytes(32)

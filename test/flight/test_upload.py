@@ -10,7 +10,7 @@ from mission_vehicle import VEHICLE, VEHICLES, ArduPilot
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import AUTOPILOTS, PX4
-from dsse_ros.flight.mission_messages import (
+from dsse_ros.mavlink.mission_messages import (
     Address,
     MissionAck,
     MissionCount,

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.messages import (
     CommandAck,
     CommandLong,
     GlobalPosition,
@@ -28,7 +28,7 @@ from dsse_ros.flight.mavlink_messages import (
     SetPositionTarget,
     StatusText,
 )
-from dsse_ros.flight.mission_messages import Address
+from dsse_ros.mavlink.mission_messages import Address
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_controller import VehicleController

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import AUTOPILOTS
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.messages import (
     BatteryStatus,
     EkfStatus,
     ExtendedSysState,

@@ -15,7 +15,7 @@ from mission_vehicle import HOME, VEHICLE, VEHICLES, ArduPilot, Px4
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import ARDUPILOT, AUTOPILOTS, PX4
-from dsse_ros.flight.mission_messages import (
+from dsse_ros.mavlink.mission_messages import (
     MissionAck,
     MissionCount,
     MissionItemInt,

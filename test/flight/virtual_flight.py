@@ -14,16 +14,16 @@ from typing import Any
 from autopilot.main import make_vehicle
 from autopilot.settings import Settings
 
-from dsse_ros.flight.codec import Codec
+from dsse_ros.mavlink.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.messages import (
     CommandLong,
     Heartbeat,
     Incoming,
     Outgoing,
     SetPositionTarget,
 )
-from dsse_ros.flight.mission_messages import Address, WireItem
+from dsse_ros.mavlink.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import Order
 from dsse_ros.flight.vehicle_controller import Outcome, VehicleController
 from dsse_ros.flight.vehicle_state import VehicleState

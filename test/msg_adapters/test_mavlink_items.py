@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mission_strategies import ITEMS, MISSIONS
 
-from dsse_ros.flight.mission_messages import WireItem
+from dsse_ros.mavlink.mission_messages import WireItem
 from msg_adapters.mavlink_items import (
     item_fields,
     item_from_fields,

@@ -42,7 +42,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
-from dsse_ros.nodes.discovery import variable
+from dsse_ros.runtime.discovery import variable
 from msg_adapters.commands import joint_action_message
 from msg_adapters.step_report import step_report_from_message
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.nodes.alarms import Alarms
+from dsse_ros.runtime.alarms import Alarms
 
 
 class Time:

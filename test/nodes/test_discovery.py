@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from rig import ENVIRONMENT, free_domain
 
-from dsse_ros.nodes.discovery import PROFILES, announce_often
+from dsse_ros.runtime.discovery import PROFILES, announce_often
 
 VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 

@@ -14,7 +14,7 @@ import pytest
 # not print: a signal may come before the print that announces it has returned.
 IN_C = """
 import ctypes, os
-from dsse_ros.nodes.interrupts import leave_on_signals
+from dsse_ros.runtime.interrupts import leave_on_signals
 
 leave_on_signals(lambda: os.write(1, b"cleaned up\\n"))
 libc, mutex = ctypes.CDLL(None), ctypes.create_string_buffer(64)
@@ -24,7 +24,7 @@ libc.pthread_mutex_lock(mutex)
 """
 IN_PYTHON = """
 import os
-from dsse_ros.nodes.interrupts import leave_on_signals
+from dsse_ros.runtime.interrupts import leave_on_signals
 
 leave_on_signals(lambda: os.write(1, b"cleaned up\\n"))
 print("in Python", flush=True)
@@ -33,7 +33,7 @@ while True:
 """
 HANDED_OVER = """
 import signal, time
-from dsse_ros.nodes.interrupts import Stop, leave_on_signals, on_signals
+from dsse_ros.runtime.interrupts import Stop, leave_on_signals, on_signals
 
 leave_on_signals()
 stop = Stop()

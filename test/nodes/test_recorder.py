@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int8, String
 
-from dsse_ros.nodes.exit_codes import FAILED
+from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.recording.offered_qos import from_yaml
 from dsse_ros.recording.replay import replay

@@ -11,7 +11,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from dsse_ros.nodes.ros_arguments import (
+from dsse_ros.runtime.ros_arguments import (
     UnreadableFileError,
     namespace_of,
     parameters_for,

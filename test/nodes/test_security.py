@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from rig import ENVIRONMENT, free_domain
 
-from dsse_ros.nodes import security
+from dsse_ros.runtime import security
 from dsse_ros.search import FieldError
 
 ASKED = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_KEYSTORE": "keys"}

@@ -25,7 +25,7 @@ from rclpy.qos import (
 from rig import Process, Rig, Sim
 from std_msgs.msg import String
 
-from dsse_ros.nodes.exit_codes import BAD_INPUT
+from dsse_ros.runtime.exit_codes import BAD_INPUT
 
 ROOT = Path(__file__).resolve().parents[2]
 DRONES = 4

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 OURS = ("dsse_ros/", "msg_adapters/", "launch/", "scripts/", "examples/", "docs/")
 PICKLING = {"cloudpickle", "dill", "joblib", "marshal", "pickle", "shelve"}
 SECRETIVE = {
-    "dsse_ros/dashboard/guard.py", "dsse_ros/dashboard/settings.py", "dsse_ros/flight/signing.py",
+    "dsse_ros/dashboard/guard.py", "dsse_ros/dashboard/settings.py", "dsse_ros/mavlink/signing.py",
 }  # fmt: skip
 SECRETS = {"token", "cookie", "key", "given"}
 

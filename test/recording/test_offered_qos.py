@@ -12,7 +12,7 @@ from rclpy.qos import (
     qos_profile_sensor_data,
 )
 
-from dsse_ros.nodes.qos import COMPLETE, LATCHED, RELIABLE, REPORTS, SENSOR
+from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, REPORTS, SENSOR
 from dsse_ros.recording.offered_qos import common, from_yaml, to_yaml
 
 PROFILES = [COMPLETE, LATCHED, RELIABLE, REPORTS, SENSOR, qos_profile_sensor_data]

@@ -19,7 +19,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dsse_ros.nodes.ros_arguments import OF_EVERY_NODE, from_ros
+from dsse_ros.runtime.ros_arguments import OF_EVERY_NODE, from_ros
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
 
 _TYPES = {

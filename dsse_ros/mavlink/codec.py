@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.mavlink_messages import (
+from dsse_ros.mavlink.messages import (
     INCOMING_NAMES,
     Incoming,
     Outgoing,
@@ -23,9 +23,9 @@ from dsse_ros.flight.mavlink_messages import (
     read,
     write,
 )
-from dsse_ros.flight.mission_messages import Address
-from dsse_ros.flight.px4_events import EventMessage
-from dsse_ros.flight.signing import SigningClock
+from dsse_ros.mavlink.mission_messages import Address
+from dsse_ros.mavlink.px4_events import EventMessage
+from dsse_ros.mavlink.signing import SigningClock
 
 _MARKER = re.compile(rb"[\xfd\xfe]")
 _V2 = mavlink.PROTOCOL_MARKER_V2

@@ -15,7 +15,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.mavlink_messages import Event
+from dsse_ros.mavlink.messages import Event
 
 _COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1 << 24
 _FNV_BASIS, _FNV_PRIME = 0x811C9DC5, 0x01000193

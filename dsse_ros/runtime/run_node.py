@@ -28,12 +28,12 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier, remove_ros_args
 
-from dsse_ros.nodes import discovery, security
-from dsse_ros.nodes.alarms import Alarms
-from dsse_ros.nodes.exit_codes import fail
-from dsse_ros.nodes.interrupts import Stop, leave_on_signals, on_signals
-from dsse_ros.nodes.parameters import declarable, take_overrides
-from dsse_ros.nodes.ros_arguments import UnreadableFileError, parameters_for, split_ros_arguments
+from dsse_ros.runtime import discovery, security
+from dsse_ros.runtime.alarms import Alarms
+from dsse_ros.runtime.exit_codes import fail
+from dsse_ros.runtime.interrupts import Stop, leave_on_signals, on_signals
+from dsse_ros.runtime.parameters import declarable, take_overrides
+from dsse_ros.runtime.ros_arguments import UnreadableFileError, parameters_for, split_ros_arguments
 from dsse_ros.search import FieldError
 
 MAX_DOMAIN = 232

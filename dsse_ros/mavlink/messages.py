@@ -14,7 +14,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.mission_messages import (
+from dsse_ros.mavlink.mission_messages import (
     MISSION_NAMES,
     Address,
     MissionMessage,

@@ -17,8 +17,8 @@ from rclpy.qos import (
 )
 from rclpy.subscription import Subscription
 
-from dsse_ros.nodes.parameters import QOS_PREFIX, declare
-from dsse_ros.nodes.runtime import AlarmNode
+from dsse_ros.runtime.parameters import QOS_PREFIX, declare
+from dsse_ros.runtime.run_node import AlarmNode
 from dsse_ros.scenario.fields import FieldError, Spec, check_known
 
 LATCHED = QoSProfile(
