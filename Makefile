@@ -36,15 +36,16 @@ TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py scenario.py) test/
 	$(addprefix test/search/test_,conformance.py oracles.py snapshot.py vector_env.py withdraw.py world.py) \
 	test/planners/test_planners.py \
 	$(addprefix test/msg_adapters/test_,geodesy.py mavlink_items.py occupancy.py poses.py) \
-	$(addprefix test/flight/test_,codec.py mission_messages.py upload.py) test/mission/test_mission.py
+	$(addprefix test/mavlink/test_,codec.py mission_messages.py) test/flight/test_upload.py \
+	test/mission/test_mission.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled dashboard flight mission \
-	msg_adapters packaging planners recording report scenario search training view)
+TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled dashboard flight mavlink mission \
+	msg_adapters packaging planners recording report runtime scenario search training view)
 
 # Commands and their refusals come over DDS.
-TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled flight mission msg_adapters planners \
-	recording scenario search view \
+TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled flight mavlink mission msg_adapters \
+	planners recording runtime scenario search view \
 	$(addprefix nodes/test_,bad_input.py client_commands.py lost_drones.py step_modes.py))
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \

@@ -27,7 +27,6 @@ from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
 from dsse_ros.campaign.statistics import MEASURES
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
-from dsse_ros.runtime.parameters import descriptor
 from dsse_ros.nodes.settings import (
     RUN_TIME_SETTINGS,
     PlannerSettings,
@@ -36,6 +35,7 @@ from dsse_ros.nodes.settings import (
     ViewerSettings,
 )
 from dsse_ros.report.metrics import METRICS
+from dsse_ros.runtime.parameters import descriptor
 from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
 from dsse_ros.scenario.fields import Spec, specs
 from dsse_ros.scenario.rules import GROUPS

@@ -23,10 +23,10 @@ from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import Arm, SearchId, VehicleCustody
 from dsse_ros.bridge.vehicle_follower import Clearance, VehicleFollower
 from dsse_ros.flight.autopilots import AUTOPILOTS
-from dsse_ros.mavlink.messages import StatusText
 from dsse_ros.flight.orders import FlyMission
 from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, describe
 from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.mavlink.messages import StatusText
 from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
 

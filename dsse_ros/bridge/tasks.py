@@ -9,8 +9,8 @@ from typing import Protocol
 
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.mavlink.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Search
+from dsse_ros.mavlink.mission_messages import WireItem
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mavlink_items import mission_fields

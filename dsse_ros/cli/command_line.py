@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from dsse_ros.mission.scenario_files import find_scenario
+from dsse_ros.planners import PLANNER_NAMES, check_task
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.runtime.ros_arguments import (
     OF_EVERY_NODE,
@@ -20,7 +21,6 @@ from dsse_ros.runtime.ros_arguments import (
     parameters_for,
     split_ros_arguments,
 )
-from dsse_ros.planners import PLANNER_NAMES, check_task
 from dsse_ros.scenario.fields import Spec, check_known, specs
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile

@@ -18,8 +18,8 @@ from dsse_ros.mission.vehicle_missions import (
     search_missions,
     write_missions,
 )
-from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.planners import planner_for
+from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.compiler import prepared_env

@@ -11,11 +11,11 @@ from pathlib import Path
 from dsse_ros.cli.command_line import Parser
 from dsse_ros.mission.status import counted
 from dsse_ros.nodes.bag_player import play
-from dsse_ros.runtime.exit_codes import FAILED, fail
-from dsse_ros.runtime.ros_arguments import split_ros_arguments
 from dsse_ros.recording.bag import read_bag
 from dsse_ros.recording.replay import replay
 from dsse_ros.recording.replayed import ReplayedMission
+from dsse_ros.runtime.exit_codes import FAILED, fail
+from dsse_ros.runtime.ros_arguments import split_ros_arguments
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.search import FieldError
 from dsse_ros.search.compiler import announced

@@ -16,7 +16,6 @@ from tqdm import tqdm
 from dsse_ros.belief.belief import Forecast
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
 from dsse_ros.cli.start import not_found
-from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.progress import progress
 from dsse_ros.report.record import RecordedMission, is_bag, read_csv
 from dsse_ros.report.replay import (
@@ -29,6 +28,7 @@ from dsse_ros.report.replay import (
     with_search,
 )
 from dsse_ros.report.report import Report, chosen_steps
+from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.search import PROFILES, FieldError
 from dsse_ros.search.compiler import announced

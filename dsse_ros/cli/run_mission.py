@@ -35,12 +35,12 @@ from dsse_ros.dashboard.browser import open_browser
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.mission.mission_log import MissionRecord, last_pos, read_log
 from dsse_ros.mission.mission_views import mission_views
+from dsse_ros.nodes.settings import PlannerSettings, SimSettings
 from dsse_ros.runtime.exit_codes import BAD_INPUT, fail
 from dsse_ros.runtime.interrupts import Stop, on_signals
 from dsse_ros.runtime.qos import LATCHED
 from dsse_ros.runtime.ros_arguments import OF_EVERY_NODE, pairs
 from dsse_ros.runtime.run_node import init_ros, new_executor
-from dsse_ros.nodes.settings import PlannerSettings, SimSettings
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules, Scenario

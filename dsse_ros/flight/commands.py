@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
+from dsse_ros.flight.transfer import Timeouts
+from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.messages import (
     CommandAck,
     CommandLong,
@@ -22,8 +24,6 @@ from dsse_ros.mavlink.messages import (
     Outgoing,
 )
 from dsse_ros.mavlink.mission_messages import Address
-from dsse_ros.flight.transfer import Timeouts
-from dsse_ros.flight.vehicle_state import VehicleState
 
 DO_SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 DO_CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED

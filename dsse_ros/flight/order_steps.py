@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.commands import ARM_DISARM, OrderFailedError, TakenOverError
-from dsse_ros.mavlink.mission_messages import WireItem
 from dsse_ros.flight.setpoints import offset_m
 from dsse_ros.flight.transfer import Failed
 from dsse_ros.flight.upload import VerifiedUpload
+from dsse_ros.mavlink.mission_messages import WireItem
 
 if TYPE_CHECKING:
     from dsse_ros.flight.vehicle_controller import VehicleController

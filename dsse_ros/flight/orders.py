@@ -16,8 +16,6 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.commands import MISSION_START, OrderFailedError
-from dsse_ros.mavlink.messages import MissionSetCurrent
-from dsse_ros.mavlink.mission_messages import WireItem
 from dsse_ros.flight.order_steps import (
     STANDING_MPS,
     allow_present_mode,
@@ -37,6 +35,8 @@ from dsse_ros.flight.order_steps import (
     upload,
 )
 from dsse_ros.flight.vehicle_controller import Order, VehicleController
+from dsse_ros.mavlink.messages import MissionSetCurrent
+from dsse_ros.mavlink.mission_messages import WireItem
 
 NAV_TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF
 

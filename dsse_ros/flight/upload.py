@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.transfer import Done, Failed, Timeouts, Transfer
 from dsse_ros.mavlink.mission_messages import (
     MISSION_FAULTS,
     Address,
@@ -25,7 +26,6 @@ from dsse_ros.mavlink.mission_messages import (
     MissionResult,
     WireItem,
 )
-from dsse_ros.flight.transfer import Done, Failed, Timeouts, Transfer
 
 _FINAL_RESULTS = MISSION_FAULTS | {MissionResult.OPERATION_CANCELLED}
 """Results after which a vehicle waits for no more items."""

@@ -18,13 +18,8 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.mavlink.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.mavlink.link import parse_connection
-from dsse_ros.mavlink.messages import Heartbeat, Outgoing, StatusText
-from dsse_ros.mavlink.mission_messages import Address
 from dsse_ros.flight.orders import Hold
-from dsse_ros.mavlink.signing import SigningClock, read_key
 from dsse_ros.flight.vehicle_controller import (
     Defects,
     Order,
@@ -33,6 +28,11 @@ from dsse_ros.flight.vehicle_controller import (
     VehicleController,
 )
 from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.mavlink.codec import Codec
+from dsse_ros.mavlink.link import parse_connection
+from dsse_ros.mavlink.messages import Heartbeat, Outgoing, StatusText
+from dsse_ros.mavlink.mission_messages import Address
+from dsse_ros.mavlink.signing import SigningClock, read_key
 
 _HEARTBEAT_S = 1.0
 _REOPEN_S = 1.0

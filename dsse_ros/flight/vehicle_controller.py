@@ -22,6 +22,10 @@ from dsse_ros.flight.commands import (
     Situation,
     TakenOverError,
 )
+from dsse_ros.flight.mode_watch import ModeWatch
+from dsse_ros.flight.setpoints import SetpointStreamer
+from dsse_ros.flight.transfer import Exchange
+from dsse_ros.flight.vehicle_state import MessageRequests, VehicleState, observe, without_link
 from dsse_ros.mavlink.messages import (
     CommandAck,
     Heartbeat,
@@ -31,10 +35,6 @@ from dsse_ros.mavlink.messages import (
     StatusText,
 )
 from dsse_ros.mavlink.mission_messages import Address, MissionMessage
-from dsse_ros.flight.mode_watch import ModeWatch
-from dsse_ros.flight.setpoints import SetpointStreamer
-from dsse_ros.flight.transfer import Exchange
-from dsse_ros.flight.vehicle_state import MessageRequests, VehicleState, observe, without_link
 
 Status = Literal["idle", "under_way", "done", "failed", "taken_over", "failsafe", "silent"]
 

@@ -13,12 +13,12 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import HistoryPolicy, QoSProfile
 
-from dsse_ros.runtime.exit_codes import fail
-from dsse_ros.runtime.qos import RELIABLE
-from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.recording.offered_qos import common, from_yaml
 from dsse_ros.recording.schemas import message_class
+from dsse_ros.runtime.exit_codes import fail
+from dsse_ros.runtime.qos import RELIABLE
+from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.search import FieldError
 
 _DEPTH = 100

@@ -23,12 +23,12 @@ from rclpy.publisher import Publisher
 
 from dsse_ros.nodes.client_commands import ENCODINGS, check_offer, command_type, read_command
 from dsse_ros.nodes.client_services import ClientServices
-from dsse_ros.runtime.parameters import declare
-from dsse_ros.runtime.qos import COMMANDS, Endpoints
 from dsse_ros.nodes.raw_topics import RawTopics
-from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.nodes.settings import ViewerSettings
 from dsse_ros.recording.schemas import definition, message_class
+from dsse_ros.runtime.parameters import declare
+from dsse_ros.runtime.qos import COMMANDS, Endpoints
+from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError
 

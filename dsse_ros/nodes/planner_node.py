@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
+from dsse_ros.nodes.settings import PlannerSettings
+from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
 from dsse_ros.runtime.parameters import declare
 from dsse_ros.runtime.qos import COMMANDS, LATCHED, Endpoints
 from dsse_ros.runtime.run_node import AlarmNode, run_node
-from dsse_ros.nodes.settings import PlannerSettings
-from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced

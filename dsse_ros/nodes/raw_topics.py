@@ -13,9 +13,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
-from dsse_ros.runtime.polling import RawMessage, polling_node, spun_by_nobody, take_all
 from dsse_ros.recording.offered_qos import common
 from dsse_ros.recording.schemas import definition, message_class
+from dsse_ros.runtime.polling import RawMessage, polling_node, spun_by_nobody, take_all
 from dsse_ros.search import FieldError
 
 OF_ALL = ("/clock", "/diagnostics", "/tf", "/tf_static")

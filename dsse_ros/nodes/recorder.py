@@ -8,15 +8,15 @@ import os
 import sys
 import time
 
+from dsse_ros.nodes.raw_topics import RawTopics
+from dsse_ros.nodes.settings import RecorderSettings
+from dsse_ros.recording.bag import BagWriter
+from dsse_ros.recording.offered_qos import to_yaml
 from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.runtime.parameters import declare
 from dsse_ros.runtime.polling import RawMessage
 from dsse_ros.runtime.qos import Endpoints
-from dsse_ros.nodes.raw_topics import RawTopics
 from dsse_ros.runtime.run_node import AlarmNode, run_node
-from dsse_ros.nodes.settings import RecorderSettings
-from dsse_ros.recording.bag import BagWriter
-from dsse_ros.recording.offered_qos import to_yaml
 from dsse_ros.scenario.fields import specs
 
 _NICENESS = 5

@@ -28,11 +28,8 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
 from dsse_ros.nodes import sim_services, simulation_interfaces
-from dsse_ros.runtime.parameters import check_changes, check_flat
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
 from dsse_ros.nodes.publishers import MissionPublishers
-from dsse_ros.runtime.qos import COMMANDS, RELIABLE, Endpoints
-from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.nodes.sim_parameters import (
     OF_TIMING,
     SETTINGS_SPECS,
@@ -42,6 +39,9 @@ from dsse_ros.nodes.sim_parameters import (
     read_parameters,
     timing,
 )
+from dsse_ros.runtime.parameters import check_changes, check_flat
+from dsse_ros.runtime.qos import COMMANDS, RELIABLE, Endpoints
+from dsse_ros.runtime.run_node import AlarmNode, run_node
 from msg_adapters.result import Rejected
 from msg_adapters.stamps import to_nanoseconds, to_stamp
 from msg_adapters.track_missions import acceptance_radius_m

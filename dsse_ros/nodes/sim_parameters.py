@@ -12,11 +12,11 @@ import numpy as np
 
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
+from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
 from dsse_ros.runtime.parameters import declare
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.runtime.ros_arguments import from_ros
 from dsse_ros.runtime.run_node import AlarmNode
-from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.limits import check_cells
 from dsse_ros.scenario.rules import Rules

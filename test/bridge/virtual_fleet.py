@@ -18,9 +18,9 @@ from virtual_flight import STEP_S, VirtualFlight
 from dsse_ros.bridge.fleet_controller import FleetController
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import FlightRecord
-from dsse_ros.mavlink.messages import StatusText
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.mavlink.messages import StatusText
 from msg_adapters.agents import AgentsInfo, Origin
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import map_to_geodetic

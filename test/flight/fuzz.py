@@ -20,10 +20,7 @@ if not __package__ and __name__ == "__main__":
 from autopilot.wire import Codec as VehicleCodec
 from autopilot.wire import mavlink
 
-from dsse_ros.mavlink.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.mavlink.messages import INCOMING_NAMES
-from dsse_ros.mavlink.mission_messages import Address, WireItem
 from dsse_ros.flight.orders import (
     FlyMission,
     GoTo,
@@ -35,6 +32,9 @@ from dsse_ros.flight.orders import (
     TakeOff,
 )
 from dsse_ros.flight.vehicle_controller import VehicleController
+from dsse_ros.mavlink.codec import Codec
+from dsse_ros.mavlink.messages import INCOMING_NAMES
+from dsse_ros.mavlink.mission_messages import Address, WireItem
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 AUTOPILOTS = (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4)

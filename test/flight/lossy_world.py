@@ -11,8 +11,8 @@ from itertools import count
 
 from mission_vehicle import VEHICLE, MissionVehicle
 
-from dsse_ros.mavlink.mission_messages import Address, MissionMessage
 from dsse_ros.flight.transfer import Done, Exchange, Failed
+from dsse_ros.mavlink.mission_messages import Address, MissionMessage
 
 OURSELVES = Address(245, 191)
 

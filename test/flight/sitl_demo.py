@@ -39,10 +39,10 @@ from dsse_ros.cli.run_mission import MissionFailed, check_running, process  # no
 from dsse_ros.mission.mission_log import read_log  # noqa: E402
 from dsse_ros.mission.mission_views import mission_views  # noqa: E402
 from dsse_ros.mission.vehicle_missions import FlightSettings  # noqa: E402
+from dsse_ros.nodes.settings import SimSettings  # noqa: E402
 from dsse_ros.runtime.exit_codes import fail  # noqa: E402
 from dsse_ros.runtime.qos import COMPLETE  # noqa: E402
 from dsse_ros.runtime.run_node import new_executor  # noqa: E402
-from dsse_ros.nodes.settings import SimSettings  # noqa: E402
 from dsse_ros.scenario.fields import specs  # noqa: E402
 from dsse_ros.search import FieldError  # noqa: E402
 from dsse_ros.view.rendering import save_picture  # noqa: E402

@@ -9,6 +9,8 @@ from lossy_world import OURSELVES, Channel, World
 from mission_vehicle import VEHICLE, VEHICLES
 from sample_missions import mission
 
+from dsse_ros.flight.transfer import Done, Failed, Timeouts
+from dsse_ros.flight.upload import Download
 from dsse_ros.mavlink.mission_messages import (
     MissionAck,
     MissionCount,
@@ -17,8 +19,6 @@ from dsse_ros.mavlink.mission_messages import (
     MissionRequestList,
     MissionResult,
 )
-from dsse_ros.flight.transfer import Done, Failed, Timeouts
-from dsse_ros.flight.upload import Download
 
 ITEMS = mission(1, 3)
 TIMEOUTS = Timeouts()

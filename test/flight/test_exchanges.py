@@ -13,6 +13,8 @@ from mission_vehicle import VEHICLE
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import ARDUPILOT, PX4
+from dsse_ros.flight.transfer import Exchange, Timeouts
+from dsse_ros.flight.upload import Download, Upload, VerifiedUpload
 from dsse_ros.mavlink.mission_messages import (
     Address,
     MissionAck,
@@ -23,8 +25,6 @@ from dsse_ros.mavlink.mission_messages import (
     MissionRequestList,
     WireItem,
 )
-from dsse_ros.flight.transfer import Exchange, Timeouts
-from dsse_ros.flight.upload import Download, Upload, VerifiedUpload
 
 ITEMS = mission(1, 4)
 TIMEOUTS = Timeouts()

@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import pytest
 
-from dsse_ros.mavlink.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Order, Search, TakeOff
+from dsse_ros.mavlink.mission_messages import WireItem
 
 
 @pytest.mark.parametrize(

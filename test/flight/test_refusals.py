@@ -11,8 +11,8 @@ import pytest
 from autopilot.commands import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED
 from virtual_flight import VirtualFlight
 
-from dsse_ros.mavlink.messages import SetPositionTarget
 from dsse_ros.flight.orders import GoTo, TakeOff
+from dsse_ros.mavlink.messages import SetPositionTarget
 
 TAKEOFF, CHANGE_SPEED = 22, 178
 AUTOPILOTS = ("ardupilot", "px4")

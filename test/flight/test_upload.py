@@ -10,6 +10,8 @@ from mission_vehicle import VEHICLE, VEHICLES, ArduPilot
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import AUTOPILOTS, PX4
+from dsse_ros.flight.transfer import Done, Failed, Timeouts
+from dsse_ros.flight.upload import Upload, difference
 from dsse_ros.mavlink.mission_messages import (
     Address,
     MissionAck,
@@ -19,8 +21,6 @@ from dsse_ros.mavlink.mission_messages import (
     MissionRequestInt,
     MissionResult,
 )
-from dsse_ros.flight.transfer import Done, Failed, Timeouts
-from dsse_ros.flight.upload import Upload, difference
 
 ITEMS = mission(1, 3)
 CANCELLED = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED)

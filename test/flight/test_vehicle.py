@@ -20,9 +20,9 @@ from autopilot.wire import mavlink
 from pace import Pace
 
 from dsse_ros.flight import vehicle as vehicle_module
-from dsse_ros.mavlink.mission_messages import WireItem
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
+from dsse_ros.mavlink.mission_messages import WireItem
 
 pytestmark = pytest.mark.slow
 

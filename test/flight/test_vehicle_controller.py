@@ -19,6 +19,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
 from dsse_ros.flight.commands import ControllerSettings
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
+from dsse_ros.flight.transfer import Timeouts
+from dsse_ros.flight.vehicle_controller import VehicleController
 from dsse_ros.mavlink.messages import (
     CommandAck,
     CommandLong,
@@ -29,9 +32,6 @@ from dsse_ros.mavlink.messages import (
     StatusText,
 )
 from dsse_ros.mavlink.mission_messages import Address
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
-from dsse_ros.flight.transfer import Timeouts
-from dsse_ros.flight.vehicle_controller import VehicleController
 
 AUTOPILOTS = ("ardupilot", "px4")
 ARM, TAKEOFF, SET_MODE, CHANGE_SPEED, START, INTERVAL = 400, 22, 176, 178, 300, 511

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import AUTOPILOTS
+from dsse_ros.flight.vehicle_state import VehicleState, observe, without_link
 from dsse_ros.mavlink.messages import (
     BatteryStatus,
     EkfStatus,
@@ -28,7 +29,6 @@ from dsse_ros.mavlink.messages import (
     StatusText,
     SysStatus,
 )
-from dsse_ros.flight.vehicle_state import VehicleState, observe, without_link
 
 GUIDED = Heartbeat(2, 3, 1, 4, 3)
 ARMED = Heartbeat(2, 3, 129, 4, 4)

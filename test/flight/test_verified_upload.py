@@ -15,6 +15,8 @@ from mission_vehicle import HOME, VEHICLE, VEHICLES, ArduPilot, Px4
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import ARDUPILOT, AUTOPILOTS, PX4
+from dsse_ros.flight.transfer import Done, Failed, Timeouts
+from dsse_ros.flight.upload import VerifiedUpload, difference
 from dsse_ros.mavlink.mission_messages import (
     MissionAck,
     MissionCount,
@@ -22,8 +24,6 @@ from dsse_ros.mavlink.mission_messages import (
     MissionRequest,
     MissionRequestList,
 )
-from dsse_ros.flight.transfer import Done, Failed, Timeouts
-from dsse_ros.flight.upload import VerifiedUpload, difference
 
 NAMES = list(VEHICLES)
 BAD_LINK = Channel(loss=0.3, duplicate=0.2, reorder=0.3)

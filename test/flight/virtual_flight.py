@@ -14,8 +14,11 @@ from typing import Any
 from autopilot.main import make_vehicle
 from autopilot.settings import Settings
 
-from dsse_ros.mavlink.codec import Codec
 from dsse_ros.flight.commands import ControllerSettings
+from dsse_ros.flight.orders import Order
+from dsse_ros.flight.vehicle_controller import Outcome, VehicleController
+from dsse_ros.flight.vehicle_state import VehicleState
+from dsse_ros.mavlink.codec import Codec
 from dsse_ros.mavlink.messages import (
     CommandLong,
     Heartbeat,
@@ -24,9 +27,6 @@ from dsse_ros.mavlink.messages import (
     SetPositionTarget,
 )
 from dsse_ros.mavlink.mission_messages import Address, WireItem
-from dsse_ros.flight.orders import Order
-from dsse_ros.flight.vehicle_controller import Outcome, VehicleController
-from dsse_ros.flight.vehicle_state import VehicleState
 
 VEHICLE, OURSELVES = Address(1, 1), Address(245, 191)
 HEARTBEAT = Heartbeat(18, 8, 0, 0, 4)

@@ -18,9 +18,9 @@ from rcl_interfaces.msg import ParameterType
 from rig import LATCHED, Rig, Sim
 from rig import occupancy as cells_of
 
-from dsse_ros.runtime.parameters import descriptor, from_ros, to_ros
 from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings
 from dsse_ros.nodes.sim_parameters import RULES_SPECS, SCENARIO_SPECS, SETTINGS_SPECS
+from dsse_ros.runtime.parameters import descriptor, from_ros, to_ros
 from dsse_ros.scenario.fields import FieldError, Spec, specs
 from dsse_ros.search import Scenario, profile
 

@@ -18,10 +18,10 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int8, String
 
-from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.recording.offered_qos import from_yaml
 from dsse_ros.recording.replay import replay
+from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.search import FieldError
 
 DRONES, STEPS = 20, 300

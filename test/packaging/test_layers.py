@@ -122,8 +122,9 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         },
         {"ros", "messages", "mavlink"},
     ),
+    "dsse_ros.mavlink": ({"dsse_ros.mavlink", "dsse_ros.private_files"}, {"ros", "messages"}),
     "dsse_ros.flight": (
-        {"dsse_ros.flight", "dsse_ros.private_files", "msg_adapters"},
+        {"dsse_ros.flight", "dsse_ros.mavlink", "dsse_ros.private_files", "msg_adapters"},
         {"ros", "messages"},
     ),
     "dsse_ros.bridge": (
@@ -131,6 +132,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         | {
             "dsse_ros.bridge",
             "dsse_ros.flight",
+            "dsse_ros.mavlink",
             "dsse_ros.mission",
             "dsse_ros.private_files",
             "msg_adapters",
@@ -146,13 +148,16 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         },
         {"ros", "messages", "mavlink"},
     ),
+    "dsse_ros.runtime": (WORLD | {"dsse_ros.runtime"}, {"mavlink"}),
     "dsse_ros.nodes": (
         WORLD
         | {
             "dsse_ros.nodes",
+            "dsse_ros.runtime",
             "dsse_ros.bridge",
             "dsse_ros.dashboard",
             "dsse_ros.flight",
+            "dsse_ros.mavlink",
             "dsse_ros.mission",
             "dsse_ros.recording",
             "msg_adapters",
@@ -164,6 +169,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         WORLD
         | {
             "dsse_ros.nodes",
+            "dsse_ros.runtime",
             "msg_adapters",
         },
         {"mavlink"},

@@ -12,8 +12,8 @@ from rclpy.qos import (
     qos_profile_sensor_data,
 )
 
-from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, REPORTS, SENSOR
 from dsse_ros.recording.offered_qos import common, from_yaml, to_yaml
+from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, REPORTS, SENSOR
 
 PROFILES = [COMPLETE, LATCHED, RELIABLE, REPORTS, SENSOR, qos_profile_sensor_data]
 

@@ -8,11 +8,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import PX4
+from dsse_ros.flight.vehicle_state import VehicleState, observe
 from dsse_ros.mavlink.codec import Codec
 from dsse_ros.mavlink.messages import Event
 from dsse_ros.mavlink.mission_messages import Address
 from dsse_ros.mavlink.px4_events import EventMessage, event_number, failed_check
-from dsse_ros.flight.vehicle_state import VehicleState, observe
 
 # Payloads, the zeros at their ends left out.
 SUMMARY = "e093a801c06a00001b00000088000000100080000000b03a7f80b03a7f80"
