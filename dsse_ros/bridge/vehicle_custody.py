@@ -107,6 +107,7 @@ class VehicleCustody:
         self.seen = VehicleState()
         self._automatic = False
         self._inherited = record.custody
+        self._left_arming = record.arming
         # Up to which number it is known whether somebody else has ended an order, now and at the
         # latest clearance.
         self._number = self._cleared_number = 0
@@ -314,7 +315,8 @@ class VehicleCustody:
             ordered = outcome.order is not None or not self.airborne
             known = ordered or self._observe_since_record(state)
             self._observe_mode(before, state)
-            self._observe_motors(before, state, takes_off=takes_off or self._arms(state))
+            self._observe_left_arming(state)
+            self._observe_motors(before, state, takes_off=takes_off)
             arming = outcome.arming and self.state is Custody.CLEARED
             if arming != self.record.arming:
                 self.record = replace(self.record, arming=arming)
@@ -423,9 +425,17 @@ class VehicleCustody:
         if self.state is Custody.RELEASED and state.mode not in autopilot.orderly_modes:
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
 
-    def _arms(self, state: VehicleState) -> bool:
-        """Return whether an earlier program has just armed it."""
-        return self.record.arming and state.mode in self._autopilot.take_off_modes
+    def _observe_left_arming(self, state: VehicleState) -> None:
+        """See what has become of a vehicle that an earlier program commanded to arm at its end."""
+        left, self._left_arming = self._left_arming, False
+        if not left or self.state is not Custody.CLEARED:
+            return
+        if not state.armed:
+            # Nobody has seen who has disarmed it.
+            self.lose("disarmed while no bridge was there")
+            self.on(Event.TAKE_OVER)
+        elif state.mode in self._autopilot.take_off_modes:
+            self.on(Event.LIFT_OFF)
 
     def _observe_motors(
         self, before: VehicleState, state: VehicleState, *, takes_off: bool

@@ -154,12 +154,16 @@ def test_what_was_commanded_to_arm_as_a_bridge_ended_is_flown_on_by_the_next_one
 
 
 @pytest.mark.parametrize("mode", ["GUIDED", "LOITER"])
-@pytest.mark.parametrize("shown", [False, True], ids=["not commanded", "seen on the ground"])
-def test_what_is_armed_at_another_time_is_somebody_elses(mode: str, shown: bool) -> None:
-    record = replace(CLEARED, arming=shown)
-    custody = custody_of(ARDUPILOT, record)
-    if shown:
-        waits = seen_in("GUIDED", armed=False, flying=False, alt_m=0.0)
-        custody.observe(waits, Outcome(), takes_off=False)
+def test_what_nobody_has_commanded_to_arm_is_somebody_elses(mode: str) -> None:
+    custody = custody_of(ARDUPILOT, CLEARED)
     custody.observe(seen_in(mode, flying=False, alt_m=0.0), Outcome(), takes_off=False)
     assert custody.state is Custody.TAKEN
+
+
+def test_what_was_to_arm_as_a_bridge_ended_and_is_not_armed_stays_down() -> None:
+    custody = custody_of(ARDUPILOT, replace(CLEARED, arming=True), "always")
+    waits = seen_in("GUIDED", armed=False, flying=False, alt_m=0.0)
+    custody.observe(waits, Outcome(), takes_off=False)
+    custody.clear_automatically()
+    assert custody.state is Custody.TAKEN
+    assert custody.lost == "disarmed while no bridge was there"
