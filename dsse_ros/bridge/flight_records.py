@@ -138,7 +138,7 @@ def _parse(values: Mapping[str, Any]) -> FlightRecord:
         end=_text(values["end"]),
         mode=_text(values["mode"]),
         alt_m=float(values["alt_m"]),
-        arming=_flag(values["arming"]),
+        arming_s=float(values["arming_s"]),
     )
 
 

@@ -38,7 +38,8 @@ class FlightRecord:
         end: While it is recalled, `return` or `land`.
         mode: While we fly it, the mode in which it was seen last.
         alt_m: Altitude above home to which it takes off for that search.
-        arming: While it is cleared, whether it was commanded to arm, which has not shown.
+        arming_s: While it is cleared, when it was commanded to arm, which has not shown, on the
+            machine's steady clock; 0 if it was not.
     """
 
     custody: Custody = Custody.FREE
@@ -50,7 +51,7 @@ class FlightRecord:
     end: str = ""
     mode: str = ""
     alt_m: float = 0.0
-    arming: bool = False
+    arming_s: float = 0.0
 
 
 COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
@@ -60,6 +61,9 @@ CONTINUES = ("", "offboard", "radio", "gcs")
 """Failsafes after which an autopilot that stays in our mode goes on, or is brought back to it."""
 FOREIGN_S = 5.0
 """How long a vehicle without an order may be in a mode that is not one of its state."""
+SELF_DISARMING_S = 8.0
+"""Within this time an autopilot on the ground does not disarm itself again: ArduCopter's
+DISARM_DELAY and PX4's COM_DISARM_PRFLT are 10 s."""
 RISEN_M = 3.0
 """How far below the altitude of its take-off a vehicle has taken off."""
 
@@ -107,7 +111,7 @@ class VehicleCustody:
         self.seen = VehicleState()
         self._automatic = False
         self._inherited = record.custody
-        self._left_arming = record.arming
+        self._left_arming_s = record.arming_s
         # Up to which number it is known whether somebody else has ended an order, now and at the
         # latest clearance.
         self._number = self._cleared_number = 0
@@ -318,8 +322,8 @@ class VehicleCustody:
             self._observe_left_arming(state)
             self._observe_motors(before, state, takes_off=takes_off)
             arming = outcome.arming and self.state is Custody.CLEARED
-            if arming != self.record.arming:
-                self.record = replace(self.record, arming=arming)
+            if arming != bool(self.record.arming_s):
+                self.record = replace(self.record, arming_s=state.heard_s if arming else 0.0)
             mode = state.mode if self.airborne else ""
             # A mode that another has set is not recorded before it is known who has.
             ours = not mode or (known and self._is_ours(mode, outcome))
@@ -427,14 +431,18 @@ class VehicleCustody:
 
     def _observe_left_arming(self, state: VehicleState) -> None:
         """See what has become of a vehicle that an earlier program commanded to arm at its end."""
-        left, self._left_arming = self._left_arming, False
-        if not left or self.state is not Custody.CLEARED:
+        left_s, self._left_arming_s = self._left_arming_s, 0.0
+        if not left_s or self.state is not Custody.CLEARED:
             return
         if not state.armed:
             # Nobody has seen who has disarmed it.
             self.lose("disarmed while no bridge was there")
             self.on(Event.TAKE_OVER)
-        elif state.mode in self._autopilot.take_off_modes:
+        elif (
+            # Later it has disarmed itself, and somebody else has armed it.
+            0.0 <= state.heard_s - left_s < SELF_DISARMING_S
+            and state.mode in self._autopilot.take_off_modes
+        ):
             self.on(Event.LIFT_OFF)
 
     def _observe_motors(

@@ -140,17 +140,23 @@ CLEARED = FlightRecord(Custody.CLEARED, SEARCH, arm=True, alt_m=TOP_M)
 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda one: one.name)
 @pytest.mark.parametrize("flying", [False, True], ids=["on the ground", "in the air"])
-def test_what_was_commanded_to_arm_as_a_bridge_ended_is_flown_on_by_the_next_one(
+def test_what_was_to_arm_as_a_bridge_ended_is_flown_on_by_the_next_one_if_that_comes_soon(
     autopilot: Autopilot, flying: bool
 ) -> None:
     before = custody_of(autopilot, CLEARED)
-    waits = seen_in(autopilot.resting_mode, armed=False, flying=False, alt_m=0.0)
+    waits = seen_in(autopilot.resting_mode, armed=False, flying=False, alt_m=0.0, heard_s=100.0)
     arms = Outcome(TakeOff(TOP_M), 2, "under_way", "arming", arming=True)
     before.observe(waits, arms, takes_off=True)
     mode = (autopilot.take_off_mode or autopilot.guided_mode) if flying else autopilot.resting_mode
-    after = custody_of(autopilot, before.record)
-    after.observe(seen_in(mode, flying=flying, alt_m=10.0 * flying), Outcome(), takes_off=False)
-    assert after.state is Custody.FOLLOWING
+    for later_s, expected in (
+        (3.0, Custody.FOLLOWING),
+        (20.0, Custody.TAKEN),
+        (-90.0, Custody.TAKEN),
+    ):
+        after = custody_of(autopilot, before.record)
+        seen = seen_in(mode, flying=flying, alt_m=10.0 * flying, heard_s=100.0 + later_s)
+        after.observe(seen, Outcome(), takes_off=False)
+        assert after.state is expected
 
 
 @pytest.mark.parametrize("mode", ["GUIDED", "LOITER"])
@@ -161,7 +167,7 @@ def test_what_nobody_has_commanded_to_arm_is_somebody_elses(mode: str) -> None:
 
 
 def test_what_was_to_arm_as_a_bridge_ended_and_is_not_armed_stays_down() -> None:
-    custody = custody_of(ARDUPILOT, replace(CLEARED, arming=True), "always")
+    custody = custody_of(ARDUPILOT, replace(CLEARED, arming_s=5.0), "always")
     waits = seen_in("GUIDED", armed=False, flying=False, alt_m=0.0)
     custody.observe(waits, Outcome(), takes_off=False)
     custody.clear_automatically()
