@@ -47,7 +47,7 @@ class Forecast:
             have none, K is 1.
 
     Attributes:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         area: Which cells are searched, see `kernels`.
         first_step: Steps of the sea before a mission's first observation.
         side: S, columns and rows of the grid with its margins.
@@ -92,10 +92,11 @@ class Forecast:
         self._ready = 0
         self._still[:] = self.scenario.person_amount > 1 and self.rules.person_scatter > 0
         belief_kernels.start_sea(self.constants, self._world, self._drifts)
-        kernels.refresh_worlds(
-            self.constants, self._world, self._gauss, self._tails, self.area, None, self._circle,
-            np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32),
-        )  # fmt: skip
+        sea = kernels.Sea(
+            self.constants, self._world, self._gauss, self._tails, self.area, self._runs, None
+        )
+        span, no_maps = np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32)
+        kernels.refresh_worlds(*sea, self._circle, span, no_maps)
 
     def look(self, step: int) -> int:
         """Have a step of the sea ready, and the `horizon` steps after it; returns where it is."""

@@ -69,7 +69,7 @@ def start_sea(constants, worlds, drifts):
     """Set map and drifts to where `kernels.reset_world` has them before the first step.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         worlds: (1,) of `kernels.WORLDS`, start and vector set; no draw is made from it.
         drifts: (K,) of `person_motion.PERSONS` out. Where persons have a drift of their own it is
             the middle of K equally probable parts of its angles.
@@ -96,12 +96,12 @@ def forecast_step(
     """Advance map and drifts by one step and write what persons step by.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         worlds: (1,) of `kernels.WORLDS`.
         gauss: (2, 2 G + 1) float64, exponentials along x and y.
         tails: (2, G + 2) float64, their tail sums.
-        area: Of `kernels.step_worlds`.
-        runs: Of `kernels.step_worlds`.
+        area: Of `kernels.Sea`.
+        runs: Of `kernels.Sea`.
         circle: (G + 1,) int64 scratch.
         drifts: (K,) of `person_motion.PERSONS`.
         chances: (S S,) float64 out, the probability of every cell that persons look at.
@@ -140,7 +140,7 @@ def transition(c, area, chances, i, row):
 
     Args:
         c: The constants.
-        area: Of `kernels.step_worlds`.
+        area: Of `kernels.Sea`.
         chances: (S S,) of `forecast_step`.
         i: Column of the cell.
         row: (`ROW`,) float64 out, the first `CHANCES`; the rest is scratch.
@@ -163,7 +163,7 @@ def complete(c, area, chances, table, i, row):
 
     Args:
         c: The constants.
-        area: Of `kernels.step_worlds`.
+        area: Of `kernels.Sea`.
         chances: (S S,) of `forecast_step`.
         table: (`CHANCES`, S S) float64; the first row is negative where nothing is known yet.
         i: Column of the cell.
@@ -181,7 +181,7 @@ def look_up(c, area, chances, table, i, direction, row):
 
     Args:
         c: The constants.
-        area: Of `kernels.step_worlds`.
+        area: Of `kernels.Sea`.
         chances: (S S,) of `forecast_step`.
         table: Of `complete`.
         i: Column of the cell.
@@ -284,8 +284,8 @@ def predict(constants, area, belief, chances, table, directions, scratch):
     """Let the persons of a belief take their step; what it sums to stays as it is.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
-        area: Of `kernels.step_worlds`.
+        constants: (1,) of `constants.CONSTANTS`.
+        area: Of `kernels.Sea`.
         belief: (C K, S S) float64.
         chances: (S S,) of `forecast_step`.
         directions: (K,) of `forecast_step`.
@@ -305,7 +305,7 @@ def search(constants, belief, pods, x, y):
     """Learn that a search of a cell failed.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         belief: (C K, S S) float64.
         pods: (C,) float64, probability of detection.
         x: Column of the cell; off the grid nobody is looked for.

@@ -41,9 +41,9 @@ def misfits(constants, worlds, area, seen, drifts, out):
     """Count by how many cells drifts miss where the datum was observed.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         worlds: (1,) of `kernels.WORLDS`, start set; the rest is scratch.
-        area: Of `kernels.step_worlds`.
+        area: Of `kernels.Sea`.
         seen: (T, 2) int64, the datum (x, y) after step 1, 2, ... of the sea, -1 where not observed.
         drifts: (M, 2) float64, cells per step.
         out: (M,) int64 out.

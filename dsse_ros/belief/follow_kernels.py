@@ -8,6 +8,11 @@ Arrays are those of `belief_kernels` and `search_outcomes`, with a first axis of
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from dsse_ros.belief.belief_kernels import (
     NOTHING_LEFT,
     detectable,
@@ -67,22 +72,32 @@ def learn(
     return pos
 
 
-@kernel
-def follow_worlds(
-    constants, area, worlds, drones, actions, live, done, start, pods, class_of, chances, tables,
-    directions, apart, first_step, beliefs, missing, unfound, pos, scratch, numbers,
-    hazard, first, last,
-):  # fmt: skip
-    """Let the beliefs of the worlds first..last - 1 follow a step that is done.
+class Followed(NamedTuple):
+    """Worlds after a step, and what was done in it.
 
-    Args:
-        constants: (1,) of `kernels.CONSTANTS`.
-        area: Of `kernels.step_worlds`.
+    Attributes:
+        constants: (1,) of `constants.CONSTANTS`.
+        area: Of `kernels.Sea`.
         worlds: (B,) of `kernels.WORLDS`, after the step.
         drones: (B, N) of `kernels.DRONES`, after the step.
         actions: (B, N) int8 of the step.
         live: (B, N) bool, the drones in the search before the step.
         done: (B,) bool, the worlds whose search had ended before the step.
+    """
+
+    constants: NDArray[np.void]
+    area: NDArray[np.bool_] | None
+    worlds: NDArray[np.void]
+    drones: NDArray[np.void]
+    actions: NDArray[np.int8]
+    live: NDArray[np.bool_]
+    done: NDArray[np.bool_]
+
+
+class Tables(NamedTuple):
+    """What is computed once for all missions of a scenario.
+
+    Attributes:
         start: (C K, S S) float64, the belief at a mission's first observation.
         pods: (C,) float64, probability of detection.
         class_of: (n,) int64, see `search_outcomes`.
@@ -91,15 +106,60 @@ def follow_worlds(
         directions: (R, K) of `forecast_step`.
         apart: (R, K) of `forecast_step`.
         first_step: Steps of the sea before a mission's first observation.
+    """
+
+    start: NDArray[np.float64]
+    pods: NDArray[np.float64]
+    class_of: NDArray[np.int64]
+    chances: NDArray[np.float64]
+    tables: NDArray[np.float64]
+    directions: NDArray[np.int64]
+    apart: NDArray[np.bool_]
+    first_step: int
+
+
+class Beliefs(NamedTuple):
+    """What is believed of the persons in B worlds.
+
+    Attributes:
         beliefs: (B, C K, S S) float64.
         missing: (B, n) float64, see `search_outcomes`.
         unfound: (B, n) float64, see `search_outcomes`.
         pos: (B,) float64, the POS of all searches of the mission.
+    """
+
+    beliefs: NDArray[np.float64]
+    missing: NDArray[np.float64]
+    unfound: NDArray[np.float64]
+    pos: NDArray[np.float64]
+
+
+class Scratch(NamedTuple):
+    """Memory of a thread.
+
+    Attributes:
         scratch: Of `predict`.
-        numbers: (`OF_CLASS`, C) float64 scratch.
-        hazard: (n,) float64 scratch.
-        first: Number of the first world.
-        last: Number of the last world, plus one.
+        numbers: (`OF_CLASS`, C) float64.
+        hazard: (n,) float64.
+    """
+
+    scratch: NDArray[np.float64]
+    numbers: NDArray[np.float64]
+    hazard: NDArray[np.float64]
+
+
+# Called as `kernels.step_worlds`: with the fields of the tuples.
+@kernel
+def follow_worlds(
+    constants, area, worlds, drones, actions, live, done,
+    start, pods, class_of, chances, tables, directions, apart, first_step,
+    beliefs, missing, unfound, pos,
+    scratch, numbers, hazard,
+    first, last,
+):  # fmt: skip
+    """Let the beliefs of the worlds first..last - 1 follow a step that is done.
+
+    The arguments begin with the fields of `Followed`, `Tables`, `Beliefs` and `Scratch`.
     """
     c = constants[0]
     for b in range(first, last):
@@ -144,7 +204,7 @@ def write_cells(constants, belief, class_of, missing, weights, out):
     """Write the probability of every cell, out (G, G) float64 as [y, x].
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         belief: (C K, S S) float64.
         class_of: (n,) int64, see `search_outcomes`.
         missing: (n,) float64, see `search_outcomes`.

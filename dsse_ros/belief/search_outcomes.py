@@ -286,7 +286,7 @@ def observe(
     """Let the belief of several persons learn from searches; returns the POS with them.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         belief: (C K, S S) float64.
         pods: See `search_outcomes`, as those without a word.
         class_of: (n,) int64.

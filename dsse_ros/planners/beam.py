@@ -51,7 +51,7 @@ def roll(constants, area, chances, tables, directions, slots, offsets, rows, cel
     """Let the persons of all scenarios take their steps.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         area: Of a `Forecast`.
         chances: (R, S S), of a `Forecast`.
         tables: (R, 10, S S), of a `Forecast`.
@@ -304,7 +304,7 @@ def exact_value(
     """Return what plans are worth by the exact filter, where `plan_drone` has samples.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         area: Of a `Forecast`.
         density: (C K, S S), of a `Belief`.
         pods: (C,), of a `Belief`.

@@ -119,17 +119,17 @@ class World:
         self.terminated = self.drones["terminated"]
         self.truncated = self.drones["truncated"]
         self.found = self.drones["found"]
-        self._coverage = None if self.coverage is None else self.coverage.arrays
+        self._sea = kernels.Sea(
+            self.constants, self.worlds, self.gauss, self.tails, self.area, self.runs,
+            None if self.coverage is None else self.coverage.arrays,
+        )  # fmt: skip
+        self._crew = kernels.Crew(self.starts, self.drones, self.persons)
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
         # One for each thread, with scratch memory of its own.
         self._kernels: list[Callable[..., None]] = [
-            partial(
-                kernels.step_worlds, self.constants, self.worlds, self.starts, self.drones,
-                self.persons, self.gauss, self.tails, self.area, self.runs, self._coverage,
-                *scratch,
-            )
+            partial(kernels.step_worlds, *self._sea, *self._crew, *scratch)
             for scratch in self._scratch
-        ]  # fmt: skip
+        ]
         if self.faults is not None:
             self._kernels = [self.faults.around(self, step) for step in self._kernels]
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
@@ -142,7 +142,8 @@ class World:
             "terminated",
             "truncated",
             "found",
-            "_coverage",
+            "_sea",
+            "_crew",
             "_scratch",
             "_kernels",
             "_pool",
@@ -226,11 +227,7 @@ class World:
         if not which.all():
             self._refresh(maps)
         self.maps = maps
-        _, *scratch = self._scratch[0]
-        kernels.reset_worlds(
-            self.constants, self.worlds, self.starts, self.drones, self.persons, self.gauss,
-            self.tails, self.area, self.runs, self._coverage, *scratch, self.maps, which,
-        )  # fmt: skip
+        kernels.reset_worlds(*self._sea, *self._crew, *self._scratch[0], self.maps, which)
         if self.faults is not None:
             self.faults.reset(self, which)
 
@@ -293,11 +290,10 @@ class World:
             if report is not None:
                 report(first, last)
 
-    def _make_scratch(self) -> tuple[NDArray[Any], ...]:
-        """Return `occupied`, `circle`, `cells` and `span` of `kernels.step_worlds`."""
+    def _make_scratch(self) -> kernels.Scratch:
         g = self.grid_size
         scattered = min(2 * self.rules.person_scatter + 1, g) ** 2
-        return (
+        return kernels.Scratch(
             np.zeros(g * g + 1, np.uint16),
             np.zeros(g + 1, np.int64),
             np.zeros(scattered, np.int64),
@@ -306,11 +302,8 @@ class World:
 
     def _refresh(self, maps: NDArray[np.float32]) -> None:
         """Write the tables that the state asks for, and these maps."""
-        _, circle, _, span = self._scratch[0]
-        kernels.refresh_worlds(
-            self.constants, self.worlds, self.gauss, self.tails, self.area, self._coverage, circle,
-            span, maps,
-        )  # fmt: skip
+        scratch = self._scratch[0]
+        kernels.refresh_worlds(*self._sea, scratch.circle, scratch.span, maps)
 
     def close(self) -> None:
         """End the threads; a later step starts them again."""
@@ -337,12 +330,14 @@ class World:
         """Return the map (G, G) of one world, whether `maps` is written or not."""
         if self.coverage is not None:
             return self.coverage.left[world].astype(np.float32)
-        gauss, tails = np.empty((1, *self.gauss.shape[1:])), np.empty((1, *self.tails.shape[1:]))
-        _, circle, _, span = self._make_scratch()
-        maps = np.empty((1, self.grid_size, self.grid_size), np.float32)
-        kernels.refresh_worlds(
-            self.constants, self.worlds[[world]], gauss, tails, self.area, None, circle, span, maps
+        sea = self._sea._replace(
+            worlds=self.worlds[[world]],
+            gauss=np.empty((1, *self.gauss.shape[1:])),
+            tails=np.empty((1, *self.tails.shape[1:])),
         )
+        scratch = self._make_scratch()
+        maps = np.empty((1, self.grid_size, self.grid_size), np.float32)
+        kernels.refresh_worlds(*sea, scratch.circle, scratch.span, maps)
         return maps[0]
 
     def snapshot(self) -> Snapshot:

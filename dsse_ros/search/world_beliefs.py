@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief import belief_kernels, follow_kernels
 from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.follow_kernels import Beliefs, Followed, Scratch, Tables
 from dsse_ros.belief.search_outcomes import OF_CLASS
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -147,13 +148,20 @@ class WorldBeliefs:
         # A world that was just reset is at step 0.
         steps = max(int(world.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
-        follow_kernels.follow_worlds(
-            world.constants, world.area, world.worlds, world.drones, actions, self._live,
-            self._done, self._start, self._pods, self._class_of, forecast.chances, forecast.tables,
-            forecast.directions, forecast.apart, forecast.first_step, self.density, self.missing,
-            self.unfound, self.pos, self._scratch(), np.empty((OF_CLASS, len(self._pods))),
-            np.empty(self.missing.shape[1]), first, last,
+        followed = Followed(
+            world.constants, world.area, world.worlds, world.drones, actions, self._live, self._done
+        )
+        tables = Tables(
+            self._start, self._pods, self._class_of, forecast.chances, forecast.tables,
+            forecast.directions, forecast.apart, forecast.first_step,
         )  # fmt: skip
+        beliefs = Beliefs(self.density, self.missing, self.unfound, self.pos)
+        scratch = Scratch(
+            self._scratch(),
+            np.empty((OF_CLASS, len(self._pods))),
+            np.empty(self.missing.shape[1]),
+        )
+        follow_kernels.follow_worlds(*followed, *tables, *beliefs, *scratch, first, last)
         self._forecasts.append(forecast)
 
     def _scratch(self) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""Which drones share a cell after a step, compiled; arguments as in `kernels.step_worlds`."""
+"""Which drones share a cell after a step, compiled; arguments as in `kernels`."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,53 +13,74 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.area import runs_of
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.step import kernels
+from dsse_ros.scenario.scenario import SPECS, ResolvedScenario
 from dsse_ros.targets.person_motion import MOTIONS
 
+MAX_ACTIONS = 16
+
 _OF_SCENARIO = (
-    "grid_size", "timestep_limit", "pre_search_steps", "probability_of_detection", "sigma_x",
-    "sigma_y", "dispersion_inc", "cell_size", "step_duration_s",
+    "grid_size", "timestep_limit", "probability_of_detection", "sigma_x",
+    "sigma_y", "dispersion_inc", "cell_size",
 )  # fmt: skip
-_OF_RULES = tuple(
-    name
-    for name in kernels.CONSTANTS.names or ()
-    if name in specs(Rules) and name not in _OF_SCENARIO
+_OF_RULES = (
+    "move", "leave_grid", "collisions", "collision", "search_min_probability",
+    "search_min_inclusive", "search_below", "search_scale", "find", "find_bonus", "cover",
+    "cover_scale", "cover_all", "cover_all_bonus", "one_find_per_search", "found_persons_stay",
+    "time_out", "time_out_grace", "time_out_acts", "time_out_total", "both_flags", "ends_together",
+    "drift_axes_independent", "drift_by_speed", "reset_sea_steps", "circle",
+    "circle_on_previous_datum", "person_first", "person_walks_blind", "person_scatter",
+)  # fmt: skip
+"""Fields that the kernels read as they are, by the same name."""
+
+
+def _moves(rules: Rules, axis: int) -> list[int]:
+    moves = [move[axis] for move in rules.action_set.moves]
+    return moves + [0] * (MAX_ACTIONS - len(moves))
+
+
+_DERIVED: Mapping[str, tuple[Any, Callable[[ResolvedScenario, Rules], Any]]] = {
+    "pre_search_steps": ("i8", lambda scenario, _: scenario.pre_search_steps),
+    "step_duration_s": ("f8", lambda scenario, _: scenario.step_duration_s),
+    "num_actions": ("i8", lambda _, rules: len(rules.action_set)),
+    "search_action": ("i8", lambda _, rules: rules.action_set.search),
+    "dx": (("i8", (MAX_ACTIONS,)), lambda _, rules: _moves(rules, 0)),
+    "dy": (("i8", (MAX_ACTIONS,)), lambda _, rules: _moves(rules, 1)),
+    "leave_terminates": ("?", lambda _, rules: rules.leave_policy == "terminate"),
+    "leave_flies_on": ("?", lambda _, rules: rules.leave_policy == "fly_on"),
+    "drift_remainder_dropped": ("?", lambda _, rules: rules.drift_remainder == "dropped"),
+    "drift_remainder_less_one": ("?", lambda _, rules: rules.drift_remainder == "less_one"),
+    "motion": ("i8", lambda _, rules: list(MOTIONS).index(rules.person_motion)),
+    "own_drift": ("?", lambda _, rules: MOTIONS[rules.person_motion].own_drift),
+}
+"""What follows from the fields: its type and its value."""
+
+_TYPES = {"bool": "?", "int": "i8", "float": "f8"}
+_SPECS = {**specs(Rules), **SPECS}
+CONSTANTS = np.dtype(
+    [
+        *((name, _TYPES[_SPECS[name].kind]) for name in (*_OF_SCENARIO, *_OF_RULES)),
+        *((name, of) for name, (of, _) in _DERIVED.items()),
+        ("auto_reset", "?"),
+    ],
+    align=True,
 )
-"""Fields of the rules that the kernels read as they are, by the same name."""
+"""The scenario, the rules and the options of the batch, as the kernels read them.
+
+`auto_reset`: a step resets a world that is done, whatever its actions."""
 
 
 def constants_of(
     scenario: ResolvedScenario, rules: Rules, *, auto_reset: bool = False
 ) -> NDArray[np.void]:
-    """Return scenario and rules as the kernels read them, (1,) of `kernels.CONSTANTS`.
-
-    Raises:
-        TypeError: If the kernels read other names than are set here.
-    """
-    actions = rules.action_set
-    unused = [(0, 0)] * (kernels.MAX_ACTIONS - len(actions))
-    dx, dy = zip(*actions.moves, *unused, strict=True)
-    values: dict[str, Any] = {
-        **{name: getattr(scenario, name) for name in _OF_SCENARIO},
-        **{name: getattr(rules, name) for name in _OF_RULES},
-        "num_actions": len(actions),
-        "search_action": actions.search,
-        "dx": dx,
-        "dy": dy,
-        "leave_terminates": rules.leave_policy == "terminate",
-        "leave_flies_on": rules.leave_policy == "fly_on",
-        "drift_remainder_dropped": rules.drift_remainder == "dropped",
-        "drift_remainder_less_one": rules.drift_remainder == "less_one",
-        "motion": list(MOTIONS).index(rules.person_motion),
-        "own_drift": MOTIONS[rules.person_motion].own_drift,
-        "auto_reset": auto_reset,
-    }
-    if differing := values.keys() ^ set(kernels.CONSTANTS.names or ()):
-        raise TypeError(f"kernels.CONSTANTS: not on both sides: {', '.join(sorted(differing))}")
-    constants = np.zeros(1, kernels.CONSTANTS)
-    for name, value in values.items():
-        constants[name] = value
+    """Return scenario and rules as the kernels read them, (1,) of `CONSTANTS`."""
+    constants = np.zeros(1, CONSTANTS)
+    for name in _OF_SCENARIO:
+        constants[name] = getattr(scenario, name)
+    for name in _OF_RULES:
+        constants[name] = getattr(rules, name)
+    for name, (_, value) in _DERIVED.items():
+        constants[name] = value(scenario, rules)
+    constants["auto_reset"] = auto_reset
     return constants
 
 

@@ -20,7 +20,7 @@ from dsse_ros.compiled.draws import draw_unit
 from dsse_ros.compiled.jit import kernel, part
 from dsse_ros.scenario.battery_fields import FULL
 from dsse_ros.scenario.fault_fields import MAX_DELAY
-from dsse_ros.step.kernels import MAX_ACTIONS
+from dsse_ros.step.constants import MAX_ACTIONS
 from dsse_ros.targets.sea_map import is_inside, is_open
 
 STATUSES = ("searching", "stuck", "identifying", "returning", "home", "lost")
@@ -205,9 +205,9 @@ def before_step(
     """Decide what the drones of the worlds first..last - 1 do.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         faults: (1,) of `FAULT_CONSTANTS`.
-        area: As in `kernels.step_worlds`.
+        area: Of `kernels.Sea`.
         worlds: (B,) of `kernels.WORLDS`.
         drones: (B, N) of `kernels.DRONES`.
         conditions: (B, N) of `CONDITIONS`.

@@ -14,7 +14,10 @@ what they would cost is compiled away. So it is where `coverage`, see `coverage_
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.compiled.draws import draw_unit
 from dsse_ros.compiled.jit import inlined, kernel, part
@@ -31,65 +34,6 @@ from dsse_ros.targets.sea_map import (
     map_step,
     write_map,
 )
-
-MAX_ACTIONS = 16
-
-CONSTANTS = np.dtype(
-    [
-        ("grid_size", "i8"),
-        ("timestep_limit", "i8"),
-        ("pre_search_steps", "i8"),
-        ("probability_of_detection", "f8"),
-        ("sigma_x", "f8"),
-        ("sigma_y", "f8"),
-        ("dispersion_inc", "f8"),
-        ("num_actions", "i8"),
-        ("search_action", "i8"),
-        ("dx", "i8", (MAX_ACTIONS,)),
-        ("dy", "i8", (MAX_ACTIONS,)),
-        ("move", "f8"),
-        ("leave_grid", "f8"),
-        ("leave_terminates", "?"),
-        ("leave_flies_on", "?"),
-        ("collisions", "?"),
-        ("collision", "f8"),
-        ("search_min_probability", "f8"),
-        ("search_min_inclusive", "?"),
-        ("search_below", "f8"),
-        ("search_scale", "f8"),
-        ("find", "f8"),
-        ("find_bonus", "f8"),
-        ("cover", "f8"),
-        ("cover_scale", "f8"),
-        ("cover_all", "f8"),
-        ("cover_all_bonus", "f8"),
-        ("one_find_per_search", "?"),
-        ("found_persons_stay", "?"),
-        ("time_out", "f8"),
-        ("time_out_grace", "i8"),
-        ("time_out_acts", "?"),
-        ("time_out_total", "?"),
-        ("both_flags", "?"),
-        ("ends_together", "?"),
-        ("drift_remainder_dropped", "?"),
-        ("drift_remainder_less_one", "?"),
-        ("drift_axes_independent", "?"),
-        ("drift_by_speed", "?"),
-        ("cell_size", "f8"),
-        ("step_duration_s", "f8"),
-        ("reset_sea_steps", "i8"),
-        ("circle", "?"),
-        ("circle_on_previous_datum", "?"),
-        ("motion", "i8"),  # number in `person_motion.MOTIONS`
-        ("own_drift", "?"),
-        ("person_first", "?"),
-        ("person_walks_blind", "?"),
-        ("person_scatter", "i8"),
-        ("auto_reset", "?"),  # a step resets a world that is done, whatever its actions
-    ],
-    align=True,
-)
-"""The scenario, the rules and the options of the batch, as the kernels read them."""
 
 WORLDS = np.dtype(
     [
@@ -130,6 +74,58 @@ DRONES = np.dtype(
     ],
     align=True,
 )
+
+
+class Sea(NamedTuple):
+    """The sea of B worlds.
+
+    Attributes:
+        constants: (1,) of `constants.CONSTANTS`.
+        worlds: (B,) of `WORLDS`.
+        gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
+        tails: (1 or B, 2, G + 2) float64, their tail sums.
+        area: (G, G) bool, the cells that are searched; None for all.
+        runs: (R, 3) int64, the same by row, first and last column; None for all.
+        coverage: See `coverage_kernels`; None where the task is to find persons.
+    """
+
+    constants: NDArray[np.void]
+    worlds: NDArray[np.void]
+    gauss: NDArray[np.float64]
+    tails: NDArray[np.float64]
+    area: NDArray[np.bool_] | None
+    runs: NDArray[np.int64] | None
+    coverage: Any
+
+
+class Crew(NamedTuple):
+    """Who is in the sea.
+
+    Attributes:
+        starts: (B, N, 2) int64, cells of the drones at reset.
+        drones: (B, N) of `DRONES`.
+        persons: (B, P) of `PERSONS`.
+    """
+
+    starts: NDArray[np.int64]
+    drones: NDArray[np.void]
+    persons: NDArray[np.void]
+
+
+class Scratch(NamedTuple):
+    """Memory of a thread.
+
+    Attributes:
+        occupied: (G * G + 1,) uint16, see `occupy`.
+        circle: (G + 1,) int64, see `update_circle`.
+        cells: (K,) int64, the cells that persons are scattered over.
+        span: (G,) float64.
+    """
+
+    occupied: NDArray[np.uint16]
+    circle: NDArray[np.int64]
+    cells: NDArray[np.int64]
+    span: NDArray[np.float64]
 
 
 @part
@@ -343,32 +339,20 @@ def write_observed(c, w, gauss, area, coverage, b, circle, span, stream, out):
         write_left(coverage, b, out)
 
 
+# Python calls these with the fields of the tuples, one after the other: to take the tuples
+# themselves apart would cost compiled functions as long as a small step.
 @kernel
 def step_worlds(
-    constants, worlds, starts, drones, persons, gauss, tails, area, runs, coverage,
-    occupied, circle, cells, span, actions, maps, first, last,
+    constants, worlds, gauss, tails, area, runs, coverage,
+    starts, drones, persons,
+    occupied, circle, cells, span,
+    actions, maps, first, last,
 ):  # fmt: skip
     """Advance the worlds first..last - 1 by one step and write their maps.
 
-    Args:
-        constants: (1,) of `CONSTANTS`.
-        worlds: (B,) of `WORLDS`.
-        starts: (B, N, 2) int64, cells of the drones at reset.
-        drones: (B, N) of `DRONES`.
-        persons: (B, P) of `PERSONS`.
-        gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
-        tails: (1 or B, 2, G + 2) float64, their tail sums.
-        area: (G, G) bool, the cells that are searched; None for all.
-        runs: (R, 3) int64, the same by row, first and last column; None for all.
-        coverage: See `coverage_kernels`; None where the task is to find persons.
-        occupied: (G * G + 1,) uint16 scratch, see `occupy`.
-        circle: (G + 1,) int64 scratch, see `update_circle`.
-        cells: (K,) int64 scratch, the cells that persons are scattered over.
-        span: (G,) float64 scratch.
-        actions: (B, N) int8; a number without an action does nothing.
-        maps: (B, G, G) float32 out, [y, x], C-contiguous; (B, 0, 0) to write none.
-        first: Number of the first world.
-        last: Number of the last world, plus one.
+    The arguments are the fields of `Sea`, `Crew` and `Scratch`, then `actions`, (B, N) int8, where
+    a number without an action does nothing, and `maps` out, (B, G, G) float32 as [y, x],
+    C-contiguous, or (B, 0, 0) to write none.
     """
     c = constants[0]
     stream = is_streamed(maps)
@@ -391,8 +375,10 @@ def step_worlds(
 
 @kernel
 def reset_worlds(
-    constants, worlds, starts, drones, persons, gauss, tails, area, runs, coverage,
-    circle, cells, span, maps, which,
+    constants, worlds, gauss, tails, area, runs, coverage,
+    starts, drones, persons,
+    occupied, circle, cells, span,
+    maps, which,
 ):  # fmt: skip
     """Reset the worlds with which[b] and write their maps; arguments as in `step_worlds`."""
     c = constants[0]
@@ -411,8 +397,11 @@ def reset_worlds(
 
 
 @kernel
-def refresh_worlds(constants, worlds, gauss, tails, area, coverage, circle, span, maps):
-    """Write the tables and the maps that the state asks for; arguments as in `step_worlds`."""
+def refresh_worlds(constants, worlds, gauss, tails, area, runs, coverage, circle, span, maps):
+    """Write the tables and the maps that the state asks for.
+
+    The arguments begin with the fields of `Sea`; the others are as in `step_worlds`.
+    """
     c = constants[0]
     stream = is_streamed(maps)
     for b in range(len(gauss)):
@@ -430,7 +419,7 @@ def report_worlds(
     """Write positions, rewards, flags and action masks of the drones of the worlds first..last - 1.
 
     Args:
-        constants: (1,) of `CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         area: As in `step_worlds`.
         drones: (B, N) of `DRONES`.
         positions: (B, N, 2) int64 out, as (x, y).

@@ -6,8 +6,8 @@
 The map is a closed form of (datum, circle, spread): two tables of exponentials, one per axis, and
 a normaliser from their tail sums. A cell costs two look-ups, a whole map one streaming write.
 
-Arguments with the same names mean the same everywhere: `c` an element of `kernels.CONSTANTS`, `w`
-one of `kernels.WORLDS`, the others those of `kernels.step_worlds`, of one world.
+Arguments with the same names mean the same everywhere: `c` an element of `constants.CONSTANTS`, `w`
+one of `kernels.WORLDS`, the others those of `kernels.Sea` and `kernels.Scratch`, of one world.
 """
 
 from __future__ import annotations
@@ -342,10 +342,10 @@ def read_cells(constants, worlds, gauss, area, x, y, out):
     """Write the probabilities of cells of B worlds, 0 outside the grid and the area.
 
     Args:
-        constants: (1,) of `kernels.CONSTANTS`.
+        constants: (1,) of `constants.CONSTANTS`.
         worlds: (B,) of `kernels.WORLDS`.
         gauss: (1 or B, 2, 2 G + 1) float64.
-        area: As in `kernels.step_worlds`.
+        area: Of `kernels.Sea`.
         x: (B, K) int64.
         y: (B, K) int64.
         out: (B, K) float32 out.

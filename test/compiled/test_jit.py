@@ -19,7 +19,7 @@ OF_SEARCH = ("belief", "compiled", "scenario", "search", "step", "targets")
 RUN = """
 import numpy as np
 from dsse_ros.belief.drift_estimate import per_step
-from dsse_ros.step.kernels import CONSTANTS
+from dsse_ros.step.constants import CONSTANTS
 print(per_step(np.zeros(1, CONSTANTS), 1.0, 2.0))
 """
 BEFORE, AFTER = (

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from dsse_ros.search import HOLD, PROFILES, Scenario, World, profile
-from dsse_ros.step import kernels
 from dsse_ros.step.constants import constants_of
 
 
@@ -25,27 +24,6 @@ def test_the_map_of_one_world_is_among_those_of_all(rules: str) -> None:
             assert bare.map_of(b).tobytes() == dense.map_of(b).tobytes() == dense.maps[b].tobytes()
         for world in (dense, bare):
             world.step(np.full((3, 2), HOLD, np.int8))
-
-
-@pytest.mark.parametrize("misspelt", ["colision", "find_bonuss"])
-def test_a_constant_that_nothing_sets_is_refused(
-    misspelt: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    known = kernels.CONSTANTS
-    fields = [(name, known[name]) for name in known.names or ()]
-    monkeypatch.setattr(kernels, "CONSTANTS", np.dtype([*fields, (misspelt, "f8")], align=True))
-    with pytest.raises(TypeError, match=misspelt):
-        World(Scenario(), profile("paper"))
-
-
-def test_a_constant_that_the_kernels_do_not_read_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    known = kernels.CONSTANTS
-    fields = [(name, known[name]) for name in known.names or () if name != "collision"]
-    monkeypatch.setattr(kernels, "CONSTANTS", np.dtype(fields, align=True))
-    with pytest.raises(TypeError, match="collision"):
-        World(Scenario(), profile("paper"))
 
 
 @pytest.mark.parametrize("rules", PROFILES)
