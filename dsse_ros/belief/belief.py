@@ -16,11 +16,12 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief import belief_kernels, follow_kernels, search_outcomes
+from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels, search_outcomes
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
@@ -152,6 +153,30 @@ class Forecast:
         chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
         return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
+
+
+class Futures(NamedTuple):
+    """Where persons may be from now on.
+
+    Attributes:
+        cells: (H + 1, M) int64 columns of each of M futures, the present one first.
+        pods: (M,) float64, the POD of its person.
+    """
+
+    cells: NDArray[np.int64]
+    pods: NDArray[np.float64]
+
+
+class Expected(NamedTuple):
+    """What searches to come may find.
+
+    Attributes:
+        finds: The discounted number of finds, as a share of the persons who are missing.
+        left: (S S,) float64, where those are in the end who were not found.
+    """
+
+    finds: float
+    left: NDArray[np.float64]
 
 
 class Belief:
@@ -302,6 +327,55 @@ class Belief:
             forecast.apart[slot], forecast.chances[slot], np.array(cells, np.int64), found,
             self._numbers, np.empty_like(self.missing),
         )  # fmt: skip
+
+    def futures(self, count: int, horizon: int, rng: np.random.Generator) -> Futures:
+        """Draw futures of the persons who are missing, by the exact law of their motion.
+
+        They are drawn systematically: each cell has its share of them, rounded up or down. The
+        steps of a future depend on one another, so that from the second one on the shares of cells
+        are only near to those of the belief: within a tenth.
+
+        Args:
+            count: M.
+            horizon: H, at most that of the forecast.
+            rng: What is drawn with.
+        """
+        forecast, slots = self.forecast, self._slots(horizon)
+        offset, *offsets = rng.random(horizon + 1)
+        rows = np.empty(count, np.int64)
+        cells = np.empty((horizon + 1, count), np.int64)
+        future_kernels.sample(self.of_missing(), count, offset, rows, cells[0])
+        future_kernels.roll(
+            forecast.constants, forecast.area, forecast.chances, forecast.tables,
+            forecast.directions, slots, np.array(offsets), rows, cells,
+        )  # fmt: skip
+        return Futures(cells, self.pods[rows // self._drifts])
+
+    def expect(
+        self, paths: NDArray[np.int64], lengths: NDArray[np.int64], gamma: float
+    ) -> Expected:
+        """Return what searches along paths may find, by the exact filter.
+
+        Args:
+            paths: (N, H + 1) int64 columns, see `Forecast.column`, the present ones first; staying
+                in one searches it. H is at most the horizon of the forecast.
+            lengths: (N,) int64, steps of them that count.
+            gamma: Discount of a find per step.
+        """
+        forecast = self.forecast
+        left = np.empty(self.density.shape[1])
+        finds = future_kernels.expect(
+            forecast.constants, forecast.area, self.of_missing(), self.pods, forecast.chances,
+            forecast.tables, forecast.directions, self._slots(paths.shape[1] - 1), paths, lengths,
+            gamma, forecast.side, np.empty_like(self.density), self._scratch, left,
+        )  # fmt: skip
+        return Expected(float(finds), left)
+
+    def _slots(self, horizon: int) -> NDArray[np.int64]:
+        """Return where the forecast has the steps to come, (H,)."""
+        first = self.step + self.forecast.first_step
+        self.forecast.look(first)
+        return np.arange(first, first + horizon) % len(self.forecast.directions)
 
     def _chances(self) -> NDArray[np.float64]:
         """Return the present map, (S S,)."""

@@ -119,7 +119,7 @@ class Tables(NamedTuple):
 
 
 class Beliefs(NamedTuple):
-    """What is believed of the persons in B worlds.
+    """The beliefs of B worlds.
 
     Attributes:
         beliefs: (B, C K, S S) float64.

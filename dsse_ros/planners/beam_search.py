@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief import Belief, Forecast
-from dsse_ros.belief.belief_kernels import MARGIN, ROW
+from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.planners import beam
 from dsse_ros.planners.reach import Reach
 from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
@@ -122,8 +122,6 @@ class BeamSearch:
         across, down = np.meshgrid(away, away)
         moves = np.maximum(across, down) if actions.diagonal else across + down
         self._nearness: NDArray[np.float64] = options.closeness ** moves.astype(np.float64)
-        self._density = np.empty((0, 0))
-        self._scratch = np.empty(side**2 + ROW)
         self._plans: dict[Hashable, _Plan] = {}
         self._reach: Reach | None = None
         self.drawn = False
@@ -133,7 +131,6 @@ class BeamSearch:
         twin = copy.copy(self)
         twin._rng = copy.deepcopy(self._rng)
         twin._plans = dict(self._plans)
-        twin._density, twin._scratch = self._density.copy(), self._scratch.copy()
         return twin
 
     def with_seed(self, seed: int) -> BeamSearch:
@@ -160,17 +157,12 @@ class BeamSearch:
             batteries: What is in the batteries of the drones, percent: plans leave enough to come
                 home. Empty where they do not run down.
         """
-        if self._density.shape != belief.density.shape:
-            self._density = np.empty_like(belief.density)
         options, forecast = self._options, self._forecast
         if options.budget_ms is not None:
             deadline_s = min(deadline_s, time.monotonic() + options.budget_ms / 1000)
         left = forecast.scenario.timestep_limit - belief.step
         horizon = max(1, min(forecast.horizon, left))
-        first = belief.step + forecast.first_step
-        forecast.look(first)
-        slots = np.arange(first, first + horizon) % len(forecast.directions)
-        cells, starts, members = self._scenarios(belief, slots)
+        ends, starts, members = self._scenarios(belief, horizon)
         plans = self._last_plans(agents, present, horizon)
         warm = len(agents) <= 4 if options.warm_start is None else options.warm_start
         credits = np.zeros((len(agents), options.samples))
@@ -188,32 +180,31 @@ class BeamSearch:
                 blocked |= beyond[n]
             found, length = beam.plan_drone(
                 self._moves, options.width, options.cap, options.gamma, options.kappa,
-                self._nearness, starts, members, cells[-1], credits, n, blocked, horizon, paths,
+                self._nearness, starts, members, ends, credits, n, blocked, horizon, paths,
             )  # fmt: skip
             candidates = [_Plan(path, length) for path in paths[:found]]
             if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
                 candidates.append(_Plan(plans[n].path, horizon))
             counted = range(len(plans)) if warm else sorted(planned)
-            plans[n] = self._best(belief, slots, plans, n, candidates, counted)
+            plans[n] = self._best(belief, plans, n, candidates, counted)
             planned.add(n)
             beam.credit_plan(
                 plans[n].path, plans[n].length, options.gamma, starts, members, credits[n]
             )
-        ends = self._first_cells(plans, planned, present)
+        first = self._first_cells(plans, planned, present)
         self._plans = dict(zip(agents, plans, strict=True))
-        return ends
+        return first
 
     def _best(
         self,
         belief: Belief,
-        slots: NDArray[np.int64],
         plans: Sequence[_Plan],
         drone: int,
         candidates: Sequence[_Plan],
         counted: Sequence[int],
     ) -> _Plan:
         """Return the candidate that is best by the exact filter, given the counted plans."""
-        options, forecast = self._options, self._forecast
+        options = self._options
         if self._finalists == 1:
             return candidates[0]
         together = np.stack([plan.path for plan in plans])
@@ -221,39 +212,26 @@ class BeamSearch:
 
         def value(candidate: _Plan) -> float:
             together[drone], lengths[drone] = candidate.path, candidate.length
-            return float(
-                beam.exact_value(
-                    forecast.constants, forecast.area, belief.of_missing(), belief.pods,
-                    forecast.chances, forecast.tables, forecast.directions, slots, together,
-                    lengths, drone, options.gamma, options.kappa, self._nearness, self._density,
-                    self._scratch,
-                )
-            )  # fmt: skip
+            expected = belief.expect(together, lengths, options.gamma)
+            left = beam.worth_of_left(expected.left, self._nearness, candidate.path[-1])
+            return expected.finds + options.kappa * float(left)
 
         return max(candidates, key=value)
 
     def _scenarios(
-        self, belief: Belief, slots: NDArray[np.int64]
+        self, belief: Belief, horizon: int
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Return `cells` of `beam.roll`, `starts` and `members` of `beam.index`."""
-        forecast, count, horizon = self._forecast, self._options.samples, len(slots)
-        offset, *offsets = self._rng.random(horizon + 1)
+        """Return the last cells of futures, (M,), and `starts` and `members` of `beam.index`."""
+        count = self._options.samples
         self.drawn = True
-        rows = np.empty(count, np.int64)
-        cells = np.empty((horizon + 1, count), np.int64)
-        beam.sample(belief.of_missing(), count, offset, rows, cells[0])
-        beam.roll(
-            forecast.constants, forecast.area, forecast.chances, forecast.tables,
-            forecast.directions, slots, np.array(offsets), rows, cells,
-        )  # fmt: skip
+        cells, pods = belief.futures(count, horizon, self._rng)
         detected = np.zeros((0, 0), np.bool_)
         if belief.pods.min() < 1.0:
-            pods = belief.pods[rows // forecast.directions.shape[1]]
             detected = self._rng.random((horizon, count)) < pods
         starts = np.empty((horizon, self._forecast.side**2 + 1), np.int64)
         members = np.empty((horizon, count), np.int64)
         beam.index(cells, detected, starts, members)
-        return cells, starts, members
+        return cells[-1], starts, members
 
     def _last_plans(
         self, agents: Sequence[Hashable], present: Sequence[Cell], horizon: int

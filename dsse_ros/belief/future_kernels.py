@@ -1,0 +1,121 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled look ahead of a belief: sampled futures of the persons, and searches to come."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsse_ros.belief.belief_kernels import MARGIN, ROW, look_up, offset_of, predict, search
+from dsse_ros.compiled.jit import compiled
+from dsse_ros.targets.person_motion import STAND_STILL, STEPS
+
+GOLDEN = 0.6180339887498949
+"""Multiples of it fill [0, 1) evenly: neighbours in a sample draw different steps."""
+
+
+@compiled()
+def sample(density, count, offset, rows, cells):
+    """Draw scenarios systematically: each cell has its share of them, rounded up or down.
+
+    Args:
+        density: (C K, S S) float64, sums to about 1.
+        count: M.
+        offset: In [0, 1).
+        rows: (M,) int64 out, the row of the belief.
+        cells: (M,) int64 out, the column.
+    """
+    drawn, total, last_row, last_cell = 0, 0.0, 0, 0
+    for k in range(density.shape[0]):
+        for i in range(density.shape[1]):
+            if density[k, i] <= 0.0:
+                continue
+            total += density[k, i]
+            last_row, last_cell = k, i
+            while drawn < count and drawn + offset < total * count:
+                rows[drawn], cells[drawn] = k, i
+                drawn += 1
+    for s in range(drawn, count):
+        rows[s], cells[s] = last_row, last_cell
+
+
+@compiled()
+def roll(constants, area, chances, tables, directions, slots, offsets, rows, cells):
+    """Let the persons of all scenarios take their steps.
+
+    Args:
+        constants: (1,) of `constants.CONSTANTS`.
+        area: Of a `Forecast`.
+        chances: (R, S S), of a `Forecast`.
+        tables: (R, 10, S S), of a `Forecast`.
+        directions: (R, K), of a `Forecast`.
+        slots: (H,) int64, where the forecast has the steps.
+        offsets: (H,) float64 in [0, 1), of the draws.
+        rows: (M,) of `sample`.
+        cells: (H + 1, M) int64, the first row given, the others out.
+    """
+    c = constants[0]
+    row = np.empty(ROW)
+    for h in range(len(slots)):
+        slot = slots[h]
+        now, after = cells[h], cells[h + 1]
+        seen_cell, seen_direction = -1, -1
+        for s in range(len(rows)):
+            i, direction = now[s], directions[slot, rows[s] % directions.shape[1]]
+            if direction == STAND_STILL:
+                after[s] = i
+                continue
+            if i != seen_cell or direction != seen_direction:
+                look_up(c, area, chances[slot], tables[slot], i, direction, row)
+                seen_cell, seen_direction = i, direction
+            left = (offsets[h] + s * GOLDEN) % 1.0
+            step = 0
+            while step < STEPS - 1 and left >= row[step]:
+                left -= row[step]
+                step += 1
+            after[s] = i + offset_of(c, step)
+
+
+@compiled()
+def expect(
+    constants, area, density, pods, chances, tables, directions, slots, paths, lengths, gamma,
+    side, belief, scratch, left,
+):  # fmt: skip
+    """Return the discounted finds of searches to come, by the exact filter.
+
+    Args:
+        constants: (1,) of `constants.CONSTANTS`.
+        area: Of a `Forecast`.
+        density: (C K, S S), of a `Belief`.
+        pods: (C,), of a `Belief`.
+        chances: (R, S S), of a `Forecast`.
+        tables: (R, 10, S S), of a `Forecast`.
+        directions: (R, K), of a `Forecast`.
+        slots: (H,) int64, where the forecast has the steps.
+        paths: (N, H + 1) int64 columns; staying in one searches it.
+        lengths: (N,) int64, steps of them that count.
+        gamma: Discount per step.
+        side: S.
+        belief: (C K, S S) float64 scratch.
+        scratch: Of `belief_kernels.predict`.
+        left: (S S,) float64 out, where the persons are in the end who were not found.
+    """
+    belief[:] = density
+    worth, value = 1.0, 0.0
+    for h in range(len(slots)):
+        for n in range(len(paths)):
+            cell = paths[n, h]
+            if h < lengths[n] and cell == paths[n, h + 1]:
+                value += worth * search(
+                    constants, belief, pods, cell % side - MARGIN, cell // side - MARGIN
+                )
+        slot = slots[h]
+        predict(constants, area, belief, chances[slot], tables[slot], directions[slot], scratch)
+        worth *= gamma
+    for i in range(len(left)):
+        total = 0.0
+        for k in range(len(belief)):
+            total += belief[k, i]
+        left[i] = total
+    return value

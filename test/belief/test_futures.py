@@ -1,0 +1,80 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a belief expects of the steps to come is what follows once they are done."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.scenario.rules import profile
+from dsse_ros.scenario.scenario import Scenario
+
+HORIZON, COUNT = 6, 20_000
+SEARCHES: dict[str, tuple[str, dict[str, Any]]] = {
+    "paper": ("paper", {"vector": (0.4, -0.3)}),
+    "v1": ("v1", {"vector": (0.1, 0.1)}),
+    "v2": ("v2", {}),
+    "imperfect": ("paper", {"probability_of_detection": 0.6}),
+    "persons": ("v2", {"person_amount": 3, "person_pod_multipliers": (1.0, 0.5, 0.2)}),
+}
+
+
+def belief_of(name: str) -> Belief:
+    rules, fields = SEARCHES[name]
+    scenario = Scenario(grid_size=12, timestep_limit=40, **fields)
+    belief = Belief(Forecast(scenario, profile(rules), horizon=HORIZON, drift_samples=8))
+    for _ in range(5):
+        belief.advance()
+    belief.observe_failed_searches([belief.forecast.cell(int(belief.density[0].argmax()))])
+    return belief
+
+
+@pytest.mark.parametrize("name", SEARCHES)
+def test_futures_begin_as_the_belief_does(name: str) -> None:
+    belief = belief_of(name)
+    futures = belief.futures(COUNT, HORIZON, np.random.default_rng(3))
+    assert futures.cells.shape == (HORIZON + 1, COUNT)
+    assert set(np.unique(futures.pods)) <= set(belief.pods)
+    later = belief.copy()
+    for cells in futures.cells[:2]:
+        shares = np.bincount(cells, minlength=later.density.shape[1]) / COUNT
+        assert np.abs(shares - later.of_missing().sum(axis=0)).max() < 0.002
+        later.advance()
+
+
+def test_the_same_generator_draws_the_same_futures_and_leaves_the_belief_as_it_is() -> None:
+    belief = belief_of("v2")
+    before = belief.density.copy()
+    drawn = [belief.futures(500, 3, np.random.default_rng(4)) for _ in range(2)]
+    assert (drawn[0].cells == drawn[1].cells).all()
+    assert (belief.density == before).all()
+
+
+@pytest.mark.parametrize("name", ["paper", "v1", "imperfect"])
+def test_expected_finds_are_the_rise_of_the_pos_once_the_searches_are_done(name: str) -> None:
+    belief = belief_of(name)
+    cell = belief.forecast.cell(int(belief.density.sum(axis=0).argmax()))
+    paths = np.full((2, HORIZON + 1), belief.forecast.column(cell))
+    expected = belief.expect(paths, np.array([HORIZON, 2]), 1.0)
+    later, pos = belief.copy(), belief.pos
+    for step in range(HORIZON):
+        later.observe_failed_searches([cell] * (2 if step < 2 else 1))
+        later.advance()
+    finds = (later.pos - pos) / (1.0 - pos)
+    assert expected.finds == pytest.approx(finds, abs=1e-12)
+    assert expected.left == pytest.approx((1.0 - finds) * later.density.sum(axis=0), abs=1e-12)
+
+
+def test_a_find_counts_for_less_the_later_it_comes() -> None:
+    belief = belief_of("paper")
+    column = int(belief.density.sum(axis=0).argmax())
+    paths = np.full((1, 2), column)
+    now = belief.expect(paths, np.array([1]), 0.5).finds
+    belief.advance()
+    assert now > 0.0
+    moved = np.array([[column - 1, column, column]])
+    assert belief.expect(moved, np.array([2]), 0.5).finds < now
