@@ -15,13 +15,14 @@ from typing import Any, Literal, Protocol, TypeVar, cast
 from numpy.typing import NDArray
 
 from dsse_ros.bridge.airspace import Flyer, admit
+from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
 from dsse_ros.bridge.flight_records import FlightRecords
 from dsse_ros.bridge.followed_search import FollowedSearch, News
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import Arm, SearchId, VehicleCustody
-from dsse_ros.bridge.vehicle_follower import Clearance, VehicleFollower
+from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import FlyMission
 from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, describe
@@ -116,9 +117,10 @@ class FleetController:
             for vehicle in vehicles
         ]
         for _, follower, vehicle in self._each():
-            if follower.custody.record.mode:
-                vehicle.adopt(follower.custody.record.mode)
-            if follower.custody.state is Custody.FOLLOWING:
+            record = follower.custody.record
+            if record.mode:
+                vehicle.adopt(record.mode)
+            if record.custody is Custody.FOLLOWING or record.arming_s:
                 vehicle.adopt(AUTOPILOTS[settings.autopilot].take_off_mode)
         self.plan: FlightPlan | None = None
         self.search = FollowedSearch(len(vehicles), whole=self._whole, refuse=self._refuse)

@@ -38,8 +38,8 @@ class FlightRecord:
         end: While it is recalled, `return` or `land`.
         mode: While we fly it, the mode in which it was seen last.
         alt_m: Altitude above home to which it takes off for that search.
-        arming_s: While it is cleared, when it was commanded to arm, which has not shown, on the
-            machine's steady clock; 0 if it was not.
+        arming_s: While it is cleared, when it was ordered to arm and take off, on the machine's
+            steady clock; 0 if it was not.
     """
 
     custody: Custody = Custody.FREE
@@ -321,9 +321,8 @@ class VehicleCustody:
             self._observe_mode(before, state)
             self._observe_left_arming(state)
             self._observe_motors(before, state, takes_off=takes_off)
-            arming = outcome.arming and self.state is Custody.CLEARED
-            if arming != bool(self.record.arming_s):
-                self.record = replace(self.record, arming_s=state.heard_s if arming else 0.0)
+            if self.record.arming_s and not (takes_off and self.state is Custody.CLEARED):
+                self.record = replace(self.record, arming_s=0.0)
             mode = state.mode if self.airborne else ""
             # A mode that another has set is not recorded before it is known who has.
             ours = not mode or (known and self._is_ours(mode, outcome))
@@ -429,8 +428,12 @@ class VehicleCustody:
         if self.state is Custody.RELEASED and state.mode not in autopilot.orderly_modes:
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
 
+    def begin_arming(self, now_s: float) -> None:
+        """Record that it is about to be ordered to arm and take off."""
+        self.record = replace(self.record, arming_s=now_s)
+
     def _observe_left_arming(self, state: VehicleState) -> None:
-        """See what has become of a vehicle that an earlier program commanded to arm at its end."""
+        """See what has become of a vehicle that an earlier program ordered to arm at its end."""
         left_s, self._left_arming_s = self._left_arming_s, 0.0
         if not left_s or self.state is not Custody.CLEARED:
             return

@@ -8,9 +8,9 @@ Its `VehicleCustody` says who has it and which orders are allowed; this says whi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
 from dsse_ros.bridge.fence import Fence, check_take_off
 from dsse_ros.bridge.tasks import Task
@@ -26,7 +26,6 @@ from dsse_ros.bridge.vehicle_custody import (
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import (
     FlyMission,
-    GoTo,
     Hold,
     Land,
     MakeReady,
@@ -48,27 +47,6 @@ CRITICAL_S = 5.0
 
 _OVER_HOME_M = 15.0
 _ENDS: dict[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
-
-
-def _admit(order: Order) -> Order | str:
-    return order
-
-
-@dataclass(frozen=True)
-class Clearance:
-    """What a vehicle may do in view of the others and of the search.
-
-    Attributes:
-        search_alive: Whether the search is there; without it nothing takes off.
-        take_off: Why it must not take off yet, as others cannot; empty if it may.
-        home: Where to fly, at its altitude, before it comes down there; None to come down at once.
-        admit: Returns the order to give in place of one, or why it has to wait.
-    """
-
-    search_alive: bool = True
-    take_off: str = ""
-    home: GoTo | None = None
-    admit: Callable[[Order], Order | str] = _admit
 
 
 class VehicleFollower:
@@ -445,6 +423,8 @@ class VehicleFollower:
             order = admitted
         self._given, self._given_for, self._tries = order, given_for, tries
         self._done, self._failed_s = False, None
+        if isinstance(order, TakeOff | FlyMission) and order.arm and not state.armed:
+            self.custody.begin_arming(now_s)
         return order
 
     def _stamped(self, order: Order) -> tuple[Order, int]:

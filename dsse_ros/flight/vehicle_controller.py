@@ -79,7 +79,6 @@ class Outcome:
             sent, after which an order goes on.
         reason: One line for people: what it is waiting for, or what went wrong.
         final: Whether an order that has failed would fail again.
-        arming: Whether the vehicle was commanded to arm so lately that it need not show.
     """
 
     order: Order | None = None
@@ -87,7 +86,6 @@ class Outcome:
     status: Status = "idle"
     reason: str = ""
     final: bool = False
-    arming: bool = False
 
 
 class VehicleController:
@@ -141,11 +139,10 @@ class VehicleController:
     @property
     def outcome(self) -> Outcome:
         """What has become of the latest order."""
-        outcome = replace(self._outcome, arming=self.commands.arming)
         if self._silent:
             silence = f"no heartbeat for {self.situation.settings.link_timeout_s:g} s"
-            return replace(outcome, status="silent", reason=silence)
-        return outcome
+            return replace(self._outcome, status="silent", reason=silence)
+        return self._outcome
 
     @property
     def deadline(self) -> float:

@@ -389,6 +389,38 @@ def test_latched_reports_are_drained_before_one_is_followed() -> None:
     assert sum(": order " in line for line in fleet.log) == 2
 
 
+@both
+@pytest.mark.parametrize("after_s", [0.05, 0.2, 0.5, 1.0, 1.5, 2.0])
+def test_a_bridge_started_again_as_motors_start_abandons_nobody_in_the_air(
+    autopilot: str, after_s: float
+) -> None:
+    fleet = VirtualFleet(1, autopilot)
+    fleet.simulate(7)
+    flight = fleet.flights[0]
+    fleet.until(lambda: bool(flight.commands(ARM)))
+    fleet.wait(after_s)
+    fleet.start()
+    fleet.wait(60.0)
+    flies = fleet.custody() == "following" and flight.vehicle.craft.up_m > 40.0
+    assert flies or (flight.vehicle.landed and not flight.vehicle.armed)
+
+
+@both
+def test_who_disarms_what_was_to_take_off_while_no_bridge_is_there_is_obeyed(
+    autopilot: str,
+) -> None:
+    fleet = VirtualFleet(1, autopilot)
+    fleet.simulate(7)
+    flight = fleet.flights[0]
+    fleet.until(lambda: flight.vehicle.armed)
+    flight.vehicle.disarm()
+    fleet.start()
+    since = len(flight.commands(ARM))
+    fleet.wait(60.0)
+    assert len(flight.commands(ARM)) == since and not flight.vehicle.armed
+    assert fleet.custody() == "taken over"
+
+
 def test_on_a_mission_each_starts_when_those_above_are_up_and_lands_after_those_below() -> None:
     fleet = VirtualFleet(3, mode="mission")
     search = fleet.simulate(7)

@@ -145,8 +145,8 @@ def test_what_was_to_arm_as_a_bridge_ended_is_flown_on_by_the_next_one_if_that_c
 ) -> None:
     before = custody_of(autopilot, CLEARED)
     waits = seen_in(autopilot.resting_mode, armed=False, flying=False, alt_m=0.0, heard_s=100.0)
-    arms = Outcome(TakeOff(TOP_M), 2, "under_way", "arming", arming=True)
-    before.observe(waits, arms, takes_off=True)
+    before.begin_arming(100.0)
+    before.observe(waits, Outcome(TakeOff(TOP_M), 2, "under_way", "arming"), takes_off=True)
     mode = (autopilot.take_off_mode or autopilot.guided_mode) if flying else autopilot.resting_mode
     for later_s, expected in (
         (3.0, Custody.FOLLOWING),

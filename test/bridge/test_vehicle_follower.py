@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.settings import BridgeSettings
@@ -21,7 +22,6 @@ from dsse_ros.bridge.vehicle_follower import (
     CRITICAL_S,
     RETRY_S,
     TRIES,
-    Clearance,
     VehicleFollower,
 )
 from dsse_ros.flight.autopilots import ARDUPILOT, PX4
