@@ -37,8 +37,8 @@ setup(
     package_data={
         "dsse_ros": ["models/*"],
         "dsse_ros.dashboard": ["*.css", "*.js"],
-        "dsse_ros.nodes": ["fastdds.xml"],
         "dsse_ros.report": ["*.html"],
+        "dsse_ros.runtime": ["fastdds.xml"],
     },
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
     install_requires=[
