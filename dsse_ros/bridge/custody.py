@@ -119,6 +119,7 @@ NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
     },
     Custody.GROUNDED: {
         Event.CLEAR: Custody.CLEARED,
+        Event.DOWN: Custody.TAKEN,
         Event.TAKE_OVER: Custody.TAKEN,
         **_ON_THE_GROUND,
     },

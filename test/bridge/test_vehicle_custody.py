@@ -173,3 +173,14 @@ def test_what_was_to_arm_as_a_bridge_ended_and_is_not_armed_stays_down() -> None
     custody.clear_automatically()
     assert custody.state is Custody.TAKEN
     assert custody.lost == "disarmed while no bridge was there"
+
+
+def test_what_somebody_arms_and_disarms_after_its_flight_is_theirs() -> None:
+    custody = custody_of(ARDUPILOT, replace(FLOWN, custody=Custody.GROUNDED), "always")
+    for armed in (False, True, False):
+        seen = seen_in("GUIDED", armed=armed, flying=False, alt_m=0.0)
+        custody.observe(seen, Outcome(), takes_off=False)
+    assert custody.state is Custody.TAKEN
+    custody.begin((7, 2), TOP_M, first=False)
+    custody.clear_automatically()
+    assert custody.state is Custody.TAKEN
