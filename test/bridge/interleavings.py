@@ -48,6 +48,7 @@ class Facts:
         by_failsafe: Whether a failsafe has.
         released: Whether a person has given it back while it was armed.
         fresh: Whether it has never been flown, taken, lost or grounded.
+        was_fresh: Whether that was so before somebody else has had it.
         up_since: Since which received message it has been armed by that; None while it is not.
         was_up: Whether it has flown since then.
         down_since: Since which received message it has been down again; None while it is not.
@@ -62,6 +63,7 @@ class Facts:
     by_failsafe: bool = False
     released: bool = False
     fresh: bool = True
+    was_fresh: bool = True
     up_since: int | None = None
     was_up: bool = False
     down_since: int | None = None
@@ -79,6 +81,7 @@ class Facts:
                 and m.custom_mode == mode
                 and bool(m.base_mode & 128) == armed
             )
+        self.was_fresh = self.fresh
         self.fresh = self.released = self.by_failsafe = False
 
     def lose_all(self) -> None:
@@ -214,7 +217,7 @@ class Interleaving:
         for i, facts in enumerate(self.facts):
             if self.fleet.flights[i].vehicle.landed and self.unsure(i):
                 # Who has seen the one does not see the other.
-                facts.held_since = None
+                facts.held_since, facts.fresh = None, facts.was_fresh
         self.fleet.start()
         self.first_search = self.followed = None
         self.sent = [len(flight.sent) for flight in self.fleet.flights]
