@@ -112,6 +112,8 @@ class VehicleCustody:
         self._automatic = False
         self._inherited = record.custody
         self._left_arming_s = record.arming_s
+        # Armed for a take-off that an earlier program may not have commanded.
+        self._idles = False
         # Up to which number it is known whether somebody else has ended an order, now and at the
         # latest clearance.
         self._number = self._cleared_number = 0
@@ -447,10 +449,12 @@ class VehicleCustody:
             and state.mode in self._autopilot.take_off_modes
         ):
             self.on(Event.LIFT_OFF)
+            self._idles = True
 
     def _observe_motors(
         self, before: VehicleState, state: VehicleState, *, takes_off: bool
     ) -> None:
+        self._idles = self._idles and not state.flying
         if state.armed or state.flying:
             if self.state is Custody.CLEARED and takes_off:
                 self.on(Event.LIFT_OFF)
@@ -460,4 +464,6 @@ class VehicleCustody:
         elif self.airborne or self.state in _ENDS_ON_THE_GROUND or before.armed:
             if self.state is Custody.FOLLOWING and not self._whole:
                 self.lose("on the ground again before the end of the search")
-            self.on(Event.DOWN)
+            # By itself or by a person: nobody knows.
+            self.on(Event.TAKE_OVER if self._idles else Event.DOWN)
+            self._idles = False

@@ -184,3 +184,12 @@ def test_what_somebody_arms_and_disarms_after_its_flight_is_theirs() -> None:
     custody.begin((7, 2), TOP_M, first=False)
     custody.clear_automatically()
     assert custody.state is Custody.TAKEN
+
+
+@pytest.mark.parametrize("flies", [False, True])
+def test_what_was_to_arm_and_disarms_before_it_flies_may_be_a_persons(flies: bool) -> None:
+    custody = custody_of(ARDUPILOT, replace(CLEARED, arming_s=100.0), "always")
+    for armed, flying in ((True, False), (True, flies), (False, False)):
+        seen = seen_in("GUIDED", armed=armed, flying=flying, alt_m=0.0, heard_s=102.0)
+        custody.observe(seen, Outcome(), takes_off=False)
+    assert custody.state is (Custody.GROUNDED if flies else Custody.TAKEN)
