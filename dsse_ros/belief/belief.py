@@ -329,11 +329,11 @@ class Belief:
         )  # fmt: skip
 
     def futures(self, count: int, horizon: int, rng: np.random.Generator) -> Futures:
-        """Draw futures of the persons who are missing, by the exact law of their motion.
+        """Draw futures of the persons who are missing, by the law of their motion.
 
         They are drawn systematically: each cell has its share of them, rounded up or down. The
         steps of a future depend on one another, so that from the second one on the shares of cells
-        are only near to those of the belief: within a tenth.
+        are only near to those of the belief: up to .11 off where it was measured, whatever M is.
 
         Args:
             count: M.

@@ -5,48 +5,40 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Literal
 
 Level = Literal["ok", "warning", "error"]
 
 
-@dataclass(frozen=True)
-class Situation:
-    """What its health depends on.
+def health(
+    vehicles: int,
+    *,
+    named: Mapping[str, Sequence[str]],
+    following: bool,
+    alive: bool,
+    holding: bool,
+    trouble: str,
+) -> tuple[Level, str]:
+    """Return the level, and the line for people.
 
-    Attributes:
+    Args:
         vehicles: How many there are.
+        named: Names of those that do not do what their drones did, by the reason in a word;
+            `unreachable` for a connection that cannot be used.
         following: Whether there is a search.
         alive: Whether a simulation is there.
         holding: Whether the vehicles hold, as no steps come.
         trouble: Why none can be flown; empty if they can.
-        unreachable: Names of those whose connection cannot be used.
-        waiting: Names of those that do not do what their drones did, by the reason in a word.
     """
-
-    vehicles: int
-    following: bool = True
-    alive: bool = True
-    holding: bool = False
-    trouble: str = ""
-    unreachable: Sequence[str] = ()
-    waiting: Mapping[str, Sequence[str]] = field(default_factory=dict)
-
-
-def health(now: Situation) -> tuple[Level, str]:
-    """Return the level, and the line for people."""
-    if now.trouble:
-        return "error", now.trouble
-    if now.vehicles and len(now.unreachable) == now.vehicles:
+    if trouble:
+        return "error", trouble
+    if vehicles and len(named.get("unreachable", ())) == vehicles:
         return "error", "no vehicle can be reached"
-    if now.holding:
+    if holding:
         return "warning", "no steps: the vehicles hold"
-    if not now.alive:
-        gone = "the simulation is gone" if now.following else "waiting for step_report"
-        return "warning", gone
-    named = {**now.waiting, "unreachable": now.unreachable}
+    if not alive:
+        return "warning", "the simulation is gone" if following else "waiting for step_report"
     lines = [f"{what}: {', '.join(names)}" for what, names in named.items() if names]
     if lines:
         return "warning", "; ".join(lines)
-    return "ok", "following" if now.following else "waiting for step_report"
+    return "ok", "following" if following else "waiting for step_report"

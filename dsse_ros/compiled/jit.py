@@ -18,8 +18,8 @@ from numba import njit
 
 MODULES = (
     "belief/belief_kernels", "belief/drift_estimate", "belief/follow_kernels",
-    "belief/future_kernels", "belief/search_outcomes", "compiled/draws", "compiled/jit",
-    "compiled/streaming",
+    "belief/future_kernels", "belief/search_outcomes",
+    "compiled/draws", "compiled/jit", "compiled/streaming",
     "step/collisions", "step/coverage_kernels", "step/fault_kernels", "step/kernels",
     "targets/person_motion", "targets/sea_map",
 )  # fmt: skip

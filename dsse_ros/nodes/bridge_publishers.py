@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState, NavSatFix
 
 from dsse_ros.bridge.fleet_controller import shown_order
-from dsse_ros.bridge.health import Level, Situation, health
+from dsse_ros.bridge.health import Level, health
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
 from dsse_ros.runtime.qos import LATCHED, RELIABLE, SENSOR, Endpoints
@@ -173,23 +173,20 @@ class BridgePublishers:
         def names(has: Callable[[VehicleFollower], object]) -> list[str]:
             return [name for name, one in zip(self._names, followers, strict=True) if has(one)]
 
-        waiting = {
+        pairs = zip(self._names, vehicles, strict=True)
+        named = {
             "lost": names(lambda one: one.lost),
             "refused": names(lambda one: one.refused),
             "blocked": names(lambda one: one.blocked),
+            "unreachable": [name for name, vehicle in pairs if vehicle.trouble],
         }
-        pairs = zip(self._names, vehicles, strict=True)
-        unreachable = [name for name, vehicle in pairs if vehicle.trouble]
         level, message = health(
-            Situation(
-                len(vehicles),
-                following=following,
-                alive=alive,
-                holding=holding,
-                trouble=trouble,
-                unreachable=unreachable,
-                waiting=waiting,
-            )
+            len(vehicles),
+            named=named,
+            following=following,
+            alive=alive,
+            holding=holding,
+            trouble=trouble,
         )
         counts: Counter[str] = Counter()
         for vehicle in vehicles:
@@ -200,7 +197,6 @@ class BridgePublishers:
             "connected": sum(vehicle.state.connected for vehicle in vehicles),
             "flying": sum(vehicle.state.flying for vehicle in vehicles),
         }
-        named = {**waiting, "unreachable": unreachable}
         values |= {what: ", ".join(drones) for what, drones in named.items()}
         values |= {f"count.{key}": n for key, n in sorted(counts.items())}
         self._diagnostics.publish(

@@ -4,36 +4,41 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import pytest
 
-from dsse_ros.bridge.health import Situation, health
+from dsse_ros.bridge.health import health
 
 NOT_WELL = {
     "no simulation": ({"following": False, "alive": False}, "warning", "waiting for step_report"),
     "simulation gone": ({"alive": False}, "warning", "the simulation is gone"),
     "no steps": ({"holding": True}, "warning", "no steps: the vehicles hold"),
-    "all refused": ({"unreachable": ["drone0", "drone1"]}, "error", "no vehicle can be reached"),
-    "one refused": ({"unreachable": ["drone1"]}, "warning", "unreachable: drone1"),
-    "blocked": ({"waiting": {"blocked": ["drone0"]}}, "warning", "blocked: drone0"),
-    "lost": ({"waiting": {"lost": ["drone0", "drone1"]}}, "warning", "lost: drone0, drone1"),
+    "all refused": (
+        {"named": {"unreachable": ["drone0", "drone1"]}}, "error", "no vehicle can be reached",
+    ),
+    "one refused": ({"named": {"unreachable": ["drone1"]}}, "warning", "unreachable: drone1"),
+    "blocked": ({"named": {"blocked": ["drone0"]}}, "warning", "blocked: drone0"),
+    "lost": ({"named": {"lost": ["drone0", "drone1"]}}, "warning", "lost: drone0, drone1"),
     "trouble": ({"trouble": "two simulations"}, "error", "two simulations"),
-}
+}  # fmt: skip
+
+well = partial(health, 2, named={}, following=True, alive=True, holding=False, trouble="")
 
 
 @pytest.mark.parametrize("one", NOT_WELL.values(), ids=NOT_WELL)
 def test_what_keeps_vehicles_from_flying_is_in_the_health(one: Any) -> None:
     changes, level, line = one
-    assert health(Situation(2, **changes)) == (level, line)
+    assert well(**changes) == (level, line)
 
 
 def test_the_worst_is_reported_first() -> None:
-    both = Situation(1, alive=False, unreachable=["drone0"], waiting={"blocked": ["drone0"]})
-    assert health(both) == ("error", "no vehicle can be reached")
+    named = {"blocked": ["drone0"], "unreachable": ["drone0", "drone1"]}
+    assert well(alive=False, named=named) == ("error", "no vehicle can be reached")
 
 
 def test_who_follows_a_search_with_all_vehicles_is_well() -> None:
-    assert health(Situation(2)) == ("ok", "following")
-    waiting = {"lost": [], "refused": [], "blocked": []}
-    assert health(Situation(2, waiting=waiting)) == ("ok", "following")
+    assert well() == ("ok", "following")
+    named = {"lost": [], "refused": [], "blocked": [], "unreachable": []}
+    assert well(named=named) == ("ok", "following")
