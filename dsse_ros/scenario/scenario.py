@@ -21,6 +21,9 @@ from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, f
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.yaml_file import read_yaml
+from dsse_ros.searchers.registry import SEARCHERS
+from dsse_ros.searchers.searcher import Searcher
+from dsse_ros.sensors.registry import SENSORS
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
 """A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real
@@ -95,6 +98,13 @@ class Scenario(FaultFields):
     num_drones: int | None = field(
         "int", "Number of drones; by default one per start cell given, else 1.", None,
         low=1, high=10**8,
+    )  # fmt: skip
+    searchers: tuple[str, ...] = field(
+        "names", "Kind of each drone, or one for all drones.", ("drone",)
+    )
+    sensor: str = field(
+        "str", "Sensor of the drones whose kind has none of its own.", "own_cell",
+        choices=tuple(SENSORS),
     )  # fmt: skip
     drones_positions: tuple[tuple[int, int], ...] | None = field(
         "cells", "Start cells (col, row); by default row by row from the north-west corner.", None
@@ -247,6 +257,7 @@ class Scenario(FaultFields):
             "cell_size": cell,
             "num_drones": len(positions),
             "drones_positions": positions,
+            "searchers": resolved_searchers(self.searchers, len(positions)),
             "vector": vector,
             "drift": mean_drift(rules, vector, self.drone_speed),
             "current_speed": None,
@@ -363,6 +374,25 @@ class ResolvedScenario(Scenario):
         return area_mask(self.area, self.land, self.grid_size, self.cell_size, origin)
 
     @property
+    def kinds(self) -> tuple[Searcher, ...]:
+        """The kinds of the drones, each once, with what the scenario says where they do not."""
+        return tuple(
+            dataclasses.replace(
+                kind,
+                speed=kind.speed or self.drone_speed,
+                altitude=kind.altitude or self.altitude,
+                sensor=kind.sensor or self.sensor,
+            )
+            for kind in (SEARCHERS[name] for name in dict.fromkeys(self.searchers))
+        )
+
+    @property
+    def kind_of(self) -> tuple[int, ...]:
+        """(N,) the number of each drone's kind in `kinds`."""
+        number = {name: i for i, name in enumerate(dict.fromkeys(self.searchers))}
+        return tuple(number[name] for name in self.searchers)
+
+    @property
     def step_duration_s(self) -> float:
         """Time of one step, cell_size / drone_speed (13 s for the paper's cell), in seconds."""
         return self.cell_size / self.drone_speed
@@ -455,6 +485,23 @@ def check_positions(
         check_cell("drones_positions", cell, grid_size, mask)
     if len(set(positions)) != len(positions):
         raise FieldError("drones_positions: two drones in one cell are not allowed")
+
+
+def resolved_searchers(names: tuple[str, ...], num_drones: int) -> tuple[str, ...]:
+    """Return the name of each drone's kind, (N,).
+
+    Raises:
+        FieldError: If there is no such kind, or the numbers differ.
+    """
+    for name in names:
+        if name not in SEARCHERS:
+            raise FieldError(f"searchers: {name!r} is not allowed; {', '.join(SEARCHERS)}")
+    if len(names) not in (1, num_drones):
+        raise FieldError(
+            f"searchers: {len(names)} kinds are not allowed; "
+            f"one for all drones or one per drone ({num_drones})"
+        )
+    return names * num_drones if len(names) == 1 else names
 
 
 def check_multipliers(multipliers: tuple[float, ...] | None, person_amount: int) -> None:

@@ -20,6 +20,8 @@ WORLD = {
     "dsse_ros.progress",
     "dsse_ros.scenario",
     "dsse_ros.search",
+    "dsse_ros.searchers",
+    "dsse_ros.sensors",
     "dsse_ros.step",
     "dsse_ros.targets",
     "dsse_ros.view",
@@ -31,16 +33,30 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.progress": ({"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.compiled": ({"dsse_ros.compiled"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.searchers": ({"dsse_ros.searchers"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.sensors": ({"dsse_ros.sensors"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.targets": (
         {"dsse_ros.targets", "dsse_ros.compiled"},
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.scenario": (
-        {"dsse_ros.scenario", "dsse_ros.targets", "dsse_ros.extras"},
+        {
+            "dsse_ros.scenario",
+            "dsse_ros.searchers",
+            "dsse_ros.sensors",
+            "dsse_ros.targets",
+            "dsse_ros.extras",
+        },
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.step": (
-        {"dsse_ros.step", "dsse_ros.scenario", "dsse_ros.targets", "dsse_ros.compiled"},
+        {
+            "dsse_ros.step",
+            "dsse_ros.scenario",
+            "dsse_ros.sensors",
+            "dsse_ros.targets",
+            "dsse_ros.compiled",
+        },
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.belief": (

@@ -1,0 +1,11 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The kinds of drones by name."""
+
+from __future__ import annotations
+
+from dsse_ros.searchers.searcher import Searcher
+
+SEARCHERS: dict[str, Searcher] = {
+    "drone": Searcher(doc="flies and sees as the scenario says of its drones"),
+}

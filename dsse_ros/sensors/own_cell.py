@@ -1,0 +1,21 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The sensor of the paper: a search sees the drone's cell, and moves see nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from dsse_ros.sensors.sensor import Look, Sensor
+
+
+def looks(scenario: Any, _searcher: Any, action: str, _heading: tuple[int, int]) -> Sequence[Look]:
+    """Return one look at the drone's cell for a search, none for another action."""
+    if action != "search":
+        return ()
+    pod = scenario.probability_of_detection
+    return (Look(0, 0, tuple(min(m * pod, 1.0) for m in scenario.person_pod_multipliers)),)
+
+
+OWN_CELL = Sensor("sees its cell when it searches", looks)
