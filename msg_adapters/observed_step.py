@@ -84,6 +84,8 @@ class ObservedStep:
         elif definition is None or definition.scenario.person_amount > 1:
             for i, info in zip(drones, infos.values(), strict=True):
                 info["found_person"] = bool(self.report["found"][i])
+                if "finds" in (self.report.dtype.names or ()):
+                    info["finds"] = int(self.report["finds"][i])
         if "status" in (self.report.dtype.names or ()):
             for i, info in zip(drones, infos.values(), strict=True):
                 info["status"] = STATUSES[self.report["status"][i]]

@@ -42,6 +42,9 @@ POINT = (
 )
 """Fields of a drone in a step, in the reports of a step and of a mission."""
 
+FIND_FIELDS = (("finds", "<u8"),)
+"""Fields of a drone in a step of a mission with sensors that look at several cells at once."""
+
 FAULT_FIELDS = (("battery", "<f8"), ("status", "u1"))
 """Fields of a drone in a step of a mission with faults."""
 
@@ -52,7 +55,7 @@ _COVERAGE = tuple((name, "<f8") for name in METRICS)
 
 @cache
 def step_report_dtype(
-    num_actions: int, *, coverage: bool = False, faults: bool = False
+    num_actions: int, *, coverage: bool = False, faults: bool = False, finds: bool = False
 ) -> np.dtype[Any]:
     """Return the layout of one drone's entry: packed, little-endian.
 
@@ -62,7 +65,8 @@ def step_report_dtype(
     0 if the action would leave the grid). Where the task is coverage, coverage_rate,
     repeated_coverage and pos (float64) follow, the same for all drones: see
     `dsse_ros.search.coverage`. With faults further battery (float64, percent, NaN where it does not
-    run down) and status (uint8, number in `dsse_ros.step.fault_kernels.STATUSES`).
+    run down) and status (uint8, number in `dsse_ros.step.fault_kernels.STATUSES`). With sensors
+    that look at several cells at once finds (uint64, a bit for each look that found a person).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
@@ -70,7 +74,11 @@ def step_report_dtype(
     if not 1 <= num_actions <= MAX_ACTIONS:
         raise ValueError(f"num_actions: {num_actions!r} is not allowed; 1 to {MAX_ACTIONS}")
     mask = (_MASK, "u1", (int(num_actions),))
-    further = (*(_COVERAGE if coverage else ()), *(FAULT_FIELDS if faults else ()))
+    further = (
+        *(_COVERAGE if coverage else ()),
+        *(FAULT_FIELDS if faults else ()),
+        *(FIND_FIELDS if finds else ()),
+    )
     return np.dtype([*POINT, (_ALL_FOUND, "u1"), mask, *further])
 
 
@@ -80,6 +88,7 @@ def _dtype_of(num_actions: int, names: Collection[str]) -> np.dtype[Any]:
         num_actions,
         coverage=set(METRICS).issubset(names),
         faults=any(name in names for name, _ in FAULT_FIELDS),
+        finds="finds" in names,
     )
 
 
@@ -101,6 +110,7 @@ def make_step_report(
     coverage: Mapping[str, float] | None = None,
     battery: ArrayLike | None = None,
     status: ArrayLike | None = None,
+    finds: ArrayLike | None = None,
 ) -> NDArray[Any]:
     """Return the report of all N drones in the order of the agents.
 
@@ -121,9 +131,10 @@ def make_step_report(
         coverage: The metrics of a coverage task by their names; None for another one.
         battery: (N,) percent, with faults.
         status: (N,) numbers, with faults.
+        finds: (N,) bits, with sensors that look at several cells at once.
 
     Returns:
-        (N,) of `step_report_dtype`, with faults where there is a status.
+        (N,) of `step_report_dtype`, with what is given of a status and of finds.
 
     Raises:
         ValueError: If the shapes do not match.
@@ -133,7 +144,10 @@ def make_step_report(
     if mask.ndim != 2:
         raise ValueError(f"action_mask: shape {mask.shape} is not allowed; (N, A) is")
     dtype = step_report_dtype(
-        mask.shape[-1], coverage=coverage is not None, faults=status is not None
+        mask.shape[-1],
+        coverage=coverage is not None,
+        faults=status is not None,
+        finds=finds is not None,
     )
     report = np.zeros(len(cell), dtype=dtype)
     report["col"], report["row"] = cell[:, 0], cell[:, 1]
@@ -150,6 +164,8 @@ def make_step_report(
         report[name] = value
     if status is not None:
         report["status"], report["battery"] = status, np.nan if battery is None else battery
+    if finds is not None:
+        report["finds"] = finds
     return report
 
 
@@ -191,7 +207,8 @@ def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     if _ALL_FOUND in names:
         report: NDArray[Any] = points_from_message(message, dtype)[0]
         if "status" in names and len(report) and report["status"].max() >= len(STATUSES):
-            raise ValueError(f"status: {report['status'].max()} is not allowed; 0 to 5 is")
+            last = len(STATUSES) - 1
+            raise ValueError(f"status: {report['status'].max()} is not allowed; 0 to {last} is")
         return report
     read = points_from_message(message, np.dtype([*POINT, (_MASK, dtype[_MASK])]))[0]
     report = np.zeros(len(read), dtype)

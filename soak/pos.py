@@ -30,6 +30,7 @@ from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario, scenario_and_rules
 from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
+from dsse_ros.step.looks import searches_of
 from soak.row import Figures, Goal, Row, Run
 
 SEED = 50_000_000
@@ -184,11 +185,11 @@ def plan(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.int8]:
     (cell,) = scenario.drones_positions
     actions = []
     for _ in range(scenario.timestep_limit):
-        row, col = divmod(int(belief.cells().argmax()), scenario.grid_size)
+        row, col = divmod(int(belief.poc().argmax()), scenario.grid_size)
         end = rules.action_set.towards(cell, (col, row))
         actions.append(rules.action_set.action(cell, end))
         if end == cell:
-            belief.observe_failed_searches([cell])
+            belief.update(searches_of(scenario, rules, [cell]))
         cell = end
         belief.advance()
     return np.array(actions, np.int8)

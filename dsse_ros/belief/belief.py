@@ -28,6 +28,7 @@ from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of
+from dsse_ros.step.looks import Looked
 from dsse_ros.targets.person_motion import CHANCES, MOTIONS, PERSONS
 
 KEPT_BYTES = 1 << 28
@@ -160,15 +161,29 @@ class Futures(NamedTuple):
 
     Attributes:
         cells: (H + 1, M) int64 columns of each of M futures, the present one first.
-        pods: (M,) float64, the POD of its person.
+        persons: (M,) int64, number of a person whose POD is that of the one in the future.
     """
 
     cells: NDArray[np.int64]
+    persons: NDArray[np.int64]
+
+
+class LooksToCome(NamedTuple):
+    """Looks that may be done, in the order in which they are.
+
+    Attributes:
+        steps: (Q,) int64, how many steps from now, not falling.
+        columns: (Q,) int64, what they look at, see `Forecast.column`.
+        pods: (Q, P) float64, POD of each person.
+    """
+
+    steps: NDArray[np.int64]
+    columns: NDArray[np.int64]
     pods: NDArray[np.float64]
 
 
 class Expected(NamedTuple):
-    """What searches to come may find.
+    """What looks to come may find.
 
     Attributes:
         finds: The discounted number of finds, as a share of the persons who are missing.
@@ -182,8 +197,8 @@ class Expected(NamedTuple):
 class Belief:
     """The probability of where the persons are who have not been found.
 
-    Persons who start alike and have the same POD are one detection class. Who was found is not
-    known by name; `search_outcomes` has what follows from failed searches and finds.
+    Persons who start alike and have the same POD multiplier are one detection class. Who was found
+    is not known by name; `search_outcomes` has what follows from failed searches and finds.
 
     Args:
         forecast: How map and persons move. Beliefs may share one while they are not more than a
@@ -193,8 +208,8 @@ class Belief:
         step: Steps of the mission done.
         pos: Cumulative probability of success: that searches so far found the person, before
             anything was known of how they ended; of several persons the expected share of finds.
-        pods: (C,) float64, the POD of each detection class.
         class_of: (n,) int64, the detection class of each person.
+        examples: (C,) int64, number of a person of each class.
         missing: (n,) float64, probability that a person is missing; 1 for a person alone.
         unfound: (n,) float64, the same before anything was known of how the searches ended; of a
             person alone see `pos`.
@@ -209,17 +224,16 @@ class Belief:
         scenario = forecast.scenario
         scattered = np.zeros(scenario.person_amount, np.bool_)
         scattered[1:] = forecast.rules.person_scatter > 0
-        kinds, self.class_of = np.unique(
+        kinds, self.examples, self.class_of = np.unique(
             np.stack([scattered, scenario.person_pod_multipliers], axis=1),
-            axis=0, return_inverse=True,
+            axis=0, return_index=True, return_inverse=True,
         )  # fmt: skip
         self.class_of = self.class_of.ravel()
-        self.pods = np.minimum(kinds[:, 1] * scenario.probability_of_detection, 1.0)
         self.missing, self.unfound = np.ones((2, scenario.person_amount))
         self._drifts = forecast.directions.shape[1]
         self._weights = np.zeros(len(kinds))
         self._numbers = np.zeros((search_outcomes.OF_CLASS, len(kinds)))
-        self.density = np.zeros((len(self.pods) * self._drifts, cells))
+        self.density = np.zeros((len(kinds) * self._drifts, cells))
         self.reset()
 
     def reset(self) -> None:
@@ -258,14 +272,13 @@ class Belief:
         twin.missing, twin.unfound = self.missing.copy(), self.unfound.copy()
         return twin
 
-    @property
-    def mean_pod(self) -> float:
-        """The mean POD of the persons who are missing."""
-        return float(self.missing @ self.pods[self.class_of] / self.missing.sum())
+    def mean_pod(self, pods: NDArray[np.float64]) -> float:
+        """Return the mean of these PODs, (n,) by person, over the persons who are missing."""
+        return float(self.missing @ pods / self.missing.sum())
 
     def of_missing(self) -> NDArray[np.float64]:
         """Return the density of the persons who are missing, (C K, S S); it sums to 1."""
-        if len(self.pods) == 1:
+        if len(self.examples) == 1:
             return self.density
         search_outcomes.weigh_classes(self.class_of, self.missing, self._weights)
         return self.density * np.repeat(self._weights, self._drifts)[:, None]
@@ -280,19 +293,19 @@ class Belief:
         )  # fmt: skip
         self.step += 1
 
-    def observe_failed_searches(self, cells: Sequence[Cell]) -> None:
-        """Learn that searches of these cells (col, row) have not found anyone.
+    def update(self, looks: Sequence[Looked]) -> None:
+        """Learn that these looks have not found anyone.
 
-        A search detects as the scenario says. Where nothing is left of the belief, as the person
-        cannot be anywhere by the rules, it starts again from the present map.
+        Where nothing is left of the belief, as the person cannot be anywhere by the rules, it
+        starts again from the present map.
         """
         if len(self.missing) > 1:
-            self._observe(cells, found=False)
+            self._observe(looks, found=False)
             return
         taken = 0.0
-        for x, y in cells:
+        for (x, y), pods in looks:
             taken += belief_kernels.search(
-                self.forecast.constants, self.density, self.pods, int(x), int(y)
+                self.forecast.constants, self.density, pods, int(x), int(y)
             )
         if taken == 0.0:
             return
@@ -302,30 +315,32 @@ class Belief:
             self.density[:] = self._chances()
             belief_kernels.normalise(self.density)
 
-    def observe_find(self, cell: Cell) -> None:
-        """Learn that a search of this cell has found a person, and that others are left.
+    def observe_find(self, look: Looked) -> None:
+        """Learn that this look has found a person, and that others are left.
 
         Where it looks for one person only, others may be in the cell as before. Where it looks for
         all, those whom it detects are found.
         """
         if len(self.missing) > 1:
-            self._observe([cell], found=True)
+            self._observe([look], found=True)
             return
         density = self.density.copy()
-        self.observe_failed_searches([cell])
+        self.update([look])
         if self.forecast.rules.one_find_per_search:
             self.density = density
 
-    def _observe(self, cells: Sequence[Cell], *, found: bool) -> None:
-        """Learn from searches for several persons."""
-        if not cells:
+    def _observe(self, looks: Sequence[Looked], *, found: bool) -> None:
+        """Learn from looks for several persons."""
+        if not looks:
             return
+        cells = np.array([look.cell for look in looks], np.int64)
+        pods = np.array([look.pods[self.examples] for look in looks])
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
         self.pos = search_outcomes.observe(
-            forecast.constants, self.density, self.pods, self.class_of, self.missing, self.unfound,
-            forecast.apart[slot], forecast.chances[slot], np.array(cells, np.int64), found,
-            self._numbers, np.empty_like(self.missing),
+            forecast.constants, self.density, pods, self.class_of, self.missing, self.unfound,
+            forecast.apart[slot], forecast.chances[slot], cells, found, self._numbers,
+            np.empty_like(self.missing),
         )  # fmt: skip
 
     def futures(self, count: int, horizon: int, rng: np.random.Generator) -> Futures:
@@ -349,25 +364,23 @@ class Belief:
             forecast.constants, forecast.area, forecast.chances, forecast.tables,
             forecast.directions, slots, np.array(offsets), rows, cells,
         )  # fmt: skip
-        return Futures(cells, self.pods[rows // self._drifts])
+        return Futures(cells, self.examples[rows // self._drifts])
 
-    def expect(
-        self, paths: NDArray[np.int64], lengths: NDArray[np.int64], gamma: float
-    ) -> Expected:
-        """Return what searches along paths may find, by the exact filter.
+    def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
+        """Return what looks to come may find, by the exact filter.
 
         Args:
-            paths: (N, H + 1) int64 columns, see `Forecast.column`, the present ones first; staying
-                in one searches it. H is at most the horizon of the forecast.
-            lengths: (N,) int64, steps of them that count.
+            looks: Those of the next `horizon` steps.
+            horizon: H, at most that of the forecast.
             gamma: Discount of a find per step.
         """
-        forecast = self.forecast
+        forecast, slots = self.forecast, self._slots(horizon)
         left = np.empty(self.density.shape[1])
         finds = future_kernels.expect(
-            forecast.constants, forecast.area, self.of_missing(), self.pods, forecast.chances,
-            forecast.tables, forecast.directions, self._slots(paths.shape[1] - 1), paths, lengths,
-            gamma, forecast.side, np.empty_like(self.density), self._scratch, left,
+            forecast.constants, forecast.area, self.of_missing(), forecast.chances,
+            forecast.tables, forecast.directions, slots, looks.steps, looks.columns,
+            np.ascontiguousarray(looks.pods[:, self.examples]), gamma, forecast.side,
+            np.empty_like(self.density), self._scratch, left,
         )  # fmt: skip
         return Expected(float(finds), left)
 
@@ -382,7 +395,12 @@ class Belief:
         step = self.step + self.forecast.first_step
         return self.forecast.chances[self.forecast.look(step)]
 
-    def cells(self) -> NDArray[np.float64]:
+    @property
+    def outside(self) -> float:
+        """The probability that a missing person is off the grid."""
+        return max(1.0 - float(self.poc().sum()), 0.0)
+
+    def poc(self) -> NDArray[np.float64]:
         """Return the probability of containment of every cell, (G, G) as [y, x].
 
         It sums to 1, less the probability that the person has walked off the grid (`v1`).

@@ -33,32 +33,38 @@ from dsse_ros.compiled.jit import kernel, part
 
 @part
 def learn(
-    c, constants, drones, actions, live, pods, class_of, missing, unfound, apart, chances, belief,
-    pos, numbers, hazard,
+    c, constants, drones, kinds, looks, offsets, actions, live, pods, class_of, missing, unfound,
+    apart, chances, belief, pos, numbers, hazard,
 ):  # fmt: skip
-    """Let a belief learn from the searches of a step; returns the POS with them.
+    """Let a belief learn from the looks of a step; returns the POS with them.
 
     Those that failed come first, then the finds: see `belief.Belief.observe_find`.
     """
-    several, searches = len(missing) > 1, 0
-    for finds in range(2):
+    several, learnt = len(missing) > 1, 0
+    for turn in range(2):
         taken = 0.0
         for n in range(len(drones)):
             d = drones[n]
-            if not live[n] or actions[n] != c.search_action or d.found != (finds == 1):
+            if not live[n] or not 0 <= actions[n] < c.num_actions:
                 continue
-            if several:
-                if searches == 0:
-                    open_classes(class_of, numbers)
-                searches += 1
-                learn_outcome(
-                    c, belief, pods, class_of, missing, unfound, apart, numbers, hazard, d.x, d.y,
-                    d.found,
-                )  # fmt: skip
-            elif d.found and c.one_find_per_search:
-                pos += (1.0 - pos) * detectable(c, belief, pods, d.x, d.y)
-            else:
-                taken += search(constants, belief, pods, d.x, d.y)
+            first, last = looks[kinds[n], actions[n]], looks[kinds[n], actions[n] + 1]
+            for k in range(first, last):
+                found = (d.finds >> np.uint64(k - first)) & np.uint64(1) == np.uint64(1)
+                if found != (turn == 1):
+                    continue
+                x, y = d.x + offsets[k, 0], d.y + offsets[k, 1]
+                if several:
+                    if learnt == 0:
+                        open_classes(class_of, numbers)
+                    learnt += 1
+                    learn_outcome(
+                        c, belief, pods[k], class_of, missing, unfound, apart, numbers, hazard, x,
+                        y, found,
+                    )  # fmt: skip
+                elif found and c.one_find_per_search:
+                    pos += (1.0 - pos) * detectable(c, belief, pods[k], x, y)
+                else:
+                    taken += search(constants, belief, pods[k], x, y)
         if taken > 0.0:
             pos += (1.0 - pos) * min(taken, 1.0)
             if normalise(belief) < NOTHING_LEFT:
@@ -66,7 +72,7 @@ def learn(
                     for i in range(belief.shape[1]):
                         belief[k, i] = chances[i]
                 normalise(belief)
-    if searches > 0:
+    if learnt > 0:
         close_classes(belief, class_of, missing, numbers, chances)
         pos = mean_found(unfound)
     return pos
@@ -80,6 +86,9 @@ class Followed(NamedTuple):
         area: Of `kernels.Sea`.
         worlds: (B,) of `kernels.WORLDS`, after the step.
         drones: (B, N) of `kernels.DRONES`, after the step.
+        kinds: (N,) of `kernels.Crew`.
+        looks: (K, A + 1) of `kernels.Crew`.
+        offsets: (L, 2) of `kernels.Crew`.
         actions: (B, N) int8 of the step.
         live: (B, N) bool, the drones in the search before the step.
         done: (B,) bool, the worlds whose search had ended before the step.
@@ -89,6 +98,9 @@ class Followed(NamedTuple):
     area: NDArray[np.bool_] | None
     worlds: NDArray[np.void]
     drones: NDArray[np.void]
+    kinds: NDArray[np.int64]
+    looks: NDArray[np.int64]
+    offsets: NDArray[np.int64]
     actions: NDArray[np.int8]
     live: NDArray[np.bool_]
     done: NDArray[np.bool_]
@@ -99,7 +111,7 @@ class Tables(NamedTuple):
 
     Attributes:
         start: (C K, S S) float64, the belief at a mission's first observation.
-        pods: (C,) float64, probability of detection.
+        pods: (L, C) float64, POD of each look by detection class.
         class_of: (n,) int64, see `search_outcomes`.
         chances: (R, S S) of `forecast_step`; that of step s of the sea is at s % R.
         tables: (R, `CHANCES`, S S) of `complete`.
@@ -151,7 +163,7 @@ class Scratch(NamedTuple):
 # Called as `kernels.step_worlds`: with the fields of the tuples.
 @kernel
 def follow_worlds(
-    constants, area, worlds, drones, actions, live, done,
+    constants, area, worlds, drones, kinds, looks, offsets, actions, live, done,
     start, pods, class_of, chances, tables, directions, apart, first_step,
     beliefs, missing, unfound, pos,
     scratch, numbers, hazard,
@@ -175,8 +187,9 @@ def follow_worlds(
         slot = (first_step + step) % len(directions)
         if c.time_out_acts or step < c.timestep_limit + c.time_out_grace:
             pos[b] = learn(
-                c, constants, drones[b], actions[b], live[b], pods, class_of, missing[b],
-                unfound[b], apart[slot], chances[slot], beliefs[b], pos[b], numbers, hazard,
+                c, constants, drones[b], kinds, looks, offsets, actions[b], live[b], pods,
+                class_of, missing[b], unfound[b], apart[slot], chances[slot], beliefs[b], pos[b],
+                numbers, hazard,
             )  # fmt: skip
         predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
 

@@ -79,22 +79,22 @@ def roll(constants, area, chances, tables, directions, slots, offsets, rows, cel
 
 @compiled()
 def expect(
-    constants, area, density, pods, chances, tables, directions, slots, paths, lengths, gamma,
+    constants, area, density, chances, tables, directions, slots, steps, columns, pods, gamma,
     side, belief, scratch, left,
 ):  # fmt: skip
-    """Return the discounted finds of searches to come, by the exact filter.
+    """Return the discounted finds of looks to come, by the exact filter.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         area: Of a `Forecast`.
         density: (C K, S S), of a `Belief`.
-        pods: (C,), of a `Belief`.
         chances: (R, S S), of a `Forecast`.
         tables: (R, 10, S S), of a `Forecast`.
         directions: (R, K), of a `Forecast`.
         slots: (H,) int64, where the forecast has the steps.
-        paths: (N, H + 1) int64 columns; staying in one searches it.
-        lengths: (N,) int64, steps of them that count.
+        steps: (Q,) int64 of `LooksToCome`.
+        columns: (Q,) int64 of `LooksToCome`.
+        pods: (Q, C) float64, POD of each look by detection class.
         gamma: Discount per step.
         side: S.
         belief: (C K, S S) float64 scratch.
@@ -102,14 +102,13 @@ def expect(
         left: (S S,) float64 out, where the persons are in the end who were not found.
     """
     belief[:] = density
-    worth, value = 1.0, 0.0
+    worth, value, q = 1.0, 0.0, 0
     for h in range(len(slots)):
-        for n in range(len(paths)):
-            cell = paths[n, h]
-            if h < lengths[n] and cell == paths[n, h + 1]:
-                value += worth * search(
-                    constants, belief, pods, cell % side - MARGIN, cell // side - MARGIN
-                )
+        while q < len(steps) and steps[q] == h:
+            value += worth * search(
+                constants, belief, pods[q], columns[q] % side - MARGIN, columns[q] // side - MARGIN
+            )
+            q += 1
         slot = slots[h]
         predict(constants, area, belief, chances[slot], tables[slot], directions[slot], scratch)
         worth *= gamma

@@ -283,19 +283,19 @@ def observe(
     constants, belief, pods, class_of, missing, unfound, apart, chances, cells, found, numbers,
     hazard,
 ):  # fmt: skip
-    """Let the belief of several persons learn from searches; returns the POS with them.
+    """Let the belief of several persons learn from looks; returns the POS with them.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         belief: (C K, S S) float64.
-        pods: See `search_outcomes`, as those without a word.
-        class_of: (n,) int64.
+        pods: (M, C) float64, POD of each look.
+        class_of: See `search_outcomes`, as those without a word.
         missing: (n,) float64.
         unfound: (n,) float64.
         apart: (K,) of `forecast_step`.
         chances: (S S,) of `forecast_step`.
-        cells: (M, 2) int64, column and row of what was searched.
-        found: Whether these searches have found somebody.
+        cells: (M, 2) int64, column and row of what was looked at.
+        found: Whether these looks have found somebody.
         numbers: (`OF_CLASS`, C) float64 scratch.
         hazard: (n,) float64 scratch.
     """
@@ -303,7 +303,7 @@ def observe(
     open_classes(class_of, numbers)
     for n in range(len(cells)):
         learn_outcome(
-            c, belief, pods, class_of, missing, unfound, apart, numbers, hazard, cells[n, 0],
+            c, belief, pods[n], class_of, missing, unfound, apart, numbers, hazard, cells[n, 0],
             cells[n, 1], found,
         )  # fmt: skip
     close_classes(belief, class_of, missing, numbers, chances)

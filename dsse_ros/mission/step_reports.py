@@ -22,11 +22,13 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         run_id: Identity of the simulation.
     """
     result, faults = mission.result, mission.env.world.faults
-    of_faults = {}
+    further: dict[str, Any] = {}
     if faults is not None and result.conditions is not None:
-        of_faults["status"] = result.conditions["status"]
+        further["status"] = result.conditions["status"]
         if faults.has_battery:
-            of_faults["battery"] = result.conditions["battery"]
+            further["battery"] = result.conditions["battery"]
+    if mission.env.world.looks.several:
+        further["finds"] = mission.env.world.drones["finds"][0]
     return make_step_report(
         frame,
         run_id=run_id,
@@ -42,5 +44,5 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         action_mask=mission.env.action_masks(),
         all_found=bool(mission.env.world.worlds["num_missing"][0] == 0),
         coverage=mission.coverage or None,
-        **of_faults,
+        **further,
     )

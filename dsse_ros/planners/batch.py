@@ -117,6 +117,8 @@ class _Group:
                 infos[names[n]]["action"] = self.actions[n]
             if world.persons.shape[1] > 1:
                 infos[names[n]]["found_person"] = bool(drones["found"][n])
+                if world.looks.several:
+                    infos[names[n]]["finds"] = int(drones["finds"][n])
         if world.faults is not None and fault_masks is not None:
             first = int(self.members[0])
             for n, of_faults in zip(live, world.faults.infos(first, live), strict=True):
@@ -137,7 +139,7 @@ class _Group:
             return [self]
         drones = world.drones[members]
         gone = drones["terminated"] | drones["truncated"]
-        parts = [gone, drones["x"], drones["y"], drones["found"]]
+        parts = [gone, drones["x"], drones["y"], drones["finds"].astype(np.int64)]
         if world.faults is not None:
             conditions = world.faults.conditions[members]
             names = ("seen_x", "seen_y", "status", "applied", "battery")

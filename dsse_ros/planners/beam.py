@@ -5,7 +5,16 @@
 
 A drone's plan is worth what it finds in M futures, see `Belief.futures`. A plan is a path of H + 1
 cells, the present one first, and staying in a cell searches it. Cells are the columns of a belief,
-see `belief_kernels`.
+see `belief_kernels`. Arguments with the same names mean the same everywhere:
+
+    moves: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
+    first: (A + 1,) int64, the looks of move a are first[a] .. first[a + 1] - 1.
+    offsets: (L, 2) int64, where a look is, (dx, dy) from the cell that the move leads to.
+    pods: (L, P) float64, POD of each person.
+    persons: (M,) of `Futures`.
+    draws: (H, M) float64 in [0, 1), what a POD must exceed to detect the person of a future; (0, 0)
+        where each look detects for certain.
+    starts, members: Of `index`.
 """
 
 from __future__ import annotations
@@ -17,51 +26,118 @@ from dsse_ros.compiled.jit import compiled
 
 
 @compiled()
-def index(cells, detected, starts, members):
-    """Sort the scenarios of each step by cell, those that a search would detect.
+def index(cells, starts, members):
+    """Sort the scenarios of each step by cell.
 
     Args:
         cells: (H + 1, M) of `Futures`.
-        detected: (H, M) bool, or (0, 0) where a search detects for certain.
         starts: (H, S S + 1) int64 out.
         members: (H, M) int64 out: those in cell i at step h are
             members[h, starts[h, i] : starts[h, i + 1]].
     """
-    certain = len(detected) == 0
     for h in range(len(starts)):
         start = starts[h]
         start[:] = 0
         for s in range(cells.shape[1]):
-            if certain or detected[h, s]:
-                start[cells[h, s] + 1] += 1
+            start[cells[h, s] + 1] += 1
         for i in range(1, len(start)):
             start[i] += start[i - 1]
         place = start[:-1].copy()
         for s in range(cells.shape[1]):
-            if certain or detected[h, s]:
-                members[h, place[cells[h, s]]] = s
-                place[cells[h, s]] += 1
+            members[h, place[cells[h, s]]] = s
+            place[cells[h, s]] += 1
 
 
 @compiled()
-def credit_plan(path, length, gamma, starts, members, credit):
+def column_at(side, cell, dx, dy):
+    """Return the cell this far from another one, -1 off the grid."""
+    x, y = cell % side + dx, cell // side + dy
+    if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
+        return -1
+    return y * side + x
+
+
+@compiled()
+def detects(draws, pods, persons, h, k, s):
+    """Return whether look k at step h detects the person of scenario s, who is there."""
+    return len(draws) == 0 or draws[h, s] < pods[k, persons[s]]
+
+
+@compiled()
+def move_between(moves, cell, after):
+    """Return the number of the move from a cell to another one."""
+    for a in range(len(moves)):
+        if cell + moves[a] == after:
+            return a
+    return -1
+
+
+@compiled()
+def looks_of_plans(paths, lengths, kinds, moves, first, offsets, side, steps, columns, rows):
+    """Write the looks of plans, step by step; returns how many there are.
+
+    Args:
+        paths: (N, H + 1) int64.
+        lengths: (N,) int64, steps of them that are planned.
+        kinds: (N,) int64, kinds of the drones.
+        moves: As in the module.
+        first: (K, A + 1) int64, as in the module, by kind.
+        offsets: As in the module.
+        side: S.
+        steps: (Q,) int64 out.
+        columns: (Q,) int64 out.
+        rows: (Q,) int64 out, the number of the look.
+    """
+    count = 0
+    for h in range(paths.shape[1] - 1):
+        for n in range(len(paths)):
+            a = -1
+            if h < lengths[n]:
+                a = move_between(moves, paths[n, h], paths[n, h + 1])
+            if a < 0:
+                continue
+            for k in range(first[kinds[n], a], first[kinds[n], a + 1]):
+                there = column_at(side, paths[n, h + 1], offsets[k, 0], offsets[k, 1])
+                if there >= 0:
+                    steps[count], columns[count], rows[count] = h, there, k
+                    count += 1
+    return count
+
+
+@compiled()
+def credit_plan(
+    path, length, gamma, side, moves, first, offsets, pods, persons, draws, starts, members, credit
+):
     """Write what a plan gets for each scenario: gamma ** (the step of its first find), or 0.
 
     Args:
         path: (H + 1,) int64.
         length: Steps of it that are planned.
         gamma: Discount per step.
-        starts: Of `index`.
-        members: Of `index`.
+        side: S.
+        moves: As in the module, as those that follow.
+        first: For the drone's kind.
+        offsets: (L, 2) int64.
+        pods: (L, P) float64.
+        persons: (M,) int64.
+        draws: (H, M) float64.
+        starts: (H, S S + 1) int64.
+        members: (H, M) int64.
         credit: (M,) float64 out.
     """
     credit[:] = 0.0
     worth = 1.0
     for h in range(length):
-        if path[h] == path[h + 1]:
-            for j in range(starts[h, path[h]], starts[h, path[h] + 1]):
-                s = members[h, j]
-                credit[s] = max(credit[s], worth)
+        a = move_between(moves, path[h], path[h + 1])
+        if a >= 0:
+            for k in range(first[a], first[a + 1]):
+                there = column_at(side, path[h + 1], offsets[k, 0], offsets[k, 1])
+                if there < 0:
+                    continue
+                for j in range(starts[h, there], starts[h, there + 1]):
+                    s = members[h, j]
+                    if detects(draws, pods, persons, h, k, s):
+                        credit[s] = max(credit[s], worth)
         worth *= gamma
 
 
@@ -73,20 +149,25 @@ def seen_from(nearness, x, y, i, j):
 
 @compiled()
 def plan_drone(
-    moves, width, cap, gamma, kappa, nearness, starts, members, ends, credits, drone, blocked,
-    horizon, paths,
+    moves, first, offsets, pods, persons, draws, starts, members,
+    width, cap, gamma, kappa, nearness, ends, credits, drone, blocked, horizon, paths,
 ):  # fmt: skip
     """Search a drone's best plans, given those of the others.
 
     Args:
-        moves: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
+        moves: As in the module, as those that follow.
+        first: For the drone's kind.
+        offsets: (L, 2) int64.
+        pods: (L, P) float64.
+        persons: (M,) int64.
+        draws: (H, M) float64.
+        starts: (H, S S + 1) int64.
+        members: (H, M) int64.
         width: Nodes kept at each step.
         cap: Nodes kept at each step in one cell.
         gamma: Discount per step.
         kappa: Weight of what is left at the end.
         nearness: (S, S) float64, what a scenario left at the end this far away is worth, [y, x].
-        starts: Of `index`.
-        members: Of `index`.
         ends: (M,) int64, cells of the scenarios at the end.
         credits: (N, M) float64, of all plans; the drone's own is not looked at.
         drone: Its number.
@@ -126,7 +207,7 @@ def plan_drone(
     gains, next_gains = np.zeros(width), np.zeros(width)
     tried = width * len(moves)
     c_cell, c_parent = np.empty(tried, np.int64), np.empty(tried, np.int64)
-    c_gain, c_rank = np.empty(tried), np.empty(tried)
+    c_move, c_gain, c_rank = np.empty(tried, np.int64), np.empty(tried), np.empty(tried)
     in_cell = np.zeros(side * side, np.int64)
     # The finds of a node's searches so far, to take off what is left.
     finds, next_finds = np.zeros((width, horizon)), np.zeros((width, horizon))
@@ -142,10 +223,14 @@ def plan_drone(
                 if blocked[h, cell]:
                     continue
                 gain, hits = gains[node], 0.0
-                if moves[a] == 0:
-                    for j in range(starts[h, cell], starts[h, cell + 1]):
+                for k in range(first[a], first[a + 1]):
+                    there = column_at(side, cell, offsets[k, 0], offsets[k, 1])
+                    if there < 0:
+                        continue
+                    for j in range(starts[h, there], starts[h, there + 1]):
                         s = members[h, j]
-                        if alive[node, s >> 6] >> np.uint64(s & 63) & np.uint64(1):
+                        left_alive = alive[node, s >> 6] >> np.uint64(s & 63) & np.uint64(1)
+                        if left_alive and detects(draws, pods, persons, h, k, s):
                             gain += max(0.0, discount - base[s])
                             hits += base[s] == 0.0
                 if worths[cell] < 0.0:
@@ -162,7 +247,7 @@ def plan_drone(
                         )
                     at = parents[back, at]
                     back -= 1
-                c_cell[found], c_parent[found] = cell, node
+                c_cell[found], c_parent[found], c_move[found] = cell, node, a
                 c_gain[found], c_rank[found] = gain, gain + kappa * rank
                 found += 1
         if found == 0:
@@ -188,11 +273,14 @@ def plan_drone(
             for back in range(h):
                 next_finds[kept, back] = finds[node, back]
             hits = 0.0
-            if cell == cells[h, node]:
-                for j in range(starts[h, cell], starts[h, cell + 1]):
+            for look in range(first[c_move[k]], first[c_move[k] + 1]):
+                there = column_at(side, cell, offsets[look, 0], offsets[look, 1])
+                if there < 0:
+                    continue
+                for j in range(starts[h, there], starts[h, there + 1]):
                     s = members[h, j]
                     bit = np.uint64(1) << np.uint64(s & 63)
-                    if after[kept, s >> 6] & bit:
+                    if after[kept, s >> 6] & bit and detects(draws, pods, persons, h, look, s):
                         after[kept, s >> 6] ^= bit
                         hits += base[s] == 0.0
             next_finds[kept, h] = hits

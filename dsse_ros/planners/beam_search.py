@@ -13,17 +13,19 @@ import math
 import time
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.belief import Belief, Forecast, LooksToCome
 from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.planners import beam
+from dsse_ros.planners.planner import number_of
 from dsse_ros.planners.reach import Reach
 from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.scenario.rules import Rules
+from dsse_ros.step.looks import Looks, looks_of
 from dsse_ros.targets.person_motion import MOTIONS
 
 
@@ -82,6 +84,44 @@ FINALISTS = 32
 """Plans of all drones together that the exact filter compares in a step."""
 
 
+class _Scenarios(NamedTuple):
+    """Futures as `beam` has them."""
+
+    persons: NDArray[np.int64]
+    draws: NDArray[np.float64]
+    starts: NDArray[np.int64]
+    members: NDArray[np.int64]
+
+
+class _BeamLooks(NamedTuple):
+    """The looks of the beam's moves as `beam` has them, `first` by kind of drone."""
+
+    first: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    pods: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, looks: Looks, actions: Sequence[int]) -> _BeamLooks:
+        """Return the looks of these actions, in their order."""
+        rows: list[int] = []
+        first = np.zeros((len(looks.first), len(actions) + 1), np.int64)
+        for kind, of_kind in enumerate(looks.first):
+            first[kind, 0] = len(rows)
+            for a, action in enumerate(actions):
+                rows += range(of_kind[action], of_kind[action + 1])
+                first[kind, a + 1] = len(rows)
+        return cls(first, looks.offsets[rows], looks.pods[rows])
+
+    @property
+    def most(self) -> int:
+        """The most looks that a move has."""
+        return max(int(np.diff(self.first, axis=1).max()), 1)
+
+    def of_kind(self, kind: int) -> _BeamLooks:
+        """Return the arguments of `beam` for a kind of drone."""
+        return self._replace(first=self.first[kind])
+
+
 @dataclass
 class _Plan:
     path: NDArray[np.int64]
@@ -115,6 +155,8 @@ class BeamSearch:
         names = (*STRAIGHT, *(DIAGONAL if actions.diagonal else ()))
         steps = [(0, 0), *(ACTION_VECTORS[name] for name in names)]
         self._moves = np.array([dy * side + dx for dx, dy in steps])
+        self._kinds = looks_of(forecast.scenario, forecast.rules)
+        self._looks = _BeamLooks.of(self._kinds, [actions.action((0, 0), step) for step in steps])
         self._masked = np.zeros(side**2, np.bool_)
         if forecast.area is not None:
             self._masked = ~np.pad(forecast.area, MARGIN).ravel()
@@ -162,13 +204,21 @@ class BeamSearch:
             deadline_s = min(deadline_s, time.monotonic() + options.budget_ms / 1000)
         left = forecast.scenario.timestep_limit - belief.step
         horizon = max(1, min(forecast.horizon, left))
-        ends, starts, members = self._scenarios(belief, horizon)
+        ends, scenarios = self._scenarios(belief, horizon)
         plans = self._last_plans(agents, present, horizon)
         warm = len(agents) <= 4 if options.warm_start is None else options.warm_start
         credits = np.zeros((len(agents), options.samples))
+        kinds = self._kinds.kind[[number_of(agent) for agent in agents]]
+
+        def credit(n: int) -> None:
+            beam.credit_plan(
+                plans[n].path, plans[n].length, options.gamma, forecast.side,
+                self._moves, *self._looks.of_kind(kinds[n]), *scenarios, credits[n],
+            )  # fmt: skip
+
         for n, plan in enumerate(plans):
             if warm and plan.length:
-                beam.credit_plan(plan.path, plan.length, options.gamma, starts, members, credits[n])
+                credit(n)
         beyond = self._beyond(agents, batteries, horizon)
         planned: set[int] = set()
         for n in self._order(belief, present) * options.passes:
@@ -179,18 +229,17 @@ class BeamSearch:
             if beyond:
                 blocked |= beyond[n]
             found, length = beam.plan_drone(
-                self._moves, options.width, options.cap, options.gamma, options.kappa,
-                self._nearness, starts, members, ends, credits, n, blocked, horizon, paths,
+                self._moves, *self._looks.of_kind(kinds[n]), *scenarios,
+                options.width, options.cap, options.gamma, options.kappa, self._nearness, ends,
+                credits, n, blocked, horizon, paths,
             )  # fmt: skip
             candidates = [_Plan(path, length) for path in paths[:found]]
             if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
                 candidates.append(_Plan(plans[n].path, horizon))
             counted = range(len(plans)) if warm else sorted(planned)
-            plans[n] = self._best(belief, plans, n, candidates, counted)
+            plans[n] = self._best(belief, plans, kinds, n, candidates, counted)
             planned.add(n)
-            beam.credit_plan(
-                plans[n].path, plans[n].length, options.gamma, starts, members, credits[n]
-            )
+            credit(n)
         first = self._first_cells(plans, planned, present)
         self._plans = dict(zip(agents, plans, strict=True))
         return first
@@ -199,6 +248,7 @@ class BeamSearch:
         self,
         belief: Belief,
         plans: Sequence[_Plan],
+        kinds: NDArray[np.int64],
         drone: int,
         candidates: Sequence[_Plan],
         counted: Sequence[int],
@@ -210,28 +260,34 @@ class BeamSearch:
         together = np.stack([plan.path for plan in plans])
         lengths = np.array([p.length if n in counted else 0 for n, p in enumerate(plans)])
 
+        horizon, looks = together.shape[1] - 1, self._looks
+        steps, columns, rows = np.empty((3, together.size * looks.most), np.int64)
+
         def value(candidate: _Plan) -> float:
             together[drone], lengths[drone] = candidate.path, candidate.length
-            expected = belief.expect(together, lengths, options.gamma)
+            count = beam.looks_of_plans(
+                together, lengths, kinds, self._moves, looks.first, looks.offsets,
+                self._forecast.side, steps, columns, rows,
+            )  # fmt: skip
+            to_come = LooksToCome(steps[:count], columns[:count], looks.pods[rows[:count]])
+            expected = belief.expect(to_come, horizon, options.gamma)
             left = beam.worth_of_left(expected.left, self._nearness, candidate.path[-1])
             return expected.finds + options.kappa * float(left)
 
         return max(candidates, key=value)
 
-    def _scenarios(
-        self, belief: Belief, horizon: int
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Return the last cells of futures, (M,), and `starts` and `members` of `beam.index`."""
+    def _scenarios(self, belief: Belief, horizon: int) -> tuple[NDArray[np.int64], _Scenarios]:
+        """Return the last cells of futures, (M,), and the futures sorted by cell."""
         count = self._options.samples
         self.drawn = True
-        cells, pods = belief.futures(count, horizon, self._rng)
-        detected = np.zeros((0, 0), np.bool_)
-        if belief.pods.min() < 1.0:
-            detected = self._rng.random((horizon, count)) < pods
+        cells, persons = belief.futures(count, horizon, self._rng)
+        draws = np.zeros((0, 0))
+        if (self._looks.pods < 1.0).any():
+            draws = self._rng.random((horizon, count))
         starts = np.empty((horizon, self._forecast.side**2 + 1), np.int64)
         members = np.empty((horizon, count), np.int64)
-        beam.index(cells, detected, starts, members)
-        return cells[-1], starts, members
+        beam.index(cells, starts, members)
+        return cells[-1], _Scenarios(persons, draws, starts, members)
 
     def _last_plans(
         self, agents: Sequence[Hashable], present: Sequence[Cell], horizon: int
@@ -250,7 +306,7 @@ class BeamSearch:
 
     def _order(self, belief: Belief, present: Sequence[Cell]) -> list[int]:
         """Return the drones, those nearest to the belief's mean first."""
-        cells = belief.cells()
+        cells = belief.poc()
         total = max(float(cells.sum()), 1e-300)
         line = np.arange(len(cells))
         mean = (
@@ -288,9 +344,9 @@ class BeamSearch:
             self._reach = Reach(self._forecast.scenario, self._forecast.rules)
         around = ((0, 0), (MARGIN, MARGIN), (MARGIN, MARGIN))
         return [
-            np.pad(
-                self._reach.beyond(int(str(agent).removeprefix("drone")), battery, horizon), around
-            ).reshape(horizon, -1)
+            np.pad(self._reach.beyond(number_of(agent), battery, horizon), around).reshape(
+                horizon, -1
+            )
             for agent, battery in zip(agents, batteries, strict=True)
         ]
 

@@ -23,11 +23,19 @@ from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.heeding import heed_masks, is_aloft
-from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
+from dsse_ros.planners.planner import (
+    AgentObservation,
+    Cell,
+    Search,
+    cells_of,
+    number_of,
+    probability_of,
+)
 from dsse_ros.scenario.fault_fields import may_be_held_up
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.step.looks import Looked, looks_of
 
 
 class Tactic(Protocol):
@@ -127,7 +135,7 @@ class GreedyOnBelief:
         """Return the cell that each drone goes to; see `Tactic`."""
         taken = set(present)
         ends = []
-        for cell, goal in zip(present, self._goals(belief.cells(), present), strict=True):
+        for cell, goal in zip(present, self._goals(belief.poc(), present), strict=True):
             end = self._actions.towards(cell, goal)
             if end in taken:
                 end = cell
@@ -223,7 +231,7 @@ class BeliefPlanner:
         self._may_be_held_up = may_be_held_up(search.scenario)
         self._learn_drift = learn_drift and search.observed == "map"
         self._drift: DriftEstimate | None = None
-        self._searches: list[list[tuple[Cell, bool]]] = []
+        self._done: list[list[tuple[Looked, bool]]] = []
         self._forecast: Forecast | None = None
         self._tactic: Tactic | None = None
         self._commanded: dict[str, tuple[Cell, Cell]] = {}
@@ -245,7 +253,7 @@ class BeliefPlanner:
         if self._is_new_mission(agents, present, probability_of(observations), step):
             self._start(present, probability_of(observations))
         else:
-            self._follow(self._searched(dict(zip(agents, present, strict=True)), infos))
+            self._follow(self._looked(dict(zip(agents, present, strict=True)), infos))
         assert self.belief is not None
         while step is not None and self.belief.step < step:
             # Nothing is known of what was done in a step that was not observed.
@@ -273,7 +281,7 @@ class BeliefPlanner:
     def copy(self) -> BeliefPlanner:
         """Return one that goes on by itself from here; the forecasts are shared."""
         twin = copy.copy(self)
-        twin._searches = list(self._searches)
+        twin._done = list(self._done)
         twin._drift = copy.deepcopy(self._drift)
         if self.belief is not None and self._tactic is not None:
             twin.belief, twin._tactic = self.belief.copy(), self._tactic.copy()
@@ -311,14 +319,14 @@ class BeliefPlanner:
         cells, first_map = self._first
         return self.belief.step > 0 and present == cells and np.array_equal(probability, first_map)
 
-    def _follow(self, searches: list[tuple[Cell, bool]]) -> None:
-        """Let the belief do one step with these searches: the cells, and whether they found one."""
+    def _follow(self, looks: list[tuple[Looked, bool]]) -> None:
+        """Let the belief do one step with these looks, and whether each has found anyone."""
         assert self.belief is not None
-        self._searches.append(searches)
-        self.belief.observe_failed_searches([cell for cell, found in searches if not found])
-        for cell, found in searches:
+        self._done.append(looks)
+        self.belief.update([look for look, found in looks if not found])
+        for look, found in looks:
             if found:
-                self.belief.observe_find(cell)
+                self.belief.observe_find(look)
         self.belief.advance()
 
     def _observe_map(self, probability: NDArray[np.float32]) -> None:
@@ -335,14 +343,15 @@ class BeliefPlanner:
         if vector is None:
             self._drift = None
             return
-        steps_before, self._searches = self._searches, []
+        steps_before, self._done = self._done, []
         self._forecast_for(self._scenario.override(vector=vector).resolve(self._search.rules))
-        for searches in steps_before:
-            self._follow(searches)
+        for looks in steps_before:
+            self._follow(looks)
 
     def _start(self, present: list[Cell], probability: NDArray[np.float32]) -> None:
         self._scenario = self._search.mission_scenario.resolve(self._search.rules)
-        self._searches = []
+        self._done = []
+        self._looks = looks_of(self._scenario, self._search.rules)
         self._drift = None
         if self._learn_drift:
             self._drift = DriftEstimate(self._scenario, self._search.rules)
@@ -358,25 +367,31 @@ class BeliefPlanner:
             self.belief.reset()
         self._tactic = self._factory.start(self._forecast, self._seed)
 
-    def _searched(
+    def _looked(
         self, present: Mapping[str, Cell], infos: Mapping[str, Mapping[str, Any]]
-    ) -> list[tuple[Cell, bool]]:
-        """Return the cells that were searched in the last step, and whether a person was found.
+    ) -> list[tuple[Looked, bool]]:
+        """Return the looks of the last step, and whether each has found a person.
 
         A find that is known has not ended the mission: there are others. What a drone has done is
         what its info says, else what it was commanded. One that is no longer there has done
-        nothing: it was withdrawn. One that is observed elsewhere now has not searched, or, where
-        drones observe wrong positions, it is not known where.
+        nothing: it was withdrawn. One that is observed elsewhere than its action leads to has not
+        done it, or, where drones observe wrong positions, it is not known where.
         """
-        search = self._actions.search
-        return [
-            (cell, bool(infos[agent].get("found_person", False)))
-            for agent, cell in present.items()
-            if agent in self._commanded
-            and self._commanded[agent][0] == cell
-            and infos[agent].get("action", search if self._commanded[agent][1] == cell else None)
-            == search
-        ]
+        looked = []
+        for agent, cell in present.items():
+            if agent not in self._commanded:
+                continue
+            info, (before, end) = infos[agent], self._commanded[agent]
+            action = info.get("action", self._actions.action(before, end))
+            if not 0 <= action < len(self._actions):
+                continue
+            dx, dy = self._actions.moves[action]
+            if cell != (before[0] + dx, before[1] + dy):
+                continue
+            finds = int(info.get("finds", info.get("found_person", False)))
+            looks = self._looks.done(number_of(agent), action, cell)
+            looked += [(look, bool(finds >> k & 1)) for k, look in enumerate(looks)]
+        return looked
 
 
 class BeamOnBelief:

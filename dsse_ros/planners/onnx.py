@@ -206,7 +206,7 @@ class OnnxOnBelief:
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         masks = np.stack([self._masks[row][col] for col, row in present])
-        probability = belief.cells().astype(np.float32)
+        probability = belief.poc().astype(np.float32)
         cells = dict(zip(agents, present, strict=True))
         return _ends(self._actions, present, self._policy.actions(cells, probability, masks))
 

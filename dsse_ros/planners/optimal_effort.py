@@ -24,6 +24,7 @@ from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
 from dsse_ros.planners.planner import Cell, Search
 from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.step.looks import searches_of
 
 
 def make_optimal_effort(
@@ -46,7 +47,7 @@ def make_optimal_effort(
 
         def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
             effort = steps * len(present)
-            searches = allocate(belief.cells(), belief.mean_pod, effort)
+            searches = allocate(belief.poc(), looks_of_search(belief), effort)
             return nearest_routes(present, searches, actions)
 
         return plan
@@ -55,27 +56,75 @@ def make_optimal_effort(
     return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
 
 
-def allocate(likely: NDArray[np.float64], pod: float, searches: int) -> dict[Cell, int]:
+LookAround = Sequence[tuple[int, int, float]]
+"""Looks of a search: dx, dy and POD, see `sensors.sensor.Look`."""
+
+SURE_LOOK: LookAround = [(0, 0, 1.0)]
+"""A look at the searched cell that detects for certain."""
+
+
+def looks_of_search(belief: Belief) -> LookAround:
+    """Return what a search by the first drone looks at, with the mean POD of the missing."""
+    forecast = belief.forecast
+    looks = searches_of(forecast.scenario, forecast.rules, [(0, 0)])
+    return [(*cell, belief.mean_pod(pods)) for cell, pods in looks]
+
+
+def expected_finds(likely: NDArray[np.float64], looks: LookAround) -> NDArray[np.float64]:
+    """Return what a search in each cell finds, (G, G) [row, col].
+
+    Args:
+        likely: (G, G) probability of containment, [row, col].
+        looks: What a search looks at.
+    """
+    return np.sum([_seen(likely, look) for look in looks], axis=0) if looks else 0.0 * likely
+
+
+def _seen(likely: NDArray[np.float64], look: tuple[int, int, float]) -> NDArray[np.float64]:
+    """Return what a look finds, by the cell of the drone, (G, G)."""
+    dx, dy, pod = look
+    rows, cols = likely.shape
+    around = np.pad(likely, ((abs(dy), abs(dy)), (abs(dx), abs(dx))))
+    return around[abs(dy) + dy :, abs(dx) + dx :][:rows, :cols] * pod
+
+
+def allocate(likely: NDArray[np.float64], looks: LookAround, searches: int) -> dict[Cell, int]:
     """Return how often to search which cells (col, row) so that the POS is greatest.
 
     Args:
         likely: (G, G) probability of containment, [row, col].
-        pod: Probability that a search detects the person who is in its cell.
+        looks: What a search looks at.
         searches: How many there are to allocate; fewer are where nothing is left to gain.
     """
-    size = likely.shape[1]
-    count = min(searches, likely.size)
-    best = np.argpartition(-likely, count - 1, axis=None)[:count]
-    gains = [(-float(likely.flat[i]) * pod, int(i)) for i in best]
+    if not looks:
+        return {}
+    rows, cols = likely.shape
+    parts = [_seen(likely, look) for look in looks]
+    # Where searches overlap, those of the greatest gain may not be the first ones any more.
+    count = min(searches * len(looks) ** 2, likely.size)
+    best = np.argpartition(-np.sum(parts, axis=0) if looks[1:] else -likely, count - 1, axis=None)
+    gains = [(-float(sum(part.flat[i] for part in parts)), int(i)) for i in best[:count]]
     heapq.heapify(gains)
     allocated: dict[Cell, int] = {}
-    for _ in range(searches):
-        gain, i = gains[0]
+    left = searches
+    while left:
+        _, i = gains[0]
+        gain = -float(sum(part.flat[i] for part in parts))
+        if gain > gains[0][0]:
+            # Another search has taken some of it.
+            heapq.heapreplace(gains, (gain, i))
+            continue
         if gain == 0.0:
             break
-        cell = (i % size, i // size)
-        allocated[cell] = allocated.get(cell, 0) + 1
-        heapq.heapreplace(gains, (gain * (1.0 - pod), i))
+        col, row = i % cols, i // cols
+        allocated[col, row] = allocated.get((col, row), 0) + 1
+        left -= 1
+        for dx, dy, pod in looks:
+            for part, (other_dx, other_dy, _) in zip(parts, looks, strict=True):
+                x, y = col + dx - other_dx, row + dy - other_dy
+                if 0 <= x < cols and 0 <= y < rows:
+                    part[y, x] *= 1.0 - pod
+        heapq.heapreplace(gains, (-float(sum(part.flat[i] for part in parts)), i))
     return allocated
 
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -31,9 +31,10 @@ class Planner(Protocol):
             observations: By live agent, in the fixed order of the agents.
             infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid or the
                 area that is searched. Where there are several persons, `found_person`, whether the
-                drone has found one in the last step. Over ROS also `step`, the steps done,
-                `action`, what the drone has done last, and where the step does not wait for ever,
-                `decision_time_s`, the wall time that there is for the answer. With faults
+                drone has found one in the last step, and with sensors that look at several cells at
+                once `finds`, a bit for each look of the action that has. Over ROS also `step`, the
+                steps done, `action`, what the drone has done last, and where the step does not wait
+                for ever, `decision_time_s`, the wall time that there is for the answer. With faults
                 `status`, `action` and, where it runs down, `battery`: see `faults.Faults.infos`.
         """
         ...
@@ -89,6 +90,11 @@ class Search(Protocol):
     def steps_done(self) -> int | None:
         """Steps of the mission that are done, None where only the infos may say it."""
         ...
+
+
+def number_of(agent: Hashable) -> int:
+    """Return the number of an agent, `drone3` or 3."""
+    return int(str(agent).removeprefix("drone"))
 
 
 PlannerFactory: TypeAlias = Callable[..., Planner]

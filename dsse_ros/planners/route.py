@@ -17,7 +17,12 @@ from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
-from dsse_ros.planners.optimal_effort import allocate
+from dsse_ros.planners.optimal_effort import (
+    SURE_LOOK,
+    allocate,
+    expected_finds,
+    looks_of_search,
+)
 from dsse_ros.planners.planner import Cell, Search
 
 try:
@@ -57,9 +62,11 @@ def make_route(
         limit = forecast.scenario.timestep_limit
 
         def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
-            likely, pod = belief.cells(), belief.mean_pod
-            chosen = list(allocate(likely, 1.0, cells_per_drone * len(present))) or [present[0]]
-            gains = [float(likely[row, col]) * pod for col, row in chosen]
+            likely = belief.poc()
+            chosen = list(allocate(likely, SURE_LOOK, cells_per_drone * len(present)))
+            chosen = chosen or [present[0]]
+            found = expected_finds(likely, looks_of_search(belief))
+            gains = [float(found[row, col]) for col, row in chosen]
             nodes = [*present, *chosen]
             ways = [[_steps(actions.distance(a, b)) for b in nodes] for a in nodes]
             nearest = [min(row[len(present) :]) for row in ways[: len(present)]]

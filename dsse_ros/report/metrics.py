@@ -53,9 +53,10 @@ def path_lengths(record: RecordedMission) -> Floats:
 def effort(record: RecordedMission, num_steps: int | None = None) -> Ints:
     """Return how often each cell was searched in the first recorded steps, (G, G) [row, col]."""
     count = np.zeros((record.grid_size, record.grid_size), np.int64)
-    searched = record.searched[:num_steps]
-    col, row = record.cells[:num_steps][searched].T
-    np.add.at(count, (row, col), 1)
+    looked = record.looked_at
+    if num_steps is not None:
+        looked = looked[looked[:, 0] < num_steps]
+    np.add.at(count, (looked[:, 3], looked[:, 2]), 1)
     return count
 
 
@@ -66,8 +67,7 @@ def num_cells(record: RecordedMission) -> int:
 
 def _first_searches(record: RecordedMission) -> Ints:
     """Return how many cells were searched for the first time in each step, (K,)."""
-    step, drone = np.nonzero(record.searched)
-    cells = record.cells[step, drone]
+    step, cells = record.looked_at[:, 0], record.looked_at[:, 2:]
     first = np.zeros(len(record.steps), np.int64)
     if len(cells):
         _, at = np.unique(cells, axis=0, return_index=True)
@@ -100,7 +100,7 @@ def curves(record: RecordedMission) -> Curves:
     return Curves(
         times_s=record.times_s,
         pos=record.pos,
-        num_searches=record.searched.sum(axis=1).cumsum(),
+        num_searches=np.bincount(record.looked_at[:, 0], minlength=len(record.steps)).cumsum(),
         cells_searched=_first_searches(record).cumsum(),
         path_length_m=path_lengths(record).sum(axis=1),
         num_in_flight=(~out).sum(axis=1),
@@ -349,7 +349,7 @@ class Work:
         searching: (N,) steps in which it searched.
         moving: (N,) steps in which it flew to another cell.
         holding: (N,) steps in which it did neither.
-        cells: (N,) different cells that it searched.
+        cells: (N,) different cells that it looked at.
         path_length_m: (N,).
         detections: (N,) finds.
         returns: (N,) sum of its rewards.
@@ -377,7 +377,7 @@ def work(record: RecordedMission) -> Work:
         holding=record.acted.sum(axis=0) - searching - moving,
         cells=np.array(
             [
-                len(np.unique(record.cells[record.searched[:, i], i], axis=0))
+                len(np.unique(record.looked_at[record.looked_at[:, 1] == i, 2:], axis=0))
                 for i in range(len(record.agents))
             ]
         ),

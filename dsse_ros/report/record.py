@@ -19,6 +19,7 @@ from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE, columns_of
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
+from dsse_ros.step.looks import looks_of
 
 SEARCH = "search"
 """Name of the action that searches."""
@@ -143,6 +144,26 @@ class RecordedMission:
         if self.covers:
             looked |= np.diff(self.cells, axis=0, prepend=self.cells[:1]).any(axis=2)
         return np.asarray(self.acted & looked & ~self._off_grid)
+
+    @cached_property
+    def looked_at(self) -> NDArray[np.int64]:
+        """Every look at a cell of the grid, (Q, 4) as (number of the step, drone, col, row).
+
+        Where it is not known what was searched, a search looks at its own cell.
+        """
+        if self.covers or self.rules is None or self.scenario is None:
+            step, drone = np.nonzero(self.searched)
+            return np.column_stack([step, drone, self.cells[step, drone]])
+        looks, parts = looks_of(self.scenario, self.rules), [np.empty((0, 4), np.int64)]
+        for n in range(self.cells.shape[1]):
+            for action, name in enumerate(self.rules.action_set.names):
+                done = np.flatnonzero(self.acted[:, n] & (self.actions[:, n] == name))
+                for look in looks.of(n, action):
+                    cells = self.cells[done, n] + looks.offsets[look]
+                    parts.append(np.column_stack([done, np.full_like(done, n), cells]))
+        looked = np.concatenate(parts)
+        looked = looked[((looked[:, 2:] >= 0) & (looked[:, 2:] < self.grid_size)).all(axis=1)]
+        return looked[np.lexsort((looked[:, 1], looked[:, 0]))]
 
     @cached_property
     def lost(self) -> NDArray[np.bool_]:

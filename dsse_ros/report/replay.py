@@ -17,6 +17,7 @@ from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import HOLD, FieldError, Rules, SearchEnv
 from dsse_ros.search.coverage import poc_of
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
+from dsse_ros.step.looks import looks_of
 from dsse_ros.view.rendering import MissionView
 
 LARGEST_BELIEF_GRID = 50
@@ -188,7 +189,10 @@ def forecast_for(record: RecordedMission, made: Forecast | None) -> Forecast | N
 def follow_belief(
     record: RecordedMission, forecast: Forecast, wanted: Collection[int] = ()
 ) -> tuple[NDArray[np.float64], Maps]:
-    """Have a belief learn from the recorded searches, as `sim_node` has it.
+    """Have a belief learn from the recorded looks, as `sim_node` has it.
+
+    Which look of an action has found somebody is not recorded: where there were several, nothing is
+    learnt from them.
 
     Args:
         record: The record; it has every step from the start.
@@ -198,19 +202,27 @@ def follow_belief(
     Returns:
         (K,) POS after each step, and the belief (G, G) after each wanted one.
     """
-    belief = Belief(forecast)
+    belief, actions = Belief(forecast), forecast.rules.action_set
+    looks = looks_of(forecast.scenario, forecast.rules)
+    numbers = {name: action for action, name in enumerate(actions.names)}
     pos = np.zeros(len(record.steps))
     beliefs: Maps = {}
     for k in range(len(record.steps)):
         if k:
-            searched, found = record.searched[k], record.found[k]
-            belief.observe_failed_searches(
-                [(col, row) for col, row in record.cells[k, searched & ~found].tolist()]
-            )
-            for col, row in record.cells[k, searched & found].tolist():
-                belief.observe_find((col, row))
+            failed, finds = [], []
+            for drone in np.flatnonzero(record.acted[k]).tolist():
+                col, row = record.cells[k, drone].tolist()
+                action = numbers.get(str(record.actions[k, drone]), HOLD)
+                done = looks.done(drone, action, (col, row))
+                if not record.found[k, drone]:
+                    failed += done
+                elif len(done) == 1:
+                    finds += done
+            belief.update(failed)
+            for look in finds:
+                belief.observe_find(look)
             belief.advance()
         pos[k] = belief.pos
         if k in wanted:
-            beliefs[k] = belief.cells().astype(np.float32)
+            beliefs[k] = belief.poc().astype(np.float32)
     return pos, beliefs

@@ -38,7 +38,7 @@ def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
     if scenario.probability_matrix is not None:
         poc = scenario.probability_matrix.values.astype(np.float64)
     else:
-        poc = Belief(Forecast(scenario, rules)).cells()
+        poc = Belief(Forecast(scenario, rules)).poc()
         poc[poc < 1 / PARTICLES] = 0.0
     if scenario.area_mask is not None:
         poc[~scenario.area_mask] = 0.0

@@ -76,24 +76,32 @@ class SlotStep(NamedTuple):
 
 
 def searched_probability(step: Transition) -> NDArray[np.float64]:
-    """Return the probability (B, N) that each drone's search finds; drones in one cell share it.
+    """Return the probability (B, N) that each drone's looks find; those at one cell share it.
 
-    Searches that were done count, in the cells that they were done in.
+    Looks that were done count, from the cells that they were done in.
 
     With the belief as observation their sum is what the step is expected to find, whether it does
     or not: a dense reward without the chance of a find. Several persons count with their mean.
     """
     env, probability = step.env, step.before["probability"]
-    grid = probability.shape[-1]
-    searches = step.actions == env.rules.actions.index("search")
-    inside = searches & ((step.cells >= 0) & (step.cells < grid)).all(axis=-1)
-    searched = np.where(inside, step.cells[..., 1] * grid + step.cells[..., 0], -1)
-    together = (searched[:, :, None] == searched[:, None, :]).sum(axis=-1)
-    flat = probability.reshape(len(searched), -1)
-    there = np.take_along_axis(flat, np.where(inside, searched, 0), axis=1)
-    detected = 1.0 - (1.0 - env.scenario.probability_of_detection) ** together
-    shares: NDArray[np.float64] = np.where(inside, there * detected / together, 0.0)
-    return shares
+    grid, looks = probability.shape[-1], env.world.looks
+    worlds, drones = step.actions.shape
+    moves = np.array([*env.rules.action_set.moves, (0, 0)])
+    ends = step.cells + moves[np.where(step.actions < len(moves) - 1, step.actions, -1)]
+    inside = ((ends >= 0) & (ends < grid)).all(axis=-1, keepdims=True)
+    cells = np.where(inside, ends, step.cells).reshape(-1, 2)
+    of_all = looks._replace(kind=np.tile(looks.kind, worlds))
+    slots, rows, looked = of_all.at(step.actions.ravel(), cells)
+    seen = ((looked >= 0) & (looked < grid)).all(axis=1)
+    slots, looked, pods = slots[seen], looked[seen], looks.pods[rows[seen]].mean(axis=1)
+    place = (slots // drones * grid + looked[:, 1]) * grid + looked[:, 0]
+    places, of_place = np.unique(place, return_inverse=True)
+    missed, all_pods = np.ones(len(places)), np.bincount(of_place, pods, len(places))
+    np.multiply.at(missed, of_place, 1.0 - pods)
+    found = probability.reshape(-1)[places] * (1.0 - missed) / np.maximum(all_pods, 1e-300)
+    shares = np.zeros(worlds * drones)
+    np.add.at(shares, slots, pods * found[of_place])
+    return shares.reshape(worlds, drones)
 
 
 class DroneSlots:

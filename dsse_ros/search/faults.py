@@ -17,12 +17,8 @@ from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.ways_home import WaysHome, ways_home
 from dsse_ros.step import fault_kernels
-from dsse_ros.step.fault_kernels import (
-    CONDITIONS,
-    FAULT_CONSTANTS,
-    HELD,
-    STATUSES,
-)
+from dsse_ros.step.fault_kernels import CONDITIONS, FAULT_CONSTANTS, HELD, STATUSES
+from dsse_ros.step.looks import Looks, looks_of
 
 
 class Arrays(Protocol):
@@ -64,6 +60,16 @@ def fault_constants(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void
     return constants
 
 
+def false_alarms(scenario: ResolvedScenario, looks: Looks) -> NDArray[np.float64]:
+    """Return the probability that an action's looks in vain report somebody, (K, A).
+
+    That of the sensor and that of the scenario's fault come about independently.
+    """
+    rates, fault = looks.false_alarms, scenario.false_alarm_rate
+    together = np.where(rates > 0.0, 1.0 - (1.0 - rates) * (1.0 - fault), fault)
+    return np.where(looks.counts > 0, together, 0.0)
+
+
 class Faults:
     """The faults of the worlds of a `World`.
 
@@ -85,6 +91,9 @@ class Faults:
         self.is_noisy = scenario.position_noise > 0
         self._actions = rules.action_set
         self._paces = paces(scenario, rules)
+        looks = looks_of(scenario, rules)
+        self._kinds = looks.kind
+        self._false_alarms = false_alarms(scenario, looks)
         self._homes: list[tuple[int, int]] = []
         none = (scenario.num_drones, 0, 0)
         self._ways = WaysHome(np.zeros(none, np.int32), np.zeros(none, np.int8))
@@ -92,7 +101,8 @@ class Faults:
     @classmethod
     def of(cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Faults | None:
         """Return the faults of a scenario, None where it has none."""
-        return cls(scenario, rules, num_worlds) if faults_of(scenario) else None
+        has_any = faults_of(scenario) or looks_of(scenario, rules).false_alarms.any()
+        return cls(scenario, rules, num_worlds) if has_any else None
 
     def place(self, world: Arrays) -> None:
         """Take the starts of the drones for their homes; all worlds have the same."""
@@ -141,7 +151,8 @@ class Faults:
             step(self.applied, maps, first, last)
             fault_kernels.after_step(
                 world.constants, self._constants, world.area, world.worlds, world.drones,
-                self.conditions, self._ways.steps, self.applied, first, last,
+                self.conditions, self._ways.steps, self.applied, self._kinds, self._false_alarms,
+                first, last,
             )  # fmt: skip
 
         return step_with_faults

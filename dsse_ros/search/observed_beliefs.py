@@ -52,11 +52,18 @@ class _ObservedBeliefs(WorldBeliefs):
         assert faults is not None
         self._world.drones[:] = self._truth.drones
         self._seen = faults.positions().copy()
+        self._left = self._cells()
         super().before_step(actions)
+
+    def _cells(self) -> NDArray[np.int64]:
+        drones = self._truth.drones
+        return np.stack([drones["x"], drones["y"]], axis=-1)
 
     def after_step(self, first: int = 0, last: int | None = None) -> None:
         """Learn from what was searched in the step of worlds first..last - 1, and move on."""
         drones, seen = self._world.drones[first:last], self._seen[first:last]
         drones[:] = self._truth.drones[first:last]
-        drones["x"], drones["y"] = seen[..., 0], seen[..., 1]
+        # A move is known, where it began is not.
+        moved = self._cells()[first:last] - self._left[first:last]
+        drones["x"], drones["y"] = seen[..., 0] + moved[..., 0], seen[..., 1] + moved[..., 1]
         super().after_step(first, last)

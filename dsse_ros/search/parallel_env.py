@@ -39,7 +39,8 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell (x, y) and the map
     [y, x], one read-only array that all agents share. `infos[agent]` has `Found`, whether every
     person has been found, `action_mask` (A,) int8, 0 where a move would leave the grid or the area,
-    and, of several persons, `found_person`, whether the agent has found one in the last step.
+    and, of several persons, `found_person`, whether the agent has found one in the last step. With
+    a sensor that looks at several cells at once `finds` says which of its looks have, bit by bit.
     Actions are numbers of `rules.actions`.
 
     Observed is the map that the rules draw, which no search changes, or with `observe="belief"`
@@ -388,6 +389,9 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         if self.world.persons.shape[1] > 1:
             for info, found_person in zip(infos.values(), self.world.found[0, live].tolist()):
                 info["found_person"] = found_person
+            if self.world.looks.several:
+                for info, finds in zip(infos.values(), self.world.drones["finds"][0, live]):
+                    info["finds"] = int(finds)
         if (faults := self.world.faults) is not None:
             of_drones = zip(infos.values(), self.action_masks()[live], faults.infos(0, live))
             for info, mask, of_faults in of_drones:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.world import World
+from dsse_ros.search.world import HOLD, World
 from dsse_ros.targets import sea_map
 from dsse_ros.view.mission_view import MissionView
 
@@ -28,31 +28,35 @@ class Past:
     def __init__(self, world: World) -> None:
         self._world = world
         self._cells = [self._now()]
-        self._searching = np.zeros(world.num_drones, bool)
+        self._doing = np.full(world.num_drones, HOLD)
         self.searches = np.zeros((world.grid_size, world.grid_size), np.int32)
 
     def before_step(self, actions: NDArray[np.int8]) -> None:
-        """Note who is about to search.
+        """Note who is about to do what.
 
         Args:
             actions: (N,) int8, those of the step.
         """
         world, rules = self._world, self._world.rules
         limit = world.scenario.timestep_limit + rules.time_out_grace
-        self._searching[:] = world.drones["alive"][0] & (actions == rules.action_set.search)
+        self._doing[:] = np.where(world.drones["alive"][0], actions, HOLD)
         if world.worlds["done"][0] or (world.worlds["t"][0] >= limit and not rules.time_out_acts):
-            self._searching[:] = False
+            self._doing[:] = HOLD
 
     def after_step(self) -> None:
         """Add the step."""
-        if self._world.faults is not None:
-            search = self._world.rules.action_set.search
-            self._searching &= self._world.faults.applied[0] == search
+        world = self._world
+        if world.faults is not None:
+            self._doing = np.where(self._doing == HOLD, HOLD, world.faults.applied[0])
         self._cells.append(self._now())
-        if self._world.coverage is not None:
-            self._searching |= (self._cells[-1] != self._cells[-2]).any(axis=1)
-        col, row = self._cells[-1][self._searching].T
-        np.add.at(self.searches, (row, col), 1)
+        if world.coverage is not None:
+            visited = (self._cells[-1] != self._cells[-2]).any(axis=1)
+            visited |= self._doing == world.rules.action_set.search
+            looked = self._cells[-1][visited]
+        else:
+            _, _, looked = world.looks.at(self._doing, self._cells[-1])
+        looked = looked[((looked >= 0) & (looked < world.grid_size)).all(axis=1)]
+        np.add.at(self.searches, (looked[:, 1], looked[:, 0]), 1)
 
     @property
     def tracks(self) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ import dataclasses
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 from typing import Any
@@ -25,6 +25,7 @@ from dsse_ros.search.seeds import words_of_seeds
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of
+from dsse_ros.step.looks import looks_of
 from dsse_ros.targets import sea_map
 from dsse_ros.targets.person_motion import PERSONS
 
@@ -58,6 +59,7 @@ class World:
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
             `kernels.WORLDS`, `kernels.DRONES` and `person_motion.PERSONS`.
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
+        looks: What the drones look at.
         faults: Their faults, None for none.
         area, runs: Which cells are searched, see `kernels`.
         coverage: Of the coverage task, which has no persons; None where these are looked for.
@@ -102,6 +104,8 @@ class World:
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         self.area, self.runs = area_of(resolved)
+        self.looks = looks_of(resolved, rules)
+        self._looked_for = resolved.person_pod_multipliers
         self.faults = Faults.of(resolved, rules, num_worlds)
         self._reuse_maps = reuse_maps
         self._threads = threads
@@ -123,7 +127,10 @@ class World:
             self.constants, self.worlds, self.gauss, self.tails, self.area, self.runs,
             None if self.coverage is None else self.coverage.arrays,
         )  # fmt: skip
-        self._crew = kernels.Crew(self.starts, self.drones, self.persons)
+        self._crew = kernels.Crew(
+            self.starts, self.drones, self.persons,
+            self.looks.kind, self.looks.first, self.looks.offsets, self.looks.pods,
+        )  # fmt: skip
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
         # One for each thread, with scratch memory of its own.
         self._kernels: list[Callable[..., None]] = [
@@ -192,6 +199,15 @@ class World:
         if self.coverage is None:
             given = person_pod_multipliers
             self.persons["pod_multiplier"] = s.person_pod_multipliers if given is None else given
+            self._look_for_persons()
+
+    def _look_for_persons(self) -> None:
+        """Have the PODs of the looks fit the persons, who are the same in all worlds."""
+        multipliers = tuple(self.persons["pod_multiplier"][0].tolist())
+        if multipliers != self._looked_for:
+            scenario = dataclasses.replace(self.scenario, person_pod_multipliers=multipliers)
+            self.looks.pods[...] = looks_of(scenario, self.rules).pods
+            self._looked_for = multipliers
 
     def placed(self) -> dict[str, Any]:
         """Return the fields of the scenario in whose place `place` has put others, with those."""
@@ -354,23 +370,25 @@ class World:
         """
         state = self._state()
         snapshot.check(self._identity, state)
-        self._check_possible(snapshot.arrays["worlds"])
+        self._check_possible(snapshot.arrays)
         if self.faults is not None:
             self.faults.check(snapshot, self.grid_size)
         for name, array in state.items():
             array[...] = snapshot.arrays[name]
+        if self.coverage is None:
+            self._look_for_persons()
         if self.faults is not None:
             self.faults.restore(self)
         self.maps = np.empty(self._map_shape, np.float32)
         self._refresh(self.maps)
 
-    def _check_possible(self, worlds: NDArray[np.void]) -> None:
+    def _check_possible(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Raise unless the kernels stay within their arrays: a checksum is no signature.
 
         Raises:
             SnapshotError: If they would not.
         """
-        edge = self.grid_size - 1
+        edge, worlds = self.grid_size - 1, arrays["worlds"]
         things = self.grid_size**2 if self.coverage is not None else self.persons.shape[1]
         cells = ("datum_x", "datum_y", "circle_x", "circle_y", "start_x", "start_y")
         highest = dict.fromkeys(cells, edge)
@@ -383,6 +401,9 @@ class World:
         for name, high in highest.items():
             if not ((worlds[name] >= 0) & (worlds[name] <= high)).all():
                 raise SnapshotError(f"the snapshot is damaged: {name} is not from 0 to {high}")
+        multipliers = arrays["persons"]["pod_multiplier"]
+        if not ((multipliers >= 0.0) & (multipliers < np.inf)).all():
+            raise SnapshotError("the snapshot is damaged: a pod_multiplier is no factor")
 
     def state_bytes(self) -> bytes:
         """Return the whole state as bytes, for comparison."""

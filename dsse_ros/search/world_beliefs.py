@@ -103,7 +103,8 @@ class WorldBeliefs:
         if scenario != self._scenario:
             belief = Belief(forecast := self._new_forecast(scenario))
             self._scenario, self._start = scenario, belief.density
-            self._pods, self._class_of = belief.pods, belief.class_of
+            self._class_of = belief.class_of
+            self._pods = np.ascontiguousarray(self._world.looks.pods[:, belief.examples])
             self._forecasts = deque([forecast])
             self.density = np.empty((self._world.num_worlds, *self._start.shape))
         worlds = slice(None) if which is None else which
@@ -149,8 +150,9 @@ class WorldBeliefs:
         steps = max(int(world.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
         followed = Followed(
-            world.constants, world.area, world.worlds, world.drones, actions, self._live, self._done
-        )
+            world.constants, world.area, world.worlds, world.drones, world.looks.kind,
+            world.looks.first, world.looks.offsets, actions, self._live, self._done,
+        )  # fmt: skip
         tables = Tables(
             self._start, self._pods, self._class_of, forecast.chances, forecast.tables,
             forecast.directions, forecast.apart, forecast.first_step,
@@ -158,7 +160,7 @@ class WorldBeliefs:
         beliefs = Beliefs(self.density, self.missing, self.unfound, self.pos)
         scratch = Scratch(
             self._scratch(),
-            np.empty((OF_CLASS, len(self._pods))),
+            np.empty((OF_CLASS, self._pods.shape[1])),
             np.empty(self.missing.shape[1]),
         )
         follow_kernels.follow_worlds(*followed, *tables, *beliefs, *scratch, first, last)
@@ -185,7 +187,7 @@ class WorldBeliefs:
             maps = np.empty((world.num_worlds, world.grid_size, world.grid_size), np.float32)
         follow_kernels.write_beliefs(
             world.constants, self.density, self._class_of, self.missing,
-            np.empty(len(self._pods)), self._scratch(), maps, first, last,
+            np.empty(self._pods.shape[1]), self._scratch(), maps, first, last,
         )  # fmt: skip
         return maps
 

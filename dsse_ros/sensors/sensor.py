@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 
 class Look(NamedTuple):
@@ -24,21 +24,12 @@ class Look(NamedTuple):
     false_alarms: float = 0.0
 
 
-class LooksOf(Protocol):
-    """Returns what an action of a drone looks at."""
+LooksOf = Callable[[Any, Any, str, tuple[int, int]], Sequence[Look]]
+"""looks(scenario, searcher, action, heading) returns what an action looks at, at most `MAX_LOOKS`.
 
-    def __call__(
-        self, scenario: Any, searcher: Any, action: str, heading: tuple[int, int]
-    ) -> Sequence[Look]:
-        """Return the looks of an action, at most `MAX_LOOKS`, none for one that sees nothing.
-
-        Args:
-            scenario: The `ResolvedScenario`: persons, cells, altitude, POD.
-            searcher: The `Searcher` of the drone, with nothing left to derive.
-            action: Name of the action.
-            heading: Where the action leads to, as (dx, dy) in cells; (0, 0) for one that stays.
-        """
-        ...
+It is called for a scenario with its `ResolvedScenario`, the `Searcher` of the drone with nothing
+left to derive, the name of the action, and where that leads to as (dx, dy) in cells, (0, 0) if it
+stays."""
 
 
 class Sensor(NamedTuple):

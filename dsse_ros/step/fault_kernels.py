@@ -46,7 +46,6 @@ FAULT_CONSTANTS = np.dtype(
         ("stuck_steps", "i8"),
         ("command_delay", "i8"),
         ("command_drop_rate", "f8"),
-        ("false_alarm_rate", "f8"),
         ("false_alarm_steps", "i8"),
         ("position_noise", "f8"),
         ("pace", "f8", (MAX_ACTIONS,)),  # share of each action's move that a step does
@@ -289,7 +288,7 @@ def start(c, f, area, w, d, o, home_steps):
 
 
 @part
-def update(c, f, area, w, drones, n, o, home_steps, searched):
+def update(c, f, area, w, drones, n, o, home_steps, false_alarms):
     """Note what a step has made of a drone that is still in the mission."""
     d = drones[n]
     inside = is_inside(c.grid_size, d.x, d.y)
@@ -303,8 +302,7 @@ def update(c, f, area, w, drones, n, o, home_steps, searched):
             land(f, w, o)
     elif o.status != SEARCHING and w.t >= o.until:
         o.status = RETURNING if d.aloft else SEARCHING
-    in_vain = searched and f.false_alarm_rate > 0.0 and not d.found
-    if in_vain and draw_unit(w) < f.false_alarm_rate:
+    if false_alarms > 0.0 and not d.found and draw_unit(w) < false_alarms:
         o.status = IDENTIFYING
         o.until = w.t + f.false_alarm_steps
     may_turn = f.battery and inside and (o.status == SEARCHING or o.status == IDENTIFYING)
@@ -314,9 +312,14 @@ def update(c, f, area, w, drones, n, o, home_steps, searched):
 
 @kernel
 def after_step(
-    constants, faults, area, worlds, drones, conditions, home_steps, applied, first, last
-):
-    """Note what a step has made of the drones; arguments as in `before_step`."""
+    constants, faults, area, worlds, drones, conditions, home_steps, applied, kinds, false_alarms,
+    first, last,
+):  # fmt: skip
+    """Note what a step has made of the drones; arguments as in `before_step`.
+
+    `kinds` are those of `looks.Looks.kind`, and `false_alarms` (K, A) float64 the probability that
+    an action that looks and finds nobody reports somebody.
+    """
     c, f = constants[0], faults[0]
     for b in range(first, last):
         w = worlds[b]
@@ -328,8 +331,10 @@ def after_step(
                 continue
             o.applied = applied[b, n]
             if d.alive and not w.done:
-                searched = o.applied == c.search_action
-                update(c, f, area, w, drones[b], n, o, home_steps[n], searched)
+                rate = 0.0
+                if 0 <= o.applied < c.num_actions:
+                    rate = false_alarms[kinds[n], o.applied]
+                update(c, f, area, w, drones[b], n, o, home_steps[n], rate)
             observe(c, f, w, d, o)
 
 

@@ -66,6 +66,7 @@ DRONES = np.dtype(
         ("y", "i8"),
         ("episode_return", "f8"),  # sum of rewards, before collisions replaced any
         ("reward", "f8"),  # of the last step
+        ("finds", "u8"),  # a bit for each look of the last step that has found a person
         ("alive", "?"),  # in the search; without a flag and not alive: withdrawn
         ("terminated", "?"),  # since the last reset
         ("truncated", "?"),
@@ -99,17 +100,25 @@ class Sea(NamedTuple):
 
 
 class Crew(NamedTuple):
-    """Who is in the sea.
+    """Who is in the sea, and who looks where.
 
     Attributes:
         starts: (B, N, 2) int64, cells of the drones at reset.
         drones: (B, N) of `DRONES`.
         persons: (B, P) of `PERSONS`.
+        kinds: (N,) of `looks.Looks.kind`.
+        looks: (K, A + 1) of `looks.Looks.first`.
+        offsets: (L, 2) of `looks.Looks`.
+        pods: (L, P) of `looks.Looks`.
     """
 
     starts: NDArray[np.int64]
     drones: NDArray[np.void]
     persons: NDArray[np.void]
+    kinds: NDArray[np.int64]
+    looks: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    pods: NDArray[np.float64]
 
 
 class Scratch(NamedTuple):
@@ -156,6 +165,7 @@ def reset_world(
         d = drones[n]
         d.x, d.y = starts[n, 0], starts[n, 1]
         d.episode_return = d.reward = 0.0
+        d.finds = 0
         d.alive = True
         d.terminated = d.truncated = d.found = False
     if coverage is not None:
@@ -174,36 +184,61 @@ def reset_world(
         sea_step(c, w, persons, gauss, tails, area, runs, circle)
 
 
+NO_FINDS = np.uint64(0)
+
+
 @inlined
-def search_cell(c, w, gauss, area, d, persons):
-    """Return (reward, found) of a search by a drone where it is."""
-    finds = 0
-    for p in range(len(persons)):
-        person = persons[p]
-        gone = person.found and not c.found_persons_stay
-        if gone or person.x != d.x or person.y != d.y:
-            continue
-        chance = min(person.pod_multiplier * c.probability_of_detection, 1.0)
-        if chance >= 1.0 or draw_unit(w) < chance:
-            person.found = True
-            finds += 1
-        if c.one_find_per_search:
-            break
-    if finds > 0:
-        return finds * (c.find + c.find_bonus * (1.0 - w.t / c.timestep_limit)), True
-    x, y = d.x, d.y
-    if c.leave_flies_on:
-        # A drone outside to the west or north sees the cell that a negative index names.
-        x, y = (x + c.grid_size if x < 0 else x), (y + c.grid_size if y < 0 else y)
-    probability = cell_probability(c, w, gauss, area, x, y)
+def look(c, w, d, persons, offsets, pods, first, last):
+    """Do the looks first..last - 1 of a drone where it is.
+
+    Returns:
+        How many persons they have found, and a bit for each look that has found any.
+    """
+    finds, bits, bit = 0, NO_FINDS, np.uint64(1)
+    for k in range(first, last):
+        x, y = d.x + offsets[k, 0], d.y + offsets[k, 1]
+        for p in range(len(persons)):
+            person = persons[p]
+            gone = person.found and not c.found_persons_stay
+            if gone or person.x != x or person.y != y:
+                continue
+            chance = pods[k, p]
+            if chance >= 1.0 or draw_unit(w) < chance:
+                person.found = True
+                finds += 1
+                bits |= bit
+            if c.one_find_per_search:
+                break
+        bit <<= np.uint64(1)
+    return finds, bits
+
+
+@inlined
+def reward_find(c, w, finds):
+    """Return the reward for finding this many persons."""
+    return finds * (c.find + c.find_bonus * (1.0 - w.t / c.timestep_limit))
+
+
+@inlined
+def reward_search(c, w, gauss, area, d, offsets, first, last):
+    """Return the reward of a search that has found nobody: of the probability that it looked at."""
+    probability = 0.0
+    for k in range(first, last):
+        x, y = d.x + offsets[k, 0], d.y + offsets[k, 1]
+        if c.leave_flies_on:
+            # A drone outside to the west or north sees the cell that a negative index names.
+            x, y = (x + c.grid_size if x < 0 else x), (y + c.grid_size if y < 0 else y)
+        probability += cell_probability(c, w, gauss, area, x, y)
     enough = probability > c.search_min_probability or (
         c.search_min_inclusive and probability == c.search_min_probability
     )
-    return (probability * c.search_scale if enough else c.search_below), False
+    return probability * c.search_scale if enough else c.search_below
 
 
 @part
-def step_drones(c, w, drones, persons, gauss, area, coverage, b, occupied, actions):
+def step_drones(
+    c, w, drones, persons, kinds, looks, offsets, pods, gauss, area, coverage, b, occupied, actions
+):
     """Do the actions in index order against the map of the last observation.
 
     Returns:
@@ -225,35 +260,44 @@ def step_drones(c, w, drones, persons, gauss, area, coverage, b, occupied, actio
         if not d.alive:
             d.reward = 0.0
             d.found = False
+            d.finds = NO_FINDS
             # One that was withdrawn has no flag yet.
             eventful |= not (d.terminated or d.truncated)
             continue
-        reward, found, terminated = move_reward, False, d.terminated
-        if idle:
-            pass
-        elif coverage is None and action == search_action:
-            reward, found = search_cell(c, w, gauss, area, d, persons)
-            if found and ends_together:
-                for m in range(len(drones)):
-                    drones[m].terminated = True
-                terminated = True
-        elif 0 <= action < num_actions:
-            x, y = d.x + moves_x[action], d.y + moves_y[action]
-            inside = is_open(area, grid_size, x, y)
-            # Outside the grid is water, outside the area is not.
-            if inside or (leave_flies_on and not is_inside(grid_size, x, y)):
-                d.x, d.y = x, y
-            if not inside:
-                reward = leave_reward
-            elif coverage is not None:
-                reward = visit(c, w, coverage, b, x, y)
-            terminated = leave_flags and not inside
+        reward, found, bits, terminated = move_reward, False, NO_FINDS, d.terminated
+        if 0 <= action < num_actions and not idle:
+            searches = coverage is None and action == search_action
+            if not searches:
+                x, y = d.x + moves_x[action], d.y + moves_y[action]
+                inside = is_open(area, grid_size, x, y)
+                # Outside the grid is water, outside the area is not.
+                if inside or (leave_flies_on and not is_inside(grid_size, x, y)):
+                    d.x, d.y = x, y
+                if not inside:
+                    reward = leave_reward
+                elif coverage is not None:
+                    reward = visit(c, w, coverage, b, x, y)
+                terminated = leave_flags and not inside
+            if coverage is None:
+                first, last = looks[kinds[n], action], looks[kinds[n], action + 1]
+                finds = 0
+                if last > first:
+                    finds, bits = look(c, w, d, persons, offsets, pods, first, last)
+                if finds > 0:
+                    reward, found = reward_find(c, w, finds), True
+                    if ends_together:
+                        for m in range(len(drones)):
+                            drones[m].terminated = True
+                        terminated = True
+                elif searches:
+                    reward = reward_search(c, w, gauss, area, d, offsets, first, last)
         if out_of_time:
             reward = c.time_out - (d.episode_return if c.time_out_total else 0.0)
             d.truncated = True
         d.reward = reward
         d.episode_return += reward
         d.found = found
+        d.finds = bits
         d.terminated = terminated
         eventful |= found or terminated or d.truncated
         if collisions and not d.aloft and (ends_together or not terminated):
@@ -294,8 +338,9 @@ def update_flags(c, w, drones, persons, coverage):
 
 @part
 def step_world(
-    c, w, drones, persons, gauss, tails, area, runs, coverage, b, occupied, circle, actions
-):
+    c, w, drones, persons, kinds, looks, offsets, pods, gauss, tails, area, runs, coverage, b,
+    occupied, circle, actions,
+):  # fmt: skip
     """Advance one world: drones in index order, then the sea, then collisions."""
     if c.ends_together:
         for n in range(len(drones)):
@@ -306,8 +351,9 @@ def step_world(
             persons[p].found = False
     unchanged = not w.done and w.num_missing == len(persons)
     shared, eventful = step_drones(
-        c, w, drones, persons, gauss, area, coverage, b, occupied, actions
-    )
+        c, w, drones, persons, kinds, looks, offsets, pods, gauss, area, coverage, b, occupied,
+        actions,
+    )  # fmt: skip
     w.t += 1
     if coverage is None:
         sea_step(c, w, persons, gauss, tails, area, runs, circle)
@@ -344,7 +390,7 @@ def write_observed(c, w, gauss, area, coverage, b, circle, span, stream, out):
 @kernel
 def step_worlds(
     constants, worlds, gauss, tails, area, runs, coverage,
-    starts, drones, persons,
+    starts, drones, persons, kinds, looks, offsets, pods,
     occupied, circle, cells, span,
     actions, maps, first, last,
 ):  # fmt: skip
@@ -366,8 +412,8 @@ def step_worlds(
             )  # fmt: skip
         else:
             step_world(
-                c, w, drones[b], persons[b], gauss[table], tails[table], area, runs,
-                coverage, b, occupied, circle, actions[b],
+                c, w, drones[b], persons[b], kinds, looks, offsets, pods, gauss[table],
+                tails[table], area, runs, coverage, b, occupied, circle, actions[b],
             )  # fmt: skip
         if maps.shape[1] > 0:
             write_observed(c, w, gauss[table], area, coverage, b, circle, span, stream, maps[b])
@@ -376,7 +422,7 @@ def step_worlds(
 @kernel
 def reset_worlds(
     constants, worlds, gauss, tails, area, runs, coverage,
-    starts, drones, persons,
+    starts, drones, persons, kinds, looks, offsets, pods,
     occupied, circle, cells, span,
     maps, which,
 ):  # fmt: skip

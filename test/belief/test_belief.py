@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from looking import search_in_vain
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief import Belief, Forecast
@@ -67,7 +68,7 @@ def world_and_belief(
 
 def search_greedily(belief: Belief, present: list[tuple[int, int]]) -> NDArray[np.int8]:
     """Send each drone to a cell that is likely yet and note its search; returns the actions."""
-    actions, searched, likely = [], [], belief.cells()
+    actions, searched, likely = [], [], belief.poc()
     action_set = belief.forecast.rules.action_set
     for drone, cell in enumerate(present):
         row, col = divmod(int(np.argmax(likely)), len(likely))
@@ -79,7 +80,7 @@ def search_greedily(belief: Belief, present: list[tuple[int, int]]) -> NDArray[n
             searched.append(cell)
         present[drone] = end
         actions.append(action_set.action(cell, end))
-    belief.observe_failed_searches(searched)
+    search_in_vain(belief, searched)
     return np.array(actions, np.int8)
 
 
@@ -113,7 +114,7 @@ def test_a_belief_that_hears_of_no_search_is_how_persons_spread(case: str) -> No
     inside = (x >= 0) & (y >= 0) & (x < g) & (y < g)
     counts = np.zeros((g, g))
     np.add.at(counts, (y[inside], x[inside]), 1)
-    wanted = belief.cells() * world.persons.size
+    wanted = belief.poc() * world.persons.size
     likely = wanted >= 5
     rest = wanted[~likely].sum() + world.persons.size - wanted.sum()
     chi_square = ((counts - wanted)[likely] ** 2 / wanted[likely]).sum()
@@ -126,10 +127,10 @@ def test_a_belief_sums_to_one_and_a_failed_search_takes_its_pod_off_a_cell() -> 
     _, belief = world_and_belief(1, **CASES["v2 after a drift, POD below 1"])
     for _ in range(10):
         belief.advance()
-    before = belief.cells()
+    before = belief.poc()
     row, col = divmod(int(np.argmax(before)), len(before))
-    belief.observe_failed_searches([(col, row)])
-    after = belief.cells()
+    search_in_vain(belief, [(col, row)])
+    after = belief.poc()
     pod = 0.7 * 0.8
     assert before.sum() == pytest.approx(1)
     assert after.sum() == pytest.approx(1)
@@ -141,9 +142,9 @@ def test_a_belief_sums_to_one_and_a_failed_search_takes_its_pod_off_a_cell() -> 
 
 def test_a_belief_that_cannot_be_true_starts_again_from_the_map() -> None:
     _, belief = world_and_belief(1, **CASES["motion window"])
-    belief.observe_failed_searches([belief.forecast.scenario.person_initial_position])
+    search_in_vain(belief, [belief.forecast.scenario.person_initial_position])
     assert belief.pos == 1
-    assert belief.cells().sum() == pytest.approx(1)
+    assert belief.poc().sum() == pytest.approx(1)
 
 
 def test_a_forecast_that_keeps_little_gives_the_same_belief(
@@ -156,6 +157,6 @@ def test_a_forecast_that_keeps_little_gives_the_same_belief(
         for belief in (whole, passing):
             belief.reset()
             for _ in range(30):
-                belief.observe_failed_searches([(6, 5)])
+                search_in_vain(belief, [(6, 5)])
                 belief.advance()
-        assert np.array_equal(whole.cells(), passing.cells())
+        assert np.array_equal(whole.poc(), passing.poc())

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from looking import looks_at, search_in_vain
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.belief import Belief, Forecast, LooksToCome
+from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import Scenario
 
@@ -29,8 +31,14 @@ def belief_of(name: str) -> Belief:
     belief = Belief(Forecast(scenario, profile(rules), horizon=HORIZON, drift_samples=8))
     for _ in range(5):
         belief.advance()
-    belief.observe_failed_searches([belief.forecast.cell(int(belief.density[0].argmax()))])
+    search_in_vain(belief, [belief.forecast.cell(int(belief.density[0].argmax()))])
     return belief
+
+
+def to_come(belief: Belief, steps: list[int], cells: list[Cell]) -> LooksToCome:
+    columns = np.array([belief.forecast.column(cell) for cell in cells])
+    pods = np.array([look.pods for look in looks_at(belief, cells)])
+    return LooksToCome(np.array(steps), columns, pods)
 
 
 @pytest.mark.parametrize("name", SEARCHES)
@@ -38,7 +46,7 @@ def test_futures_begin_as_the_belief_does(name: str) -> None:
     belief = belief_of(name)
     futures = belief.futures(COUNT, HORIZON, np.random.default_rng(3))
     assert futures.cells.shape == (HORIZON + 1, COUNT)
-    assert set(np.unique(futures.pods)) <= set(belief.pods)
+    assert set(np.unique(futures.persons)) <= set(belief.examples)
     later = belief.copy()
     for cells in futures.cells[:2]:
         shares = np.bincount(cells, minlength=later.density.shape[1]) / COUNT
@@ -58,11 +66,11 @@ def test_the_same_generator_draws_the_same_futures_and_leaves_the_belief_as_it_i
 def test_expected_finds_are_the_rise_of_the_pos_once_the_searches_are_done(name: str) -> None:
     belief = belief_of(name)
     cell = belief.forecast.cell(int(belief.density.sum(axis=0).argmax()))
-    paths = np.full((2, HORIZON + 1), belief.forecast.column(cell))
-    expected = belief.expect(paths, np.array([HORIZON, 2]), 1.0)
+    steps = [0, 0, 1, 1, *range(2, HORIZON)]
+    expected = belief.expect(to_come(belief, steps, [cell] * len(steps)), HORIZON, 1.0)
     later, pos = belief.copy(), belief.pos
     for step in range(HORIZON):
-        later.observe_failed_searches([cell] * (2 if step < 2 else 1))
+        search_in_vain(later, [cell] * (2 if step < 2 else 1))
         later.advance()
     finds = (later.pos - pos) / (1.0 - pos)
     assert expected.finds == pytest.approx(finds, abs=1e-12)
@@ -71,10 +79,8 @@ def test_expected_finds_are_the_rise_of_the_pos_once_the_searches_are_done(name:
 
 def test_a_find_counts_for_less_the_later_it_comes() -> None:
     belief = belief_of("paper")
-    column = int(belief.density.sum(axis=0).argmax())
-    paths = np.full((1, 2), column)
-    now = belief.expect(paths, np.array([1]), 0.5).finds
+    cell = belief.forecast.cell(int(belief.density.sum(axis=0).argmax()))
+    now = belief.expect(to_come(belief, [0], [cell]), 1, 0.5).finds
     belief.advance()
     assert now > 0.0
-    moved = np.array([[column - 1, column, column]])
-    assert belief.expect(moved, np.array([2]), 0.5).finds < now
+    assert belief.expect(to_come(belief, [1], [cell]), 2, 0.5).finds < now

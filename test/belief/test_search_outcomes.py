@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from looking import find_in, search_in_vain
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief import Belief, Forecast
@@ -100,9 +101,9 @@ searches = st.lists(st.tuples(cells, st.booleans()), min_size=1, max_size=6)
 def observed(belief: Belief, ended: list[tuple[tuple[int, int], bool]]) -> None:
     for cell, found in ended:
         if found:
-            belief.observe_find(cell)
+            find_in(belief, cell)
         else:
-            belief.observe_failed_searches([cell])
+            search_in_vain(belief, [cell])
 
 
 @settings(deadline=None)
@@ -115,7 +116,7 @@ def test_of_two_persons_it_is_known_exactly_who_is_missing_and_where(
     belief = still(list(pods), scatter, one_find)
     observed(belief, ended)
     assert belief.missing == pytest.approx(known.missing, abs=1e-9)
-    assert belief.cells() == pytest.approx(known.cells, abs=1e-9)
+    assert belief.poc() == pytest.approx(known.cells, abs=1e-9)
     if not one_find or scatter:
         assert belief.pos == pytest.approx(known.pos, abs=1e-9)
 
@@ -130,7 +131,7 @@ def test_of_three_persons_it_is_known_closely_where_a_search_looks_for_one(
     belief = still(list(pods), scatter, True)
     observed(belief, ended)
     assert belief.missing == pytest.approx(known.missing, abs=0.01)
-    assert belief.cells() == pytest.approx(known.cells, abs=0.01)
+    assert belief.poc() == pytest.approx(known.cells, abs=0.01)
 
 
 def batch(count: int, missions: int = MISSIONS, **fields: Any) -> World:
@@ -232,7 +233,7 @@ def test_after_failed_searches_persons_are_found_as_often_as_expected() -> None:
     at, search = world.scenario.drones_positions, world.rules.action_set.search
     found_none = np.ones(missions, bool)
     for _ in range(20):
-        belief.observe_failed_searches(at)
+        search_in_vain(belief, at)
         belief.advance()
         world.step(np.full((missions, 4), search, np.int8))
         found_none &= ~world.persons["found"].any(axis=1)
@@ -240,27 +241,27 @@ def test_after_failed_searches_persons_are_found_as_often_as_expected() -> None:
     of_classes = belief.of_missing().reshape(2, -1, belief.forecast.side**2).sum(axis=1)
     assert of_classes.sum(axis=1) == pytest.approx([0.5, 0.5])
     columns = [belief.forecast.column(cell) for cell in at]
-    expected = 2 * float((belief.pods @ of_classes)[columns].sum())
+    expected = 2 * float((world.looks.pods[0, belief.examples] @ of_classes)[columns].sum())
     world.step(np.full((missions, 4), search, np.int8))
     finds = world.persons["found"][found_none].sum(axis=1)
     assert finds.mean() == pytest.approx(expected, abs=SIGMAS * finds.std() / len(finds) ** 0.5)
-    assert expected > 0.01 and belief.mean_pod == pytest.approx(0.55)
+    assert expected > 0.01 and belief.mean_pod(world.looks.pods[0]) == pytest.approx(0.55)
 
 
 def test_a_search_for_one_leaves_the_others_in_its_cell() -> None:
     """Four start in one cell: each certain search finds one, and the others are there."""
     belief = still([1.0] * 4, 0, True)
     for left in (3, 2, 1):
-        belief.observe_find(CENTRE)
-        assert belief.cells()[CENTRE] == pytest.approx(1)
+        find_in(belief, CENTRE)
+        assert belief.poc()[CENTRE] == pytest.approx(1)
         assert belief.missing.sum() == pytest.approx(left)
         assert belief.pos == pytest.approx(1 - left / 4)
 
 
 def test_persons_in_cells_of_their_own_leave_none_behind_when_one_is_found() -> None:
     belief = still([1.0] * 4, 2, True)
-    belief.observe_find((3, 4))
-    assert belief.cells()[4, 3] == 0.0
-    assert belief.cells()[CENTRE] == pytest.approx(1 / 3)
-    belief.observe_find(CENTRE)
-    assert belief.cells()[CENTRE] == 0.0
+    find_in(belief, (3, 4))
+    assert belief.poc()[4, 3] == 0.0
+    assert belief.poc()[CENTRE] == pytest.approx(1 / 3)
+    find_in(belief, CENTRE)
+    assert belief.poc()[CENTRE] == 0.0

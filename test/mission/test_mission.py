@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from looking import find_in, search_in_vain
 
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.mission.mission import END_NS, Mission, StepResult
@@ -131,13 +132,13 @@ def test_the_pos_is_that_of_the_cells_searched(seed: int, actions: list[list[int
         live, cells = flown.live, [tuple(cell) for cell in flown.result.cells.tolist()]
         found = fly(flown, joint).found
         searchers = [i for i in live if joint[i] == SEARCH]
-        belief.observe_failed_searches([cells[i] for i in searchers if not found[i]])
+        search_in_vain(belief, [cells[i] for i in searchers if not found[i]])
         for i in searchers:
             if found[i]:
-                belief.observe_find(cells[i])
+                find_in(belief, cells[i])
         belief.advance()
         assert flown.pos == pytest.approx(belief.pos)
-        assert flown.belief() == pytest.approx(belief.cells(), abs=1e-6)
+        assert flown.belief() == pytest.approx(belief.poc(), abs=1e-6)
 
 
 def test_drones_that_search_one_cell_look_into_it_one_by_one() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from looking import find_in, search_in_vain
 
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
@@ -103,13 +104,13 @@ def test_what_the_simulation_knows_of_searches_is_of_the_cells_where_they_were_d
         searched = [i for i in range(3) if result.actions[i] == 8]
         expected = [float(probability[y, x]) for x, y in (cells[i] for i in searched)]
         assert result.probabilities[searched].tolist() == expected
-        belief.observe_failed_searches([cells[i] for i in searched if not result.found[i]])
+        search_in_vain(belief, [cells[i] for i in searched if not result.found[i]])
         for i in searched:
             if result.found[i]:
-                belief.observe_find(cells[i])
+                find_in(belief, cells[i])
         belief.advance()
         assert mission.pos == pytest.approx(belief.pos, abs=1e-9)
-        assert mission.belief() == pytest.approx(belief.cells(), abs=1e-6)
+        assert mission.belief() == pytest.approx(belief.poc(), abs=1e-6)
     log.close()
     assert elsewhere > 20
 

@@ -103,7 +103,7 @@ def test_a_planner_knows_the_drift_that_a_reset_was_given() -> None:
     other = parallel_env(**V2, probability_of_detection=0.0, vector=(-0.6, 0.4))
     direct: Any = planner_for(other, "belief_greedy")
     play(other, direct, 1)
-    assert np.array_equal(planner.belief.cells(), direct.belief.cells())  # type: ignore[attr-defined]
+    assert np.array_equal(planner.belief.poc(), direct.belief.poc())  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("name", BELIEF_PLANNERS)
@@ -179,7 +179,7 @@ def test_a_find_is_no_failed_search_while_others_are_missing(name: str) -> None:
     found = [env.world.drones["x"][0], env.world.drones["y"][0]]
     cells = [(x, y) for x, y, f in zip(*found, env.world.found[0], strict=True) if f]
     for x, y in cells:
-        assert planner.belief.cells()[y, x] > informed.belief.cells()[y, x]
+        assert planner.belief.poc()[y, x] > informed.belief.poc()[y, x]
 
 
 @pytest.mark.parametrize("planner", ["belief", "belief_greedy"])

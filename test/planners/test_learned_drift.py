@@ -124,7 +124,7 @@ def test_the_searches_so_far_are_kept_when_the_drift_is_learned(case: str) -> No
         informed(observations, infos)
         observations, _, _, _, infos = env.step(actions)
         infos = {a: {**infos[a], "action": actions[a], "step": env.steps_done} for a in infos}
-    assert np.array_equal(informed.belief.cells(), planner.belief.cells())
+    assert np.array_equal(informed.belief.poc(), planner.belief.poc())
 
 
 @pytest.mark.parametrize("name", BELIEF_PLANNERS)

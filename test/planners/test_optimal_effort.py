@@ -11,7 +11,7 @@ from grid_walker import DIAGONAL, STRAIGHT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.planners.optimal_effort import allocate, nearest_routes
+from dsse_ros.planners.optimal_effort import SURE_LOOK, allocate, nearest_routes
 from dsse_ros.search import ActionSet
 
 small_maps = st.lists(st.floats(0, 1), min_size=4, max_size=4)
@@ -27,7 +27,7 @@ def pos(likely: list[float], searches: tuple[int, ...], pod: float) -> float:
 def test_no_other_allocation_finds_with_a_greater_probability(
     likely: list[float], pod: float, effort: int
 ) -> None:
-    allocated = allocate(np.array(likely).reshape(2, 2), pod, effort)
+    allocated = allocate(np.array(likely).reshape(2, 2), [(0, 0, pod)], effort)
     ours = tuple(allocated.get((i % 2, i // 2), 0) for i in range(4))
     assert sum(ours) <= effort
     best = max(
@@ -48,7 +48,7 @@ def test_the_whole_searches_are_near_the_continuous_optimum_of_koopman() -> None
         multiplier = np.sqrt(low * high)
         density = np.maximum(0, np.log(likely * alpha / multiplier)) / alpha
         low, high = (multiplier, high) if density.sum() > effort else (low, multiplier)
-    searches = allocate(likely, pod, effort)
+    searches = allocate(likely, [(0, 0, pod)], effort)
     whole = np.zeros_like(likely)
     for (col, row), times in searches.items():
         whole[row, col] = times
@@ -56,7 +56,7 @@ def test_the_whole_searches_are_near_the_continuous_optimum_of_koopman() -> None
 
 
 def test_a_certain_detection_leaves_nothing_to_search_twice() -> None:
-    searches = allocate(np.array([[0.5, 0.3], [0.2, 0.0]]), 1.0, 9)
+    searches = allocate(np.array([[0.5, 0.3], [0.2, 0.0]]), SURE_LOOK, 9)
     assert searches == {(0, 0): 1, (1, 0): 1, (0, 1): 1}
 
 

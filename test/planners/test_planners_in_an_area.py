@@ -131,7 +131,7 @@ def test_a_belief_has_nothing_outside_the_area_and_is_where_persons_are(rules: s
                     seen[step, person["y"], person["x"]] += 1 / runs
                 env.advance(np.array([-1], np.int8))
         for step in range(30):
-            likely = belief.cells()
+            likely = belief.poc()
             assert not likely[~mask].any()
             # Twice the distance that as many draws of a cell have on average, and more.
             assert np.abs(likely - seen[step]).sum() < 2 * np.sqrt(mask.sum() / runs) + 0.05

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from looking import search_in_vain
 from test_batch import OPTIONS, alone
 
 from dsse_ros.belief.belief import Belief
@@ -65,11 +66,11 @@ def test_a_planner_learns_from_searches_of_cells_that_it_observed_before_and_aft
             now = {agent: tuple(cell.tolist()) for agent, (cell, _) in observations.items()}
             search = env.rules.action_set.search
             did = [a for a in env.agents if infos[a]["action"] == search and now[a] == cells[a]]
-            expected.observe_failed_searches([cells[agent] for agent in did])
+            search_in_vain(expected, [cells[agent] for agent in did])
             expected.advance()
             searches += len(did)
             actions = planner(observations, infos)
-            assert planner.belief.cells() == pytest.approx(expected.cells(), abs=1e-12)
+            assert planner.belief.poc() == pytest.approx(expected.poc(), abs=1e-12)
     assert searches > 12
 
 

@@ -16,6 +16,7 @@ import pytest
 from flights import Log, environment, fly
 from hypothesis import given
 from hypothesis import strategies as st
+from looking import search_in_vain
 
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.mission.mission import Mission
@@ -155,7 +156,7 @@ def test_the_expected_time_is_that_of_the_plan_whenever_luck_has_it_that_somebod
         exact_s += (1.0 - belief.pos) * 13.0
         cells = [tuple(cell) for cell in blind.positions.tolist()]
         searched = np.flatnonzero(joint == search)
-        belief.observe_failed_searches([cells[i] for i in searched])
+        search_in_vain(belief, [cells[i] for i in searched])
         belief.advance()
         blind.advance(joint.astype(np.int8))
     mission, times_s, bounds = Mission(env, 0), [], []

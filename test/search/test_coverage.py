@@ -156,7 +156,7 @@ def test_pettingzoo_accepts_it() -> None:
 
 def test_without_a_file_it_is_where_the_persons_are_by_then() -> None:
     env = parallel_env(rules="coverage", vector=(0.1, 0.05), pre_search_minutes=5)
-    belief = Belief(Forecast(env.scenario, RULES)).cells()
+    belief = Belief(Forecast(env.scenario, RULES)).poc()
     # Cells that a particle of 50000 would not be in are left out.
     expected = np.where(belief < 2e-5, 0.0, belief)
     observed = env.reset(seed=1)[0]["drone0"][1]

@@ -13,6 +13,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from looking import find_in, search_in_vain
 from numpy.typing import NDArray
 from pettingzoo.test import api_test, parallel_api_test
 from pettingzoo.test.state_test import state_test
@@ -83,7 +84,7 @@ def test_the_belief_of_an_environment_is_that_of_its_searches(case: str) -> None
         _, infos = env.reset(seed=seed)
         belief.reset()
         assert {info["pos"] for info in infos.values()} == {0.0}
-        assert env.probability == pytest.approx(belief.cells(), abs=1e-6)
+        assert env.probability == pytest.approx(belief.poc(), abs=1e-6)
         for joint in joints(env, seed, (30, env.world.num_drones)):
             if not env.agents:
                 break
@@ -95,12 +96,12 @@ def test_the_belief_of_an_environment_is_that_of_its_searches(case: str) -> None
             seen, pos = observed(env, joint)
             searchers = [drone for drone in live if joint[drone] == search]
             found = env.world.found[0]
-            belief.observe_failed_searches([cells[i] for i in searchers if not found[i]])
+            search_in_vain(belief, [cells[i] for i in searchers if not found[i]])
             for drone in searchers:
                 if found[drone]:
-                    belief.observe_find(cells[drone])
+                    find_in(belief, cells[drone])
             belief.advance()
-            assert seen == pytest.approx(belief.cells(), abs=1e-6)
+            assert seen == pytest.approx(belief.poc(), abs=1e-6)
             assert pos == pytest.approx(belief.pos, abs=1e-9)
             assert seen.min() >= 0.0 and seen.max() <= 1.0
 

@@ -1,0 +1,165 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The looks of a swarm as one table: which cells each action of each drone looks at, how well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.actions import ACTION_VECTORS, Cell
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.sensors.registry import SENSORS
+from dsse_ros.sensors.sensor import MAX_LOOKS, Look
+
+
+class Looked(NamedTuple):
+    """A look that was done, for what learns from it.
+
+    Attributes:
+        cell: (col, row) of what was looked at; off the grid nobody is there.
+        pods: (P,) float64, POD of each person of the scenario who is there.
+    """
+
+    cell: Cell
+    pods: NDArray[np.float64]
+
+
+class Looks(NamedTuple):
+    """What the drones of a scenario look at, for L looks of K kinds of drones.
+
+    The looks of action a of drone n are first[kind[n], a] .. first[kind[n], a + 1] - 1.
+
+    Attributes:
+        kind: (N,) int64, number of each drone's kind.
+        first: (K, A + 1) int64.
+        offsets: (L, 2) int64, (dx, dy) from the drone once the action is done, in cells.
+        pods: (L, P) float64, POD of each person who is in the cell.
+        false_alarms: (K, A) float64, probability that an action whose looks find nobody reports
+            somebody.
+    """
+
+    kind: NDArray[np.int64]
+    first: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    pods: NDArray[np.float64]
+    false_alarms: NDArray[np.float64]
+
+    def of(self, drone: int, action: int) -> range:
+        """Return the numbers of an action's looks; none for one that is not an action."""
+        first = self.first[self.kind[drone]]
+        return range(*first[action : action + 2].tolist()) if 0 <= action < len(first) - 1 else _NO
+
+    def done(self, drone: int, action: int, cell: Cell) -> list[Looked]:
+        """Return the looks that an action did.
+
+        Args:
+            drone: Number of the drone.
+            action: Number of the action.
+            cell: Where the drone is once the action is done.
+        """
+        return [
+            Looked((cell[0] + int(dx), cell[1] + int(dy)), self.pods[look])
+            for look in self.of(drone, action)
+            for dx, dy in [self.offsets[look]]
+        ]
+
+    def at(
+        self, actions: NDArray[Any], cells: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Return who looks at what.
+
+        Args:
+            actions: (N,) numbers; one that is not an action looks at nothing.
+            cells: (N, 2) where the drones are once these are done.
+
+        Returns:
+            (Q,) drones, (Q,) numbers of looks, (Q, 2) cells (col, row), on the grid or off it.
+        """
+        acts = (actions >= 0) & (actions < self.first.shape[1] - 1)
+        action = np.where(acts, actions, 0).astype(np.int64)
+        begin = self.first[self.kind, action]
+        counts = np.where(acts, self.first[self.kind, action + 1] - begin, 0)
+        drones = np.repeat(np.arange(len(counts)), counts)
+        looks = np.arange(len(drones)) + np.repeat(begin - counts.cumsum() + counts, counts)
+        return drones, looks, cells[drones] + self.offsets[looks]
+
+    @property
+    def several(self) -> bool:
+        """Whether an action looks at several cells."""
+        return bool((self.counts > 1).any())
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """(K, A) how many looks each action has."""
+        return np.diff(self.first, axis=1)
+
+
+_NO = range(0)
+
+
+def looks_of(scenario: ResolvedScenario, rules: Rules) -> Looks:
+    """Return the looks of a scenario's drones.
+
+    Raises:
+        FieldError: If a sensor has looks that cannot be.
+    """
+    kinds, actions = scenario.kinds, rules.action_set.names
+    first = np.zeros((len(kinds), len(actions) + 1), np.int64)
+    alarms = np.zeros((len(kinds), len(actions)))
+    rows: list[Look] = []
+    for k, kind in enumerate(kinds):
+        assert kind.sensor is not None
+        looks = SENSORS[kind.sensor].looks
+        first[k, 0] = len(rows)
+        for a, name in enumerate(actions):
+            of_action = list(looks(scenario, kind, name, ACTION_VECTORS.get(name, (0, 0))))
+            _check(kind.sensor, name, of_action, scenario.person_pod_multipliers)
+            rows += of_action
+            first[k, a + 1] = len(rows)
+            alarms[k, a] = 1.0 - np.prod([1.0 - look.false_alarms for look in of_action])
+    return Looks(
+        np.array(scenario.kind_of, np.int64),
+        first,
+        np.array([(look.dx, look.dy) for look in rows], np.int64).reshape(-1, 2),
+        np.array([look.pods for look in rows], float).reshape(-1, scenario.person_amount),
+        alarms,
+    )
+
+
+def searches_of(scenario: ResolvedScenario, rules: Rules, cells: Iterable[Cell]) -> list[Looked]:
+    """Return what searches of these cells (col, row) by the first drone look at."""
+    looks, search = looks_of(scenario, rules), rules.action_set.search
+    return [look for cell in cells for look in looks.done(0, search, cell)]
+
+
+def _check(sensor: str, action: str, looks: list[Look], multipliers: tuple[float, ...]) -> None:
+    """Raise unless the looks of an action can be.
+
+    Raises:
+        FieldError: If there are too many, or one is no look.
+    """
+    where = f"sensor: {sensor} at {action}"
+    if len(looks) > MAX_LOOKS:
+        raise FieldError(f"{where}: {len(looks)} looks are not allowed; at most {MAX_LOOKS}")
+    if len({(look.dx, look.dy) for look in looks}) < len(looks):
+        raise FieldError(f"{where}: two looks at one cell are not allowed; one POD for it")
+    alike = {
+        (multiplier, *(look.pods[p] for look in looks))
+        for p, multiplier in enumerate(multipliers)
+        if all(p < len(look.pods) for look in looks)
+    }
+    if len(alike) > len(set(multipliers)):
+        raise FieldError(f"{where}: persons with the same pod multiplier must have the same POD")
+    for look in looks:
+        chances = np.array([*look.pods, look.false_alarms], float)
+        if len(look.pods) != len(multipliers) or not ((chances >= 0.0) & (chances <= 1.0)).all():
+            raise FieldError(
+                f"{where}: {tuple(look)!r} is not allowed; dx, dy, the POD of each person "
+                f"({len(multipliers)}) and the rate of false alarms, each from 0 to 1"
+            )
