@@ -19,7 +19,7 @@ from dsse_ros.step.fault_kernels import STATUSES
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.images import image_to_probability
 from msg_adapters.stamps import to_nanoseconds
-from msg_adapters.step_report import step_report_from_message
+from msg_adapters.step_report import finds_of, step_report_from_message
 
 StepId = tuple[int, int, int]
 """run_id, mission and step of a report: no two steps have all alike."""
@@ -85,7 +85,7 @@ class ObservedStep:
             for i, info in zip(drones, infos.values(), strict=True):
                 info["found_person"] = bool(self.report["found"][i])
                 if "finds" in (self.report.dtype.names or ()):
-                    info["finds"] = int(self.report["finds"][i])
+                    info["finds"] = int(finds_of(self.report)[i])
         if "status" in (self.report.dtype.names or ()):
             for i, info in zip(drones, infos.values(), strict=True):
                 info["status"] = STATUSES[self.report["status"][i]]

@@ -42,8 +42,10 @@ POINT = (
 )
 """Fields of a drone in a step, in the reports of a step and of a mission."""
 
-FIND_FIELDS = (("finds", "<u8"),)
-"""Fields of a drone in a step of a mission with sensors that look at several cells at once."""
+FIND_FIELDS = (("finds", "<u4", (2,)),)
+"""Fields of a drone in a step of a mission with sensors that look at several cells at once.
+
+A `PointField` has no 64 bits; those of the first 32 looks come first."""
 
 FAULT_FIELDS = (("battery", "<f8"), ("status", "u1"))
 """Fields of a drone in a step of a mission with faults."""
@@ -66,7 +68,7 @@ def step_report_dtype(
     repeated_coverage and pos (float64) follow, the same for all drones: see
     `dsse_ros.search.coverage`. With faults further battery (float64, percent, NaN where it does not
     run down) and status (uint8, number in `dsse_ros.step.fault_kernels.STATUSES`). With sensors
-    that look at several cells at once finds (uint64, a bit for each look that found a person).
+    that look at several cells at once finds (uint32 x 2, a bit for each look that found a person).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
@@ -131,7 +133,7 @@ def make_step_report(
         coverage: The metrics of a coverage task by their names; None for another one.
         battery: (N,) percent, with faults.
         status: (N,) numbers, with faults.
-        finds: (N,) bits, with sensors that look at several cells at once.
+        finds: (N,) uint64 bits, with sensors that look at several cells at once.
 
     Returns:
         (N,) of `step_report_dtype`, with what is given of a status and of finds.
@@ -165,8 +167,14 @@ def make_step_report(
     if status is not None:
         report["status"], report["battery"] = status, np.nan if battery is None else battery
     if finds is not None:
-        report["finds"] = finds
+        report["finds"] = np.asarray(finds, "<u8").reshape(-1, 1).view("<u4")
     return report
+
+
+def finds_of(report: NDArray[Any]) -> NDArray[np.uint64]:
+    """Return which looks of each drone found a person, (N,) bits, of a report that says it."""
+    finds: NDArray[np.uint64] = np.ascontiguousarray(report["finds"]).view("<u8")[:, 0]
+    return finds
 
 
 def step_report_message(

@@ -104,7 +104,7 @@ class Scenario(FaultFields):
     )
     sensor: str = field(
         "str", "Sensor of the drones whose kind has none of its own.", "own_cell",
-        choices=tuple(SENSORS),
+        choices=SENSORS.keys(),
     )  # fmt: skip
     drones_positions: tuple[tuple[int, int], ...] | None = field(
         "cells", "Start cells (col, row); by default row by row from the north-west corner.", None

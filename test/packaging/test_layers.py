@@ -78,6 +78,10 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         WORLD | {"dsse_ros.planners", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
     ),
+    "dsse_ros.conformance": (
+        WORLD | {"dsse_ros.conformance"},
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.compat": (
         WORLD
         | {

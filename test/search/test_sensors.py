@@ -1,0 +1,139 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Another sensor is another file: whatever counts looks counts its looks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ahead import AHEAD
+from builtin_interfaces.msg import Time
+
+from dsse_ros.conformance.registered import registered
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.planners.registry import PLANNER_NAMES, planner_for
+from dsse_ros.report.metrics import effort
+from dsse_ros.report.record import read_csv
+from dsse_ros.report.replay import with_search
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.search import HOLD, parallel_env, vector_env
+from dsse_ros.sensors.registry import SENSORS
+from msg_adapters.frames import GridFrame
+from msg_adapters.step_report import finds_of, step_report_from_message, step_report_message
+
+FIELDS: dict[str, Any] = {
+    "grid_size": 12, "num_drones": 3, "person_amount": 3, "timestep_limit": 50,
+    "one_find_per_search": False, "person_pod_multipliers": [1.0, 0.5, 0.5],
+}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _ahead() -> Iterator[None]:
+    with registered(SENSORS, AHEAD) as name:
+        FIELDS["sensor"] = name
+        yield
+
+
+def test_an_unknown_sensor_is_refused_in_a_line() -> None:
+    with pytest.raises(FieldError, match="sensor: 'eyes' is not allowed; one of own_cell, under_t"):
+        parallel_env(sensor="eyes")
+
+
+def test_a_move_finds_who_is_ahead_and_says_which_look_did() -> None:
+    batch = vector_env(3000, rules="v2", **{**FIELDS, "num_drones": 1, "person_amount": 1,
+                       "person_pod_multipliers": None, "person_initial_position": (8, 6),
+                       "drones_positions": [(5, 6)], "vector": (0.0, 0.0)})  # fmt: skip
+    batch.reset(seed=0)
+    world, right = batch.world, batch.rules.actions.index("right")
+    there = [
+        (world.persons["x"][:, 0] == 7 + k) & (world.persons["y"][:, 0] == 6) for k in range(3)
+    ]
+    batch.step(np.full((3000, 1), right, np.int8))
+    finds = world.drones["finds"][:, 0]
+    assert any(near.any() for near in there)
+    for k, near in enumerate(there):
+        assert ((finds[near] == 0) | (finds[near] == 1 << k)).all()
+        share = (finds[near] > 0).mean() if near.any() else 0.3
+        assert share == pytest.approx(0.3, abs=5 * (0.21 / max(near.sum(), 1)) ** 0.5)
+    assert (finds[~np.any(there, axis=0)] == 0).all()
+
+
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
+def test_world_b_of_a_batch_is_the_single_environment(rules: str) -> None:
+    batch, rng = vector_env(3, rules=rules, **FIELDS), np.random.default_rng(1)
+    batch.reset(seed=5)
+    singles = [parallel_env(rules=rules, **FIELDS) for _ in range(3)]
+    for b, env in enumerate(singles):
+        env.reset(seed=5 + b)
+    for _ in range(8):
+        actions = rng.integers(0, len(batch.rules.action_set), (3, 3)).astype(np.int8)
+        if batch.world.worlds["done"].any():
+            break
+        batch.step(actions)
+        for b, env in enumerate(singles):
+            env.advance(actions[b])
+            assert (env.world.drones[0] == batch.world.drones[b]).all()
+            assert (env.world.persons[0] == batch.world.persons[b]).all()
+
+
+def test_the_planner_knows_from_its_infos_what_the_simulation_knows() -> None:
+    env = parallel_env(rules="v2", observe="belief", **FIELDS)
+    observations, infos = env.reset(seed=3)
+    planner: Any = planner_for(env, "belief", seed=0, samples=256, drift_samples=64)
+    steps = 0
+    while env.agents and steps < 25:
+        actions = planner(observations, infos)
+        seen = next(iter(observations.values()))[1]
+        assert planner.belief.poc() == pytest.approx(seen, abs=1e-6)
+        assert planner.belief.pos == pytest.approx(infos[env.agents[0]]["pos"], abs=1e-9)
+        observations, _, _, _, infos = env.step(actions)
+        steps += 1
+    assert steps > 3
+
+
+@pytest.mark.parametrize("planner", sorted(set(PLANNER_NAMES) - {"astar", "onnx"}))
+def test_every_planner_flies_it(planner: str) -> None:
+    env = parallel_env(rules="v2", **FIELDS)
+    observations, infos = env.reset(seed=1)
+    policy = planner_for(env, planner, seed=0)
+    for _ in range(30):
+        if not env.agents:
+            break
+        observations, _, _, _, infos = env.step(policy(observations, infos))
+        assert ((env.positions >= 0) & (env.positions < 12)).all()
+
+
+def test_pictures_reports_and_logs_count_its_looks(tmp_path: Path) -> None:
+    mission = Mission(parallel_env(rules="v2", render_mode="rgb_array", **FIELDS), seed=2)
+    scenario, frame = mission.env.scenario, GridFrame(12, 130.0, -24.0, -46.0, 0.0, 120.0)
+    right = mission.env.rules.actions.index("right")
+    log = MissionLog(tmp_path / "log.csv", frame, faults=True)
+    log.write(mission, mission.result)
+    for drone in range(3):
+        mission.commands.set_action(drone, right)
+    mission.advance("hold")
+    log.write(mission, mission.result)
+    log.close()
+    seen = np.zeros((12, 12), int)
+    for col, row in mission.result.cells.tolist():
+        seen[row, col + 1 : col + 4] += 1
+    assert (mission.env.view().searches == seen).all()
+    report = step_report_from_message(
+        step_report_message(frame, step_report_of(mission, frame, 1), Time())
+    )
+    assert (finds_of(report) == mission.env.world.drones["finds"][0]).all()
+    (record,) = read_csv(tmp_path / "log.csv")
+    assert (effort(with_search(record, mission.env.rules, scenario)) == seen).all()
+
+
+def test_what_holds_nothing_looks_at_nothing() -> None:
+    env = parallel_env(rules="v2", **FIELDS)
+    env.reset(seed=0)
+    drones, looks, cells = env.world.looks.at(np.array([HOLD, 0, 127]), env.positions)
+    assert drones.tolist() == [1] * len(looks) and len(cells) == len(looks)
