@@ -116,9 +116,7 @@ class _Group:
             if n in self.actions:
                 infos[names[n]]["action"] = self.actions[n]
             if world.persons.shape[1] > 1:
-                infos[names[n]]["found_person"] = bool(drones["found"][n])
-                if world.looks.several:
-                    infos[names[n]]["finds"] = int(drones["finds"][n])
+                infos[names[n]] |= world.infos_of_finds(int(self.members[0]), [n])[0]
         if world.faults is not None and fault_masks is not None:
             first = int(self.members[0])
             for n, of_faults in zip(live, world.faults.infos(first, live), strict=True):

@@ -387,11 +387,8 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             for agent, (x, y) in zip(agents, cells.tolist())
         }
         if self.world.persons.shape[1] > 1:
-            for info, found_person in zip(infos.values(), self.world.found[0, live].tolist()):
-                info["found_person"] = found_person
-            if self.world.looks.several:
-                for info, finds in zip(infos.values(), self.world.drones["finds"][0, live]):
-                    info["finds"] = int(finds)
+            for info, of_finds in zip(infos.values(), self.world.infos_of_finds(0, live)):
+                info |= of_finds
         if (faults := self.world.faults) is not None:
             of_drones = zip(infos.values(), self.action_masks()[live], faults.infos(0, live))
             for info, mask, of_faults in of_drones:

@@ -410,6 +410,21 @@ class World:
         # Between the fields there may be anything.
         return b"".join(repack_fields(array).tobytes() for array in self._state().values())
 
+    def infos_of_finds(self, world: int, drones: Sequence[int]) -> list[dict[str, Any]]:
+        """Return what agents of a search for several persons learn of their last looks.
+
+        `found_person` says whether they have found one, and where an action looks at several cells
+        `finds` has a bit for each look that has.
+        """
+        of_world = self.drones[world]
+        infos: list[dict[str, Any]] = [
+            {"found_person": found} for found in of_world["found"][drones].tolist()
+        ]
+        if self.looks.several:
+            for info, finds in zip(infos, of_world["finds"][drones].tolist(), strict=True):
+                info["finds"] = finds
+        return infos
+
     def coverage_metrics(self) -> dict[str, NDArray[np.float64]]:
         """Return `Coverage.metrics`, nothing where the task is to find persons."""
         if self.coverage is None:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors keep what they promise, and one that does not is told why."""
+"""Sensors keep what they promise, and what one does not keep is named."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ BAD: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_what_no_sensor_can_be_is_said_in_a_line(name: str) -> None:
+def test_what_no_sensor_can_be_is_refused_in_a_line(name: str) -> None:
     looks, why = BAD[name]
     with pytest.raises(AssertionError, match=why) as error:
         sensor_test(Sensor("sees", looks))
