@@ -24,6 +24,7 @@ from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.sensors.registry import SENSORS
+from dsse_ros.targets.person_motion import MOTIONS
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
 """A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real
@@ -136,6 +137,18 @@ class Scenario(FaultFields):
     dispersion_inc: float | None = field(
         "float", "Growth of the spread per step.", None, low=0, unit="cells"
     )
+    diffusivity: float = field(
+        "float", "Ensembles: of the random walk of a person, whose variance along each axis grows "
+        "by twice this in a second.", 1.0, low=0, high=1e6, unit="m^2/s",
+    )  # fmt: skip
+    particles: int = field(
+        "int", "Ensembles: how many particles stand for where persons may be.", 10_000,
+        low=1, high=10**6,
+    )  # fmt: skip
+    ensemble_seed: int = field(
+        "int", "Ensembles: seed that the particles and the tracks of persons are drawn by.", 0,
+        low=0,
+    )  # fmt: skip
     probability_of_detection: float = field(
         "float", "Probability that a search of a person's cell finds them.", 1.0, low=0, high=1
     )
@@ -249,7 +262,7 @@ class Scenario(FaultFields):
         )
         multipliers = self.person_pod_multipliers
         check_multipliers(multipliers, self.person_amount)
-        if rules.person_scatter:
+        if rules.person_scatter and rules.person_motion in MOTIONS:
             check_scatter(self.person_amount, person, grid, rules.person_scatter, mask)
         derived = {
             "grid_size": grid,

@@ -8,7 +8,7 @@ import dataclasses
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 from typing import Any
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, Scenario
 from dsse_ros.search.coverage import Coverage
+from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.faults import Faults
 from dsse_ros.search.seeds import words_of_seeds
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
@@ -61,6 +62,7 @@ class World:
         faults: Their faults, None for none.
         area, runs: Which cells are searched, see `kernels`.
         coverage: Of the coverage task, which has no persons; None where these are looked for.
+        ensemble: That of the persons; None where they move step by step.
         maps: (B, G, G) float32, the probability of cell [row, col].
         rewards: (B, N) float64 of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool since the last reset, views on `drones`; when drones
@@ -102,6 +104,7 @@ class World:
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         self.area, self.runs = area_of(resolved)
+        self.ensemble = WorldEnsemble.of(resolved, rules, num_worlds)
         self.faults = Faults.of(resolved, rules, num_worlds)
         self._reuse_maps = reuse_maps
         self._threads = threads
@@ -122,6 +125,7 @@ class World:
         self._sea = kernels.Sea(
             self.constants, self.worlds, self.gauss, self.tails, self.area, self.runs,
             None if self.coverage is None else self.coverage.arrays,
+            None if self.ensemble is None else self.ensemble.arrays,
         )  # fmt: skip
         self._crew = kernels.Crew(self.starts, self.drones, self.persons)
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
@@ -192,6 +196,12 @@ class World:
         if self.coverage is None:
             given = person_pod_multipliers
             self.persons["pod_multiplier"] = s.person_pod_multipliers if given is None else given
+        self._follow_placed()
+
+    def _follow_placed(self) -> None:
+        """Have the tracks of what was placed, where persons follow an ensemble."""
+        if self.ensemble is not None and self.ensemble.place(self.placed()):
+            self.close()
 
     def placed(self) -> dict[str, Any]:
         """Return the fields of the scenario in whose place `place` has put others, with those."""
@@ -322,6 +332,8 @@ class World:
         x, y = (np.require(array, np.int64, ["C", "W"]) for array in (x, y))
         if self.coverage is not None:
             return self.coverage.cells(x, y)
+        if self.ensemble is not None:
+            return self.ensemble.cells(self.worlds, x, y)
         out = np.empty(x.shape, np.float32)
         sea_map.read_cells(self.constants, self.worlds, self.gauss, self.area, x, y, out)
         return out
@@ -354,23 +366,24 @@ class World:
         """
         state = self._state()
         snapshot.check(self._identity, state)
-        self._check_possible(snapshot.arrays["worlds"])
+        self._check_possible(snapshot.arrays)
         if self.faults is not None:
             self.faults.check(snapshot, self.grid_size)
         for name, array in state.items():
             array[...] = snapshot.arrays[name]
         if self.faults is not None:
             self.faults.restore(self)
+        self._follow_placed()
         self.maps = np.empty(self._map_shape, np.float32)
         self._refresh(self.maps)
 
-    def _check_possible(self, worlds: NDArray[np.void]) -> None:
+    def _check_possible(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Raise unless the kernels stay within their arrays: a checksum is no signature.
 
         Raises:
             SnapshotError: If they would not.
         """
-        edge = self.grid_size - 1
+        worlds, edge = arrays["worlds"], self.grid_size - 1
         things = self.grid_size**2 if self.coverage is not None else self.persons.shape[1]
         cells = ("datum_x", "datum_y", "circle_x", "circle_y", "start_x", "start_y")
         highest = dict.fromkeys(cells, edge)
@@ -383,6 +396,10 @@ class World:
         for name, high in highest.items():
             if not ((worlds[name] >= 0) & (worlds[name] <= high)).all():
                 raise SnapshotError(f"the snapshot is damaged: {name} is not from 0 to {high}")
+        if self.ensemble is not None:
+            high = self.ensemble.tracks.truth.shape[1] - 1
+            if not ((arrays["track"] >= 0) & (arrays["track"] <= high)).all():
+                raise SnapshotError(f"the snapshot is damaged: track is not from 0 to {high}")
 
     def state_bytes(self) -> bytes:
         """Return the whole state as bytes, for comparison."""
@@ -403,6 +420,7 @@ class World:
             "drones": self.drones,
             "persons": self.persons,
             **({} if covered is None else {"left": covered.left, "coverage": covered.records}),
+            **({} if self.ensemble is None else {"track": self.ensemble.track}),
             **({} if self.faults is None else {"conditions": self.faults.conditions}),
         }
 

@@ -9,7 +9,8 @@ the row and grows to the south.
 
 Where only a part of the grid is searched, `area` (G, G) bool is true in its cells, and `runs`
 (R, 3) int64 has them as (row, first column, last column). Both are None where all of it is: then
-what they would cost is compiled away. So it is where `coverage`, see `coverage_kernels`, is None.
+what they would cost is compiled away. So it is where `coverage`, see `coverage_kernels`, or
+`ensemble`, see `ensemble_kernels`, is None.
 """
 
 from __future__ import annotations
@@ -24,6 +25,13 @@ from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.compiled.streaming import ALIGNMENT, LANES
 from dsse_ros.step.collisions import collide, next_stamp, occupy
 from dsse_ros.step.coverage_kernels import put_back, reward_if_all_covered, visit, write_left
+from dsse_ros.step.ensemble_kernels import (
+    SeaEnsemble,
+    ensemble_step,
+    probability_in,
+    put_on_tracks,
+    write_present,
+)
 from dsse_ros.targets.person_motion import draw_own_drift, persons_step, scatter_persons
 from dsse_ros.targets.sea_map import (
     cell_probability,
@@ -87,6 +95,7 @@ class Sea(NamedTuple):
         area: (G, G) bool, the cells that are searched; None for all.
         runs: (R, 3) int64, the same by row, first and last column; None for all.
         coverage: See `coverage_kernels`; None where the task is to find persons.
+        ensemble: See `ensemble_kernels`; None where persons move step by step.
     """
 
     constants: NDArray[np.void]
@@ -96,6 +105,7 @@ class Sea(NamedTuple):
     area: NDArray[np.bool_] | None
     runs: NDArray[np.int64] | None
     coverage: Any
+    ensemble: SeaEnsemble | None = None
 
 
 class Crew(NamedTuple):
@@ -129,8 +139,11 @@ class Scratch(NamedTuple):
 
 
 @part
-def sea_step(c, w, persons, gauss, tails, area, runs, circle):
+def sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle):
     """Advance the map and the persons by one step."""
+    if ensemble is not None:
+        ensemble_step(c, w, persons, area, ensemble, b)
+        return
     if c.person_first:
         persons_step(c, w, gauss, area, persons)
     map_step(c, w, gauss, tails, area, runs, circle)
@@ -140,7 +153,7 @@ def sea_step(c, w, persons, gauss, tails, area, runs, circle):
 
 @part
 def reset_world(
-    c, w, starts, drones, persons, gauss, tails, area, runs, coverage, b, circle, cells
+    c, w, starts, drones, persons, gauss, tails, area, runs, coverage, ensemble, b, circle, cells
 ):
     """Set a world to its start: persons at the start cell, which has all the probability."""
     w.t = w.map_steps = 0
@@ -168,14 +181,24 @@ def reset_world(
         person.found = False
         if c.own_drift:
             draw_own_drift(c, w, person)
-    if c.person_scatter > 0:
+    if ensemble is not None:
+        put_on_tracks(w, persons, ensemble, b)
+    elif c.person_scatter > 0:
         scatter_persons(c, w, area, persons, cells)
     for _ in range(c.pre_search_steps + c.reset_sea_steps):
-        sea_step(c, w, persons, gauss, tails, area, runs, circle)
+        sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle)
 
 
 @inlined
-def search_cell(c, w, gauss, area, d, persons):
+def probability_of(c, w, gauss, area, ensemble, x, y):
+    """Return the probability of the cell (x, y), 0 outside the grid and the area."""
+    if ensemble is not None:
+        return probability_in(c, w, ensemble, x, y)
+    return cell_probability(c, w, gauss, area, x, y)
+
+
+@inlined
+def search_cell(c, w, gauss, area, ensemble, d, persons):
     """Return (reward, found) of a search by a drone where it is."""
     finds = 0
     for p in range(len(persons)):
@@ -195,7 +218,7 @@ def search_cell(c, w, gauss, area, d, persons):
     if c.leave_flies_on:
         # A drone outside to the west or north sees the cell that a negative index names.
         x, y = (x + c.grid_size if x < 0 else x), (y + c.grid_size if y < 0 else y)
-    probability = cell_probability(c, w, gauss, area, x, y)
+    probability = probability_of(c, w, gauss, area, ensemble, x, y)
     enough = probability > c.search_min_probability or (
         c.search_min_inclusive and probability == c.search_min_probability
     )
@@ -203,7 +226,7 @@ def search_cell(c, w, gauss, area, d, persons):
 
 
 @part
-def step_drones(c, w, drones, persons, gauss, area, coverage, b, occupied, actions):
+def step_drones(c, w, drones, persons, gauss, area, coverage, ensemble, b, occupied, actions):
     """Do the actions in index order against the map of the last observation.
 
     Returns:
@@ -232,7 +255,7 @@ def step_drones(c, w, drones, persons, gauss, area, coverage, b, occupied, actio
         if idle:
             pass
         elif coverage is None and action == search_action:
-            reward, found = search_cell(c, w, gauss, area, d, persons)
+            reward, found = search_cell(c, w, gauss, area, ensemble, d, persons)
             if found and ends_together:
                 for m in range(len(drones)):
                     drones[m].terminated = True
@@ -294,8 +317,9 @@ def update_flags(c, w, drones, persons, coverage):
 
 @part
 def step_world(
-    c, w, drones, persons, gauss, tails, area, runs, coverage, b, occupied, circle, actions
-):
+    c, w, drones, persons, gauss, tails, area, runs, coverage, ensemble, b, occupied, circle,
+    actions,
+):  # fmt: skip
     """Advance one world: drones in index order, then the sea, then collisions."""
     if c.ends_together:
         for n in range(len(drones)):
@@ -306,11 +330,11 @@ def step_world(
             persons[p].found = False
     unchanged = not w.done and w.num_missing == len(persons)
     shared, eventful = step_drones(
-        c, w, drones, persons, gauss, area, coverage, b, occupied, actions
+        c, w, drones, persons, gauss, area, coverage, ensemble, b, occupied, actions
     )
     w.t += 1
     if coverage is None:
-        sea_step(c, w, persons, gauss, tails, area, runs, circle)
+        sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle)
     else:
         reward_if_all_covered(c, w, coverage, b, drones)
     if shared:
@@ -331,9 +355,11 @@ def is_streamed(maps):
 
 
 @inlined
-def write_observed(c, w, gauss, area, coverage, b, circle, span, stream, out):
+def write_observed(c, w, gauss, area, coverage, ensemble, b, circle, span, stream, out):
     """Write what drones observe of a world: the map, or the probability that is left to cover."""
-    if coverage is None:
+    if ensemble is not None:
+        write_present(w, ensemble, out)
+    elif coverage is None:
         write_map(c, w, gauss, area, circle, span, stream, out)
     else:
         write_left(coverage, b, out)
@@ -343,7 +369,7 @@ def write_observed(c, w, gauss, area, coverage, b, circle, span, stream, out):
 # themselves apart would cost compiled functions as long as a small step.
 @kernel
 def step_worlds(
-    constants, worlds, gauss, tails, area, runs, coverage,
+    constants, worlds, gauss, tails, area, runs, coverage, ensemble,
     starts, drones, persons,
     occupied, circle, cells, span,
     actions, maps, first, last,
@@ -362,20 +388,22 @@ def step_worlds(
         if c.auto_reset and w.done:
             reset_world(
                 c, w, starts[b], drones[b], persons[b], gauss[table], tails[table], area, runs,
-                coverage, b, circle, cells,
+                coverage, ensemble, b, circle, cells,
             )  # fmt: skip
         else:
             step_world(
                 c, w, drones[b], persons[b], gauss[table], tails[table], area, runs,
-                coverage, b, occupied, circle, actions[b],
+                coverage, ensemble, b, occupied, circle, actions[b],
             )  # fmt: skip
         if maps.shape[1] > 0:
-            write_observed(c, w, gauss[table], area, coverage, b, circle, span, stream, maps[b])
+            write_observed(
+                c, w, gauss[table], area, coverage, ensemble, b, circle, span, stream, maps[b]
+            )
 
 
 @kernel
 def reset_worlds(
-    constants, worlds, gauss, tails, area, runs, coverage,
+    constants, worlds, gauss, tails, area, runs, coverage, ensemble,
     starts, drones, persons,
     occupied, circle, cells, span,
     maps, which,
@@ -388,16 +416,19 @@ def reset_worlds(
             table = min(b, len(gauss) - 1)
             reset_world(
                 c, worlds[b], starts[b], drones[b], persons[b], gauss[table], tails[table], area,
-                runs, coverage, b, circle, cells,
+                runs, coverage, ensemble, b, circle, cells,
             )  # fmt: skip
             if maps.shape[1] > 0:
                 write_observed(
-                    c, worlds[b], gauss[table], area, coverage, b, circle, span, stream, maps[b]
-                )
+                    c, worlds[b], gauss[table], area, coverage, ensemble, b, circle, span, stream,
+                    maps[b],
+                )  # fmt: skip
 
 
 @kernel
-def refresh_worlds(constants, worlds, gauss, tails, area, runs, coverage, circle, span, maps):
+def refresh_worlds(
+    constants, worlds, gauss, tails, area, runs, coverage, ensemble, circle, span, maps
+):
     """Write the tables and the maps that the state asks for.
 
     The arguments begin with the fields of `Sea`; the others are as in `step_worlds`.
@@ -409,7 +440,9 @@ def refresh_worlds(constants, worlds, gauss, tails, area, runs, coverage, circle
     if maps.shape[1] > 0:
         for b in range(len(worlds)):
             table = gauss[min(b, len(gauss) - 1)]
-            write_observed(c, worlds[b], table, area, coverage, b, circle, span, stream, maps[b])
+            write_observed(
+                c, worlds[b], table, area, coverage, ensemble, b, circle, span, stream, maps[b]
+            )
 
 
 @kernel
