@@ -16,12 +16,12 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels, search_outcomes
+from dsse_ros.belief.protocol import Expected, Futures
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
@@ -153,30 +153,6 @@ class Forecast:
         chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
         return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
-
-
-class Futures(NamedTuple):
-    """Where persons may be from now on.
-
-    Attributes:
-        cells: (H + 1, M) int64 columns of each of M futures, the present one first.
-        pods: (M,) float64, the POD of its person.
-    """
-
-    cells: NDArray[np.int64]
-    pods: NDArray[np.float64]
-
-
-class Expected(NamedTuple):
-    """What searches to come may find.
-
-    Attributes:
-        finds: The discounted number of finds, as a share of the persons who are missing.
-        left: (S S,) float64, where those are in the end who were not found.
-    """
-
-    finds: float
-    left: NDArray[np.float64]
 
 
 class Belief:

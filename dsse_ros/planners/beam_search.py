@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.belief.beliefs import AnyBelief, AnyForecast
 from dsse_ros.planners import beam
 from dsse_ros.planners.reach import Reach
 from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.targets.person_motion import MOTIONS
+from dsse_ros.targets.registry import has_own_drift
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,12 +66,13 @@ class BeamOptions:
     def completed(self, rules: Rules) -> BeamOptions:
         """Return the options with what depends on the rules filled in."""
         given = {name: value for name, value in vars(self).items() if value is not None}
-        own_drift = MOTIONS[rules.person_motion].own_drift
+        own_drift = has_own_drift(rules.person_motion)
         return replace(self, **{**BY_DRIFT[own_drift], **given})
 
 
 BY_DRIFT: Mapping[bool, Mapping[str, Any]] = {
-    # Persons stay about the datum: one looks further, and small differences count.
+    # Persons stay about the datum: one looks further, and small differences count. Of an ensemble,
+    # too, the exact filter has little to do.
     False: {"horizon": 15, "finalists": 8},
     # With drifts of their own the exact filter has K times as much to do, for no gain.
     True: {"horizon": 10, "finalists": 1},
@@ -101,7 +102,7 @@ class BeamSearch:
         drawn: Whether its seed has counted so far.
     """
 
-    def __init__(self, forecast: Forecast, options: BeamOptions, *, seed: int = 0) -> None:
+    def __init__(self, forecast: AnyForecast, options: BeamOptions, *, seed: int = 0) -> None:
         self._forecast = forecast
         self._options = full = options.completed(forecast.rules)
         assert full.finalists is not None
@@ -141,7 +142,7 @@ class BeamSearch:
 
     def __call__(
         self,
-        belief: Belief,
+        belief: AnyBelief,
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
@@ -197,7 +198,7 @@ class BeamSearch:
 
     def _best(
         self,
-        belief: Belief,
+        belief: AnyBelief,
         plans: Sequence[_Plan],
         drone: int,
         candidates: Sequence[_Plan],
@@ -219,7 +220,7 @@ class BeamSearch:
         return max(candidates, key=value)
 
     def _scenarios(
-        self, belief: Belief, horizon: int
+        self, belief: AnyBelief, horizon: int
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Return the last cells of futures, (M,), and `starts` and `members` of `beam.index`."""
         count = self._options.samples
@@ -248,7 +249,7 @@ class BeamSearch:
             plans.append(_Plan(path, length))
         return plans
 
-    def _order(self, belief: Belief, present: Sequence[Cell]) -> list[int]:
+    def _order(self, belief: AnyBelief, present: Sequence[Cell]) -> list[int]:
         """Return the drones, those nearest to the belief's mean first."""
         cells = belief.cells()
         total = max(float(cells.sum()), 1e-300)

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.beliefs import AnyBelief, AnyForecast
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
 from dsse_ros.planners.planner import Cell, Search
@@ -40,11 +40,11 @@ def make_optimal_effort(
         period: Steps between two plans.
     """
 
-    def plan_for(forecast: Forecast) -> BeliefRoutePlan:
+    def plan_for(forecast: AnyForecast) -> BeliefRoutePlan:
         area = forecast.scenario.area_mask
         actions = forecast.rules.action_set.within(area).with_moves()
 
-        def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
+        def plan(belief: AnyBelief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
             effort = steps * len(present)
             searches = allocate(belief.cells(), belief.mean_pod, effort)
             return nearest_routes(present, searches, actions)

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.beliefs import AnyForecast, belief_on
+from dsse_ros.belief.beliefs import forecast_for as new_forecast
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import SEARCH, RecordedMission
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -167,7 +168,7 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
     )
 
 
-def forecast_for(record: RecordedMission, made: Forecast | None) -> Forecast | None:
+def forecast_for(record: RecordedMission, made: AnyForecast | None) -> AnyForecast | None:
     """Return the forecast for `follow_belief`; None if no belief can follow the mission.
 
     Args:
@@ -182,11 +183,11 @@ def forecast_for(record: RecordedMission, made: Forecast | None) -> Forecast | N
         return None
     if made is not None and (made.rules, made.scenario) == (record.rules, record.scenario):
         return made
-    return Forecast(record.scenario, record.rules, drift_samples=DRIFT_SAMPLES)
+    return new_forecast(record.scenario, record.rules, drift_samples=DRIFT_SAMPLES)
 
 
 def follow_belief(
-    record: RecordedMission, forecast: Forecast, wanted: Collection[int] = ()
+    record: RecordedMission, forecast: AnyForecast, wanted: Collection[int] = ()
 ) -> tuple[NDArray[np.float64], Maps]:
     """Have a belief learn from the recorded searches, as `sim_node` has it.
 
@@ -198,7 +199,7 @@ def follow_belief(
     Returns:
         (K,) POS after each step, and the belief (G, G) after each wanted one.
     """
-    belief = Belief(forecast)
+    belief = belief_on(forecast)
     pos = np.zeros(len(record.steps))
     beliefs: Maps = {}
     for k in range(len(record.steps)):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.area import Area, area_mask
 from dsse_ros.scenario.current import mean_drift, resolve_vector
+from dsse_ros.scenario.ensemble_fields import EnsembleFields
 from dsse_ros.scenario.fault_fields import FaultFields
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
@@ -37,7 +38,7 @@ SYNONYMS = {"dispersion_start": "sigma"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario(FaultFields):
+class Scenario(EnsembleFields, FaultFields):
     """What is searched, by whom, for how long; None means "derive it" or "the profile's default".
 
     `resolve` gives the scenario with every such field filled in.
@@ -137,18 +138,6 @@ class Scenario(FaultFields):
     dispersion_inc: float | None = field(
         "float", "Growth of the spread per step.", None, low=0, unit="cells"
     )
-    diffusivity: float = field(
-        "float", "Ensembles: of the random walk of a person, whose variance along each axis grows "
-        "by twice this in a second.", 1.0, low=0, high=1e6, unit="m^2/s",
-    )  # fmt: skip
-    particles: int = field(
-        "int", "Ensembles: how many particles stand for where persons may be.", 10_000,
-        low=1, high=10**6,
-    )  # fmt: skip
-    ensemble_seed: int = field(
-        "int", "Ensembles: seed that the particles and the tracks of persons are drawn by.", 0,
-        low=0,
-    )  # fmt: skip
     probability_of_detection: float = field(
         "float", "Probability that a search of a person's cell finds them.", 1.0, low=0, high=1
     )

@@ -41,9 +41,7 @@ class WorldEnsemble:
         self.track = np.zeros(shape, np.int64)
 
     @classmethod
-    def of(
-        cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int
-    ) -> WorldEnsemble | None:
+    def of(cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> WorldEnsemble | None:
         """Return the ensemble of worlds, None if their persons do not follow one.
 
         Raises:

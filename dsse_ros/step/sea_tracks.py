@@ -133,7 +133,8 @@ def poc_of_cells(
     x, y = cells[:, 0].astype(np.int64), cells[:, 1].astype(np.int64)
     inside = (x >= 0) & (x < grid_size) & (y >= 0) & (y < grid_size)
     column = (y * grid_size + x)[inside]
-    poc = np.bincount(column, weights[inside], grid_size**2).reshape(grid_size, grid_size)
+    poc = np.bincount(column, weights[inside], grid_size**2).astype(np.float64)
+    poc = poc.reshape(grid_size, grid_size)
     if area is not None:
         poc[~area] = 0.0
     return poc

@@ -33,9 +33,7 @@ class Tracks(NamedTuple):
 class TracksOf(Protocol):
     """Draws the tracks of particles."""
 
-    def __call__(
-        self, scenario: Any, steps: int, rng: np.random.Generator, count: int
-    ) -> Tracks:
+    def __call__(self, scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
         """Return tracks of at least one particle; the same generator gives the same.
 
         Args:

@@ -17,6 +17,6 @@ TARGET_MODELS: dict[str, TargetModel] = {**MOTIONS, "constant_drift": CONSTANT_D
 
 
 def has_own_drift(name: str) -> bool:
-    """Return whether this is a motion whose persons have a drift of their own, by which they step."""
+    """Return whether this is a motion whose persons have a drift of their own."""
     model = TARGET_MODELS[name]
     return isinstance(model, PersonMotion) and model.own_drift
