@@ -16,12 +16,12 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels, search_outcomes
+from dsse_ros.belief.protocol import Expected, Futures, LooksToCome
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
@@ -134,6 +134,10 @@ class Forecast:
         same = (self.chances[:steps] == other.chances[:steps]).all(axis=1)
         self.tables[:steps][same] = other.tables[:steps][same]
 
+    def belief(self) -> Belief:
+        """Return a belief at the start of a mission."""
+        return Belief(self)
+
     def column(self, cell: Cell) -> int:
         """Return the column of a belief that stands for a cell (col, row)."""
         return (cell[1] + belief_kernels.MARGIN) * self.side + cell[0] + belief_kernels.MARGIN
@@ -154,44 +158,6 @@ class Forecast:
         chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
         return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
-
-
-class Futures(NamedTuple):
-    """Where persons may be from now on.
-
-    Attributes:
-        cells: (H + 1, M) int64 columns of each of M futures, the present one first.
-        persons: (M,) int64, number of a person whose POD is that of the one in the future.
-    """
-
-    cells: NDArray[np.int64]
-    persons: NDArray[np.int64]
-
-
-class LooksToCome(NamedTuple):
-    """Looks that may be done, in the order in which they are.
-
-    Attributes:
-        steps: (Q,) int64, how many steps from now, not falling.
-        columns: (Q,) int64, what they look at, see `Forecast.column`.
-        pods: (Q, P) float64, POD of each person.
-    """
-
-    steps: NDArray[np.int64]
-    columns: NDArray[np.int64]
-    pods: NDArray[np.float64]
-
-
-class Expected(NamedTuple):
-    """What looks to come may find.
-
-    Attributes:
-        finds: The discounted number of finds, as a share of the persons who are missing.
-        left: (S S,) float64, where those are in the end who were not found.
-    """
-
-    finds: float
-    left: NDArray[np.float64]
 
 
 class Belief:
@@ -299,21 +265,7 @@ class Belief:
         Where nothing is left of the belief, as the person cannot be anywhere by the rules, it
         starts again from the present map.
         """
-        if len(self.missing) > 1:
-            self._observe(looks, found=False)
-            return
-        taken = 0.0
-        for (x, y), pods in looks:
-            taken += belief_kernels.search(
-                self.forecast.constants, self.density, pods, int(x), int(y)
-            )
-        if taken == 0.0:
-            return
-        left = belief_kernels.normalise(self.density)
-        self.pos += (1.0 - self.pos) * min(taken, 1.0)
-        if left < belief_kernels.NOTHING_LEFT:
-            self.density[:] = self._chances()
-            belief_kernels.normalise(self.density)
+        self._learn(looks, failed=len(looks))
 
     def observe_find(self, look: Looked) -> None:
         """Learn that this look has found a person, and that others are left.
@@ -321,26 +273,20 @@ class Belief:
         Where it looks for one person only, others may be in the cell as before. Where it looks for
         all, those whom it detects are found.
         """
-        if len(self.missing) > 1:
-            self._observe([look], found=True)
-            return
-        density = self.density.copy()
-        self.update([look])
-        if self.forecast.rules.one_find_per_search:
-            self.density = density
+        self._learn([look], failed=0)
 
-    def _observe(self, looks: Sequence[Looked], *, found: bool) -> None:
-        """Learn from looks for several persons."""
+    def _learn(self, looks: Sequence[Looked], *, failed: int) -> None:
+        """Learn from looks of which the first ones have found nobody."""
         if not looks:
             return
-        cells = np.array([look.cell for look in looks], np.int64)
-        pods = np.array([look.pods[self.examples] for look in looks])
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
-        self.pos = search_outcomes.observe(
-            forecast.constants, self.density, pods, self.class_of, self.missing, self.unfound,
-            forecast.apart[slot], forecast.chances[slot], cells, found, self._numbers,
-            np.empty_like(self.missing),
+        self.pos = follow_kernels.learn_looks(
+            forecast.constants, self.density, self.class_of, self.missing, self.unfound,
+            forecast.apart[slot], forecast.chances[slot], self.pos, self._numbers,
+            np.empty_like(self.missing), np.array([look.cell for look in looks], np.int64),
+            np.arange(len(looks)), np.array([look.pods[self.examples] for look in looks]),
+            failed, len(looks),
         )  # fmt: skip
 
     def futures(self, count: int, horizon: int, rng: np.random.Generator) -> Futures:
@@ -389,11 +335,6 @@ class Belief:
         first = self.step + self.forecast.first_step
         self.forecast.look(first)
         return np.arange(first, first + horizon) % len(self.forecast.directions)
-
-    def _chances(self) -> NDArray[np.float64]:
-        """Return the present map, (S S,)."""
-        step = self.step + self.forecast.first_step
-        return self.forecast.chances[self.forecast.look(step)]
 
     @property
     def outside(self) -> float:

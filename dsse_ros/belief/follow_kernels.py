@@ -21,6 +21,7 @@ from dsse_ros.belief.belief_kernels import (
     predict,
     search,
 )
+from dsse_ros.belief.look_kernels import list_looks
 from dsse_ros.belief.search_outcomes import (
     close_classes,
     learn_outcome,
@@ -33,38 +34,45 @@ from dsse_ros.compiled.jit import kernel, part
 
 @part
 def learn(
-    c, constants, drones, kinds, looks, offsets, actions, live, pods, class_of, missing, unfound,
-    apart, chances, belief, pos, numbers, hazard,
+    c, constants, belief, class_of, missing, unfound, apart, chances, pos, numbers, hazard,
+    seen, rows, pods, failed, count,
 ):  # fmt: skip
     """Let a belief learn from the looks of a step; returns the POS with them.
 
-    Those that failed come first, then the finds: see `belief.Belief.observe_find`.
+    Args:
+        c: The constants.
+        constants: (1,) of `constants.CONSTANTS`.
+        belief: (C K, S S) float64, in and out.
+        class_of: (n,) int64, see `search_outcomes`.
+        missing: (n,) float64, in and out.
+        unfound: (n,) float64, in and out.
+        apart: (K,) of `forecast_step`.
+        chances: (S S,) of `forecast_step`.
+        pos: The POS before.
+        numbers: (`OF_CLASS`, C) float64 scratch.
+        hazard: (n,) float64 scratch.
+        seen: (Q, 2) int64, columns and rows of what was looked at.
+        rows: (Q,) int64, the row of `pods` of each look.
+        pods: (L, C) float64.
+        failed: How many looks found nobody; they come first.
+        count: How many looks there are.
     """
-    several, learnt = len(missing) > 1, 0
+    several = len(missing) > 1
+    if several and count > 0:
+        open_classes(class_of, numbers)
     for turn in range(2):
         taken = 0.0
-        for n in range(len(drones)):
-            d = drones[n]
-            if not live[n] or not 0 <= actions[n] < c.num_actions:
-                continue
-            first, last = looks[kinds[n], actions[n]], looks[kinds[n], actions[n] + 1]
-            for k in range(first, last):
-                found = (d.finds >> np.uint64(k - first)) & np.uint64(1) == np.uint64(1)
-                if found != (turn == 1):
-                    continue
-                x, y = d.x + offsets[k, 0], d.y + offsets[k, 1]
-                if several:
-                    if learnt == 0:
-                        open_classes(class_of, numbers)
-                    learnt += 1
-                    learn_outcome(
-                        c, belief, pods[k], class_of, missing, unfound, apart, numbers, hazard, x,
-                        y, found,
-                    )  # fmt: skip
-                elif found and c.one_find_per_search:
-                    pos += (1.0 - pos) * detectable(c, belief, pods[k], x, y)
-                else:
-                    taken += search(constants, belief, pods[k], x, y)
+        for q in range(failed if turn == 1 else 0, count if turn == 1 else failed):
+            x, y, of_look = seen[q, 0], seen[q, 1], pods[rows[q]]
+            if several:
+                learn_outcome(
+                    c, belief, of_look, class_of, missing, unfound, apart, numbers, hazard, x, y,
+                    turn == 1,
+                )  # fmt: skip
+            elif turn == 1 and c.one_find_per_search:
+                pos += (1.0 - pos) * detectable(c, belief, of_look, x, y)
+            else:
+                taken += search(constants, belief, of_look, x, y)
         if taken > 0.0:
             pos += (1.0 - pos) * min(taken, 1.0)
             if normalise(belief) < NOTHING_LEFT:
@@ -72,10 +80,22 @@ def learn(
                     for i in range(belief.shape[1]):
                         belief[k, i] = chances[i]
                 normalise(belief)
-    if learnt > 0:
+    if several and count > 0:
         close_classes(belief, class_of, missing, numbers, chances)
         pos = mean_found(unfound)
     return pos
+
+
+@kernel
+def learn_looks(
+    constants, belief, class_of, missing, unfound, apart, chances, pos, numbers, hazard, seen, rows,
+    pods, failed, count,
+):  # fmt: skip
+    """Let one belief learn, see `learn`; returns the POS."""
+    return learn(
+        constants[0], constants, belief, class_of, missing, unfound, apart, chances, pos, numbers,
+        hazard, seen, rows, pods, failed, count,
+    )  # fmt: skip
 
 
 class Followed(NamedTuple):
@@ -153,11 +173,15 @@ class Scratch(NamedTuple):
         scratch: Of `predict`.
         numbers: (`OF_CLASS`, C) float64.
         hazard: (n,) float64.
+        seen: (Q, 2) int64, of `list_looks`, room for all looks of a step.
+        rows: (Q,) int64, likewise.
     """
 
     scratch: NDArray[np.float64]
     numbers: NDArray[np.float64]
     hazard: NDArray[np.float64]
+    seen: NDArray[np.int64]
+    rows: NDArray[np.int64]
 
 
 # Called as `kernels.step_worlds`: with the fields of the tuples.
@@ -166,7 +190,7 @@ def follow_worlds(
     constants, area, worlds, drones, kinds, looks, offsets, actions, live, done,
     start, pods, class_of, chances, tables, directions, apart, first_step,
     beliefs, missing, unfound, pos,
-    scratch, numbers, hazard,
+    scratch, numbers, hazard, seen, rows,
     first, last,
 ):  # fmt: skip
     """Let the beliefs of the worlds first..last - 1 follow a step that is done.
@@ -186,10 +210,12 @@ def follow_worlds(
         step = worlds[b].t - 1
         slot = (first_step + step) % len(directions)
         if c.time_out_acts or step < c.timestep_limit + c.time_out_grace:
+            failed, count = list_looks(
+                c, drones[b], kinds, looks, offsets, actions[b], live[b], seen, rows
+            )
             pos[b] = learn(
-                c, constants, drones[b], kinds, looks, offsets, actions[b], live[b], pods,
-                class_of, missing[b], unfound[b], apart[slot], chances[slot], beliefs[b], pos[b],
-                numbers, hazard,
+                c, constants, beliefs[b], class_of, missing[b], unfound[b], apart[slot],
+                chances[slot], pos[b], numbers, hazard, seen, rows, pods, failed, count,
             )  # fmt: skip
         predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
 

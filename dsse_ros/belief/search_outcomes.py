@@ -193,6 +193,37 @@ def open_classes(class_of, numbers):
 
 
 @part
+def conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
+    """Draw what follows from the outcome of a search; returns whether anything does.
+
+    Args:
+        c: The constants.
+        pods: See `search_outcomes`, as all that follow.
+        class_of: (n,) int64.
+        missing: (n,) float64, in and out.
+        unfound: (n,) float64, in and out.
+        numbers: (`OF_CLASS`, C) float64: `TOTAL`, `APART` and `MIXED` in, `TOTAL`, `LEFT_APART` and
+            `LEFT_MIXED` out, by which the classes are to be multiplied in the cell.
+        hazard: (n,) float64 scratch.
+        found: Whether the search has found somebody.
+    """
+    total = hazards(c.one_find_per_search, pods, class_of, missing, numbers, hazard)
+    for p in range(len(unfound)):
+        unfound[p] *= 1.0 - hazard[p]
+    if found and total <= 0.0:
+        return False
+    what_is_left(c.one_find_per_search, pods, class_of, missing, hazard, found, total, numbers)
+    if not (found and c.found_persons_stay):
+        update_missing(c.one_find_per_search, missing, hazard, found, total)
+    for m in range(len(pods)):
+        alone, mixed = numbers[LEFT_APART, m], numbers[LEFT_MIXED, m]
+        numbers[TOTAL, m] *= (
+            1.0 + numbers[APART, m] * (alone - 1.0) + numbers[MIXED, m] * (mixed - 1.0)
+        )
+    return True
+
+
+@part
 def learn_outcome(
     c, belief, pods, class_of, missing, unfound, apart, numbers, hazard, x, y, found
 ):  # fmt: skip
@@ -226,21 +257,12 @@ def learn_outcome(
                 mixed += belief[m * drifts + k, i]
         scale = 1.0 / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
         numbers[APART, m], numbers[MIXED, m] = alone * scale, mixed * scale
-    total = hazards(c.one_find_per_search, pods, class_of, missing, numbers, hazard)
-    for p in range(len(unfound)):
-        unfound[p] *= 1.0 - hazard[p]
-    if found and total <= 0.0:
+    if not conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
         return
-    what_is_left(c.one_find_per_search, pods, class_of, missing, hazard, found, total, numbers)
-    if not (found and c.found_persons_stay):
-        update_missing(c.one_find_per_search, missing, hazard, found, total)
     for m in range(len(pods)):
         alone, mixed = numbers[LEFT_APART, m], numbers[LEFT_MIXED, m]
         for k in range(drifts):
             belief[m * drifts + k, i] *= alone if apart[k] else mixed
-        numbers[TOTAL, m] *= (
-            1.0 + numbers[APART, m] * (alone - 1.0) + numbers[MIXED, m] * (mixed - 1.0)
-        )
 
 
 @part
@@ -276,35 +298,3 @@ def mean_found(unfound):
     for p in range(len(unfound)):
         total += 1.0 - unfound[p]
     return total / len(unfound)
-
-
-@kernel
-def observe(
-    constants, belief, pods, class_of, missing, unfound, apart, chances, cells, found, numbers,
-    hazard,
-):  # fmt: skip
-    """Let the belief of several persons learn from looks; returns the POS with them.
-
-    Args:
-        constants: (1,) of `constants.CONSTANTS`.
-        belief: (C K, S S) float64.
-        pods: (M, C) float64, POD of each look.
-        class_of: See `search_outcomes`, as those without a word.
-        missing: (n,) float64.
-        unfound: (n,) float64.
-        apart: (K,) of `forecast_step`.
-        chances: (S S,) of `forecast_step`.
-        cells: (M, 2) int64, column and row of what was looked at.
-        found: Whether these looks have found somebody.
-        numbers: (`OF_CLASS`, C) float64 scratch.
-        hazard: (n,) float64 scratch.
-    """
-    c = constants[0]
-    open_classes(class_of, numbers)
-    for n in range(len(cells)):
-        learn_outcome(
-            c, belief, pods[n], class_of, missing, unfound, apart, numbers, hazard, cells[n, 0],
-            cells[n, 1], found,
-        )  # fmt: skip
-    close_classes(belief, class_of, missing, numbers, chances)
-    return mean_found(unfound)

@@ -13,7 +13,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dsse_ros.belief.belief import Forecast
+from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
 from dsse_ros.cli.start import not_found
 from dsse_ros.progress import progress
@@ -117,7 +117,7 @@ def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterat
 
 
 def pictures(
-    record: RecordedMission, wanted: Sequence[int], forecast: Forecast | None, bag: Any
+    record: RecordedMission, wanted: Sequence[int], forecast: TargetForecast | None, bag: Any
 ) -> dict[int, MissionView]:
     """Return the maps of recorded steps: the belief, or what the drones observed.
 
@@ -170,7 +170,7 @@ def main(argv: list[str] | None = None) -> int:
         except ValueError as error:
             raise FieldError(f"steps: {error}") from None
         with announced(lambda line: print(line, file=sys.stderr, flush=True)):
-            forecast: Forecast | None = None
+            forecast: TargetForecast | None = None
             missions = [with_coverage(one) for one in missions]
             for i, one in enumerate(progress(missions, "POS")):
                 if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:

@@ -18,9 +18,11 @@ from numba import njit
 
 MODULES = (
     "belief/belief_kernels", "belief/drift_estimate", "belief/follow_kernels",
-    "belief/future_kernels", "belief/search_outcomes",
+    "belief/future_kernels", "belief/look_kernels", "belief/particle_kernels",
+    "belief/search_outcomes",
     "compiled/draws", "compiled/jit", "compiled/streaming",
-    "step/collisions", "step/coverage_kernels", "step/fault_kernels", "step/kernels",
+    "step/collisions", "step/coverage_kernels", "step/ensemble_kernels", "step/fault_kernels",
+    "step/kernels",
     "targets/person_motion", "targets/sea_map",
 )  # fmt: skip
 """The modules that have compiled functions, or what those depend on."""

@@ -297,6 +297,7 @@ class MissionPublishers:
     def _marker_array(self, result: StepResult, stamp: Time, reveal_person: bool) -> MarkerArray:
         env = self._mission.env
         world, persons = env.world.worlds[0], env.world.persons[0]
+        circle = env.rules.circle and env.world.ensemble is None
         return marker_array(
             self._frame,
             stamp,
@@ -305,7 +306,7 @@ class MissionPublishers:
             tracks=self._mission.tracks,
             live=(~(result.terminated | result.truncated)).tolist(),
             datum=None if env.rules.covers else (int(world["datum_x"]), int(world["datum_y"])),
-            radius_cells=sea_map.radius(world) if env.rules.circle else None,
+            radius_cells=sea_map.radius(world) if circle else None,
             person_cells=(
                 np.stack([persons["x"], persons["y"]], axis=1) if reveal_person else None
             ),

@@ -18,15 +18,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast, LooksToCome
 from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
 from dsse_ros.planners import beam
 from dsse_ros.planners.planner import number_of
 from dsse_ros.planners.reach import Reach
 from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.step.looks import Looks, looks_of
-from dsse_ros.targets.person_motion import MOTIONS
+from dsse_ros.targets.registry import has_own_drift
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,12 +68,13 @@ class BeamOptions:
     def completed(self, rules: Rules) -> BeamOptions:
         """Return the options with what depends on the rules filled in."""
         given = {name: value for name, value in vars(self).items() if value is not None}
-        own_drift = MOTIONS[rules.person_motion].own_drift
+        own_drift = has_own_drift(rules.person_motion)
         return replace(self, **{**BY_DRIFT[own_drift], **given})
 
 
 BY_DRIFT: Mapping[bool, Mapping[str, Any]] = {
-    # Persons stay about the datum: one looks further, and small differences count.
+    # Persons stay about the datum: one looks further, and small differences count. Of an ensemble,
+    # too, the exact filter has little to do.
     False: {"horizon": 15, "finalists": 8},
     # With drifts of their own the exact filter has K times as much to do, for no gain.
     True: {"horizon": 10, "finalists": 1},
@@ -141,7 +142,7 @@ class BeamSearch:
         drawn: Whether its seed has counted so far.
     """
 
-    def __init__(self, forecast: Forecast, options: BeamOptions, *, seed: int = 0) -> None:
+    def __init__(self, forecast: TargetForecast, options: BeamOptions, *, seed: int = 0) -> None:
         self._forecast = forecast
         self._options = full = options.completed(forecast.rules)
         assert full.finalists is not None
@@ -183,7 +184,7 @@ class BeamSearch:
 
     def __call__(
         self,
-        belief: Belief,
+        belief: TargetBelief,
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
@@ -246,7 +247,7 @@ class BeamSearch:
 
     def _best(
         self,
-        belief: Belief,
+        belief: TargetBelief,
         plans: Sequence[_Plan],
         kinds: NDArray[np.int64],
         drone: int,
@@ -276,7 +277,9 @@ class BeamSearch:
 
         return max(candidates, key=value)
 
-    def _scenarios(self, belief: Belief, horizon: int) -> tuple[NDArray[np.int64], _Scenarios]:
+    def _scenarios(
+        self, belief: TargetBelief, horizon: int
+    ) -> tuple[NDArray[np.int64], _Scenarios]:
         """Return the last cells of futures, (M,), and the futures sorted by cell."""
         count = self._options.samples
         self.drawn = True
@@ -304,7 +307,7 @@ class BeamSearch:
             plans.append(_Plan(path, length))
         return plans
 
-    def _order(self, belief: Belief, present: Sequence[Cell]) -> list[int]:
+    def _order(self, belief: TargetBelief, present: Sequence[Cell]) -> list[int]:
         """Return the drones, those nearest to the belief's mean first."""
         cells = belief.poc()
         total = max(float(cells.sum()), 1e-300)

@@ -19,8 +19,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.belief import Forecast
+from dsse_ros.belief.beliefs import forecast_for, is_ensemble
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
+from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.heeding import heed_masks, is_aloft
 from dsse_ros.planners.planner import (
@@ -43,7 +45,7 @@ class Tactic(Protocol):
 
     def __call__(
         self,
-        belief: Belief,
+        belief: TargetBelief,
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
@@ -89,7 +91,7 @@ class TacticFactory(Protocol):
         """Return how many steps it looks ahead."""
         ...
 
-    def start(self, forecast: Forecast, seed: int) -> Tactic:
+    def start(self, forecast: TargetForecast, seed: int) -> Tactic:
         """Return the tactic for a mission."""
         ...
 
@@ -110,7 +112,7 @@ class GreedyOnBelief:
         """Return 0: it looks at the present."""
         return 0
 
-    def start(self, forecast: Forecast, seed: int) -> GreedyOnBelief:
+    def start(self, forecast: TargetForecast, seed: int) -> GreedyOnBelief:
         """Return the tactic for a mission; it draws nothing."""
         area = forecast.scenario.area_mask
         self._actions = forecast.rules.action_set.within(area).with_moves()
@@ -126,7 +128,7 @@ class GreedyOnBelief:
 
     def __call__(
         self,
-        belief: Belief,
+        belief: TargetBelief,
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
@@ -176,22 +178,23 @@ class Forecasts:
     def __init__(self, rules: Rules, tactic: TacticFactory) -> None:
         self._rules = rules
         self._tactic = tactic
-        self._kept: list[Forecast] = []
+        self._kept: list[TargetForecast] = []
 
-    def __call__(self, scenario: ResolvedScenario) -> Forecast:
+    def __call__(self, scenario: ResolvedScenario) -> TargetForecast:
         """Return the forecast of a scenario."""
         for forecast in self._kept:
             if forecast.scenario == scenario:
                 return forecast
-        made = Forecast(
+        made = forecast_for(
             scenario,
             self._rules,
             horizon=self._tactic.horizon(self._rules),
             drift_samples=self._tactic.drift_samples,
         )
-        if self._kept:
+        before = self._kept[-1] if self._kept else None
+        if isinstance(made, Forecast) and isinstance(before, Forecast):
             # With a learned drift the map was what is now expected, until the last step.
-            made.take_over(self._kept[-1])
+            made.take_over(before)
         self._kept = [*self._kept[:1], made]
         return made
 
@@ -208,7 +211,7 @@ class BeliefPlanner:
         seed: Of what the tactic draws.
         learn_drift: Whether it learns the drift when the observed map is not the expected one. It
             does not where the belief is observed instead of the map (`Search.observed`), nor once
-            no drift explains the maps.
+            no drift explains the maps, nor where persons follow an ensemble.
 
     Attributes:
         belief: The belief at the last observation, None before the first; the drift it is made with
@@ -229,14 +232,16 @@ class BeliefPlanner:
         self.forecasts = Forecasts(search.rules, tactic)
         self._actions = search.rules.action_set.with_moves()
         self._may_be_held_up = may_be_held_up(search.scenario)
-        self._learn_drift = learn_drift and search.observed == "map"
+        self._learn_drift = (
+            learn_drift and search.observed == "map" and not is_ensemble(search.rules)
+        )
         self._drift: DriftEstimate | None = None
         self._done: list[list[tuple[Looked, bool]]] = []
-        self._forecast: Forecast | None = None
+        self._forecast: TargetForecast | None = None
         self._tactic: Tactic | None = None
         self._commanded: dict[str, tuple[Cell, Cell]] = {}
         self._first: tuple[list[Cell], NDArray[np.float32]] | None = None
-        self.belief: Belief | None = None
+        self.belief: TargetBelief | None = None
         self.drawn = False
 
     def __call__(
@@ -362,7 +367,7 @@ class BeliefPlanner:
         """Start belief and tactic anew for a scenario."""
         self._forecast = forecast = self.forecasts(scenario)
         if self.belief is None or self.belief.forecast is not forecast:
-            self.belief = Belief(forecast)
+            self.belief = forecast.belief()
         else:
             self.belief.reset()
         self._tactic = self._factory.start(self._forecast, self._seed)
@@ -411,7 +416,7 @@ class BeamOnBelief:
         assert horizon is not None
         return horizon
 
-    def start(self, forecast: Forecast, seed: int) -> BeamSearch:
+    def start(self, forecast: TargetForecast, seed: int) -> BeamSearch:
         """Return the tactic for a mission."""
         return BeamSearch(forecast, self._options, seed=seed)
 

@@ -11,13 +11,13 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.search.observation import Observation
 
-BeliefRoutePlan: TypeAlias = Callable[[Belief, Sequence[Cell], int], Sequence[Sequence[Cell]]]
+BeliefRoutePlan: TypeAlias = Callable[[TargetBelief, Sequence[Cell], int], Sequence[Sequence[Cell]]]
 """From a belief, the drones' cells and the steps until the next plan to one route per drone: the
 cells to search in their order, one that is to be searched twice two times; none empty."""
 
@@ -35,7 +35,9 @@ class RoutesOnBelief:
         drawn: Whether its seed has counted so far.
     """
 
-    def __init__(self, plan: BeliefRoutePlan, forecast: Forecast, period: int, seed: int) -> None:
+    def __init__(
+        self, plan: BeliefRoutePlan, forecast: TargetForecast, period: int, seed: int
+    ) -> None:
         self._plan = plan
         self._area = forecast.scenario.area_mask
         self._actions = forecast.rules.action_set.within(self._area).with_moves()
@@ -63,7 +65,7 @@ class RoutesOnBelief:
 
     def __call__(
         self,
-        belief: Belief,
+        belief: TargetBelief,
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
@@ -103,7 +105,7 @@ class RoutePlanning:
 
     drift_samples = 16
 
-    def __init__(self, plan_for: Callable[[Forecast], BeliefRoutePlan], period: int) -> None:
+    def __init__(self, plan_for: Callable[[TargetForecast], BeliefRoutePlan], period: int) -> None:
         self._plan_for = plan_for
         self._period = period
 
@@ -111,6 +113,6 @@ class RoutePlanning:
         """Return 0: plans are made on the belief of the present."""
         return 0
 
-    def start(self, forecast: Forecast, seed: int) -> RoutesOnBelief:
+    def start(self, forecast: TargetForecast, seed: int) -> RoutesOnBelief:
         """Return the tactic for a mission."""
         return RoutesOnBelief(self._plan_for(forecast), forecast, self._period, seed)

@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.avoidance import resolve_conflicts
 from dsse_ros.planners.belief import BeliefPlanner
@@ -198,7 +198,7 @@ class OnnxOnBelief:
 
     def __call__(
         self,
-        belief: Belief,
+        belief: TargetBelief,
         agents: Sequence[Hashable],
         present: Sequence[Cell],
         deadline_s: float = math.inf,
@@ -228,7 +228,7 @@ class OnnxTactics:
         """Return 0: it looks at the present."""
         return 0
 
-    def start(self, forecast: Forecast, seed: int) -> OnnxOnBelief:
+    def start(self, forecast: TargetForecast, seed: int) -> OnnxOnBelief:
         """Return the tactic for a mission; it draws nothing."""
         actions = forecast.rules.action_set.within(forecast.scenario.area_mask)
         return OnnxOnBelief(self._new_policy(), actions, forecast.scenario.grid_size)

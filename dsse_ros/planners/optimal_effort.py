@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
 from dsse_ros.planners.planner import Cell, Search
@@ -41,11 +41,11 @@ def make_optimal_effort(
         period: Steps between two plans.
     """
 
-    def plan_for(forecast: Forecast) -> BeliefRoutePlan:
+    def plan_for(forecast: TargetForecast) -> BeliefRoutePlan:
         area = forecast.scenario.area_mask
         actions = forecast.rules.action_set.within(area).with_moves()
 
-        def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
+        def plan(belief: TargetBelief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
             effort = steps * len(present)
             searches = allocate(belief.poc(), looks_of_search(belief), effort)
             return nearest_routes(present, searches, actions)
@@ -63,7 +63,7 @@ SURE_LOOK: LookAround = [(0, 0, 1.0)]
 """A look at the searched cell that detects for certain."""
 
 
-def looks_of_search(belief: Belief) -> LookAround:
+def looks_of_search(belief: TargetBelief) -> LookAround:
     """Return what a search by the first drone looks at, with the mean POD of the missing."""
     forecast = belief.forecast
     looks = searches_of(forecast.scenario, forecast.rules, [(0, 0)])

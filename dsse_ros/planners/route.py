@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
@@ -56,12 +56,12 @@ def make_route(
         cells_per_drone: How many of the most likely cells the routes are chosen from.
     """
 
-    def plan_for(forecast: Forecast) -> BeliefRoutePlan:
+    def plan_for(forecast: TargetForecast) -> BeliefRoutePlan:
         area = forecast.scenario.area_mask
         actions = forecast.rules.action_set.within(area).with_moves()
         limit = forecast.scenario.timestep_limit
 
-        def plan(belief: Belief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
+        def plan(belief: TargetBelief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
             likely = belief.poc()
             chosen = list(allocate(likely, SURE_LOOK, cells_per_drone * len(present)))
             chosen = chosen or [present[0]]

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.beliefs import forecast_for as new_forecast
+from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import SEARCH, RecordedMission
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -168,7 +169,7 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
     )
 
 
-def forecast_for(record: RecordedMission, made: Forecast | None) -> Forecast | None:
+def forecast_for(record: RecordedMission, made: TargetForecast | None) -> TargetForecast | None:
     """Return the forecast for `follow_belief`; None if no belief can follow the mission.
 
     Args:
@@ -183,11 +184,11 @@ def forecast_for(record: RecordedMission, made: Forecast | None) -> Forecast | N
         return None
     if made is not None and (made.rules, made.scenario) == (record.rules, record.scenario):
         return made
-    return Forecast(record.scenario, record.rules, drift_samples=DRIFT_SAMPLES)
+    return new_forecast(record.scenario, record.rules, drift_samples=DRIFT_SAMPLES)
 
 
 def follow_belief(
-    record: RecordedMission, forecast: Forecast, wanted: Collection[int] = ()
+    record: RecordedMission, forecast: TargetForecast, wanted: Collection[int] = ()
 ) -> tuple[NDArray[np.float64], Maps]:
     """Have a belief learn from the recorded looks, as `sim_node` has it.
 
@@ -202,7 +203,7 @@ def follow_belief(
     Returns:
         (K,) POS after each step, and the belief (G, G) after each wanted one.
     """
-    belief, actions = Belief(forecast), forecast.rules.action_set
+    belief, actions = forecast.belief(), forecast.rules.action_set
     looks = looks_of(forecast.scenario, forecast.rules)
     numbers = {name: action for action, name in enumerate(actions.names)}
     pos = np.zeros(len(record.steps))

@@ -16,7 +16,7 @@ from typing import Any
 
 from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, ActionSet
 from dsse_ros.scenario.fields import FieldError, check_all, check_known, field, shown, specs
-from dsse_ros.targets.person_motion import MOTIONS
+from dsse_ros.targets.registry import TARGET_MODELS
 
 _PLUS = (*STRAIGHT, "search")
 _STAR = (*STRAIGHT, *DIAGONAL, "search")
@@ -152,10 +152,10 @@ class PersonRules:
     person_motion: str = field(
         "str",
         "A person "
-        + ", or ".join(f"{motion.doc} ({name})" for name, motion in MOTIONS.items())
+        + ", or ".join(f"{model.doc} ({name})" for name, model in TARGET_MODELS.items())
         + ".",
         "window",
-        choices=tuple(MOTIONS),
+        choices=tuple(TARGET_MODELS),
     )
     person_first: bool = field("bool", "Whether persons step before the map does.", False)
     person_walks_blind: bool = field(

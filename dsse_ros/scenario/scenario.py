@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.area import Area, area_mask
 from dsse_ros.scenario.current import mean_drift, resolve_vector
+from dsse_ros.scenario.ensemble_fields import EnsembleFields
 from dsse_ros.scenario.fault_fields import FaultFields
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
@@ -24,6 +25,7 @@ from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.sensors.registry import SENSORS
+from dsse_ros.targets.person_motion import MOTIONS
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
 """A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real
@@ -36,7 +38,7 @@ SYNONYMS = {"dispersion_start": "sigma"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario(FaultFields):
+class Scenario(EnsembleFields, FaultFields):
     """What is searched, by whom, for how long; None means "derive it" or "the profile's default".
 
     `resolve` gives the scenario with every such field filled in.
@@ -249,7 +251,7 @@ class Scenario(FaultFields):
         )
         multipliers = self.person_pod_multipliers
         check_multipliers(multipliers, self.person_amount)
-        if rules.person_scatter:
+        if rules.person_scatter and rules.person_motion in MOTIONS:
             check_scatter(self.person_amount, person, grid, rules.person_scatter, mask)
         derived = {
             "grid_size": grid,

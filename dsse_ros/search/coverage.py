@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -38,7 +38,7 @@ def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
     if scenario.probability_matrix is not None:
         poc = scenario.probability_matrix.values.astype(np.float64)
     else:
-        poc = Belief(Forecast(scenario, rules)).poc()
+        poc = forecast_for(scenario, rules).belief().poc()
         poc[poc < 1 / PARTICLES] = 0.0
     if scenario.area_mask is not None:
         poc[~scenario.area_mask] = 0.0

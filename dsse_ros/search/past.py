@@ -82,7 +82,7 @@ def view_of(
     covered = {name: float(of[0]) for name, of in world.coverage_metrics().items()}
     s, now, persons = world.scenario, world.worlds[0], world.persons[0]
     circle = None
-    if world.rules.circle and not covered:
+    if world.rules.circle and not covered and world.ensemble is None:
         circle = (float(now["circle_x"]), float(now["circle_y"]), float(sea_map.radius(now)))
     return MissionView(
         probability=probability,

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, Scenario
 from dsse_ros.search.coverage import Coverage
+from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.faults import Faults
 from dsse_ros.search.seeds import words_of_seeds
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
@@ -63,6 +64,7 @@ class World:
         faults: Their faults, None for none.
         area, runs: Which cells are searched, see `kernels`.
         coverage: Of the coverage task, which has no persons; None where these are looked for.
+        ensemble: That of the persons; None where they move step by step.
         maps: (B, G, G) float32, the probability of cell [row, col].
         rewards: (B, N) float64 of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool since the last reset, views on `drones`; when drones
@@ -106,6 +108,7 @@ class World:
         self.area, self.runs = area_of(resolved)
         self.looks = looks_of(resolved, rules)
         self._looked_for = resolved.person_pod_multipliers
+        self.ensemble = WorldEnsemble.of(resolved, rules, num_worlds)
         self.faults = Faults.of(resolved, rules, num_worlds)
         self._reuse_maps = reuse_maps
         self._threads = threads
@@ -126,6 +129,7 @@ class World:
         self._sea = kernels.Sea(
             self.constants, self.worlds, self.gauss, self.tails, self.area, self.runs,
             None if self.coverage is None else self.coverage.arrays,
+            None if self.ensemble is None else self.ensemble.arrays,
         )  # fmt: skip
         self._crew = kernels.Crew(
             self.starts, self.drones, self.persons,
@@ -200,6 +204,7 @@ class World:
             given = person_pod_multipliers
             self.persons["pod_multiplier"] = s.person_pod_multipliers if given is None else given
             self._look_for_persons()
+        self._follow_placed()
 
     def _look_for_persons(self) -> None:
         """Have the PODs of the looks fit the persons, who are the same in all worlds."""
@@ -208,6 +213,11 @@ class World:
             scenario = dataclasses.replace(self.scenario, person_pod_multipliers=multipliers)
             self.looks.pods[...] = looks_of(scenario, self.rules).pods
             self._looked_for = multipliers
+
+    def _follow_placed(self) -> None:
+        """Have the tracks of what was placed, where persons follow an ensemble."""
+        if self.ensemble is not None and self.ensemble.place(self.placed()):
+            self.close()
 
     def placed(self) -> dict[str, Any]:
         """Return the fields of the scenario in whose place `place` has put others, with those."""
@@ -338,6 +348,8 @@ class World:
         x, y = (np.require(array, np.int64, ["C", "W"]) for array in (x, y))
         if self.coverage is not None:
             return self.coverage.cells(x, y)
+        if self.ensemble is not None:
+            return self.ensemble.cells(self.worlds, x, y)
         out = np.empty(x.shape, np.float32)
         sea_map.read_cells(self.constants, self.worlds, self.gauss, self.area, x, y, out)
         return out
@@ -379,6 +391,7 @@ class World:
             self._look_for_persons()
         if self.faults is not None:
             self.faults.restore(self)
+        self._follow_placed()
         self.maps = np.empty(self._map_shape, np.float32)
         self._refresh(self.maps)
 
@@ -404,6 +417,10 @@ class World:
         multipliers = arrays["persons"]["pod_multiplier"]
         if not ((multipliers >= 0.0) & (multipliers < np.inf)).all():
             raise SnapshotError("the snapshot is damaged: a pod_multiplier is no factor")
+        if self.ensemble is not None:
+            high = self.ensemble.tracks.truth.shape[1] - 1
+            if not ((arrays["track"] >= 0) & (arrays["track"] <= high)).all():
+                raise SnapshotError(f"the snapshot is damaged: track is not from 0 to {high}")
 
     def state_bytes(self) -> bytes:
         """Return the whole state as bytes, for comparison."""
@@ -439,6 +456,7 @@ class World:
             "drones": self.drones,
             "persons": self.persons,
             **({} if covered is None else {"left": covered.left, "coverage": covered.records}),
+            **({} if self.ensemble is None else {"track": self.ensemble.track}),
             **({} if self.faults is None else {"conditions": self.faults.conditions}),
         }
 

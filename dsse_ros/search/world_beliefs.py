@@ -4,23 +4,19 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief import belief_kernels, follow_kernels
-from dsse_ros.belief.belief import Belief, Forecast
-from dsse_ros.belief.follow_kernels import Beliefs, Followed, Scratch, Tables
-from dsse_ros.belief.search_outcomes import OF_CLASS
+from dsse_ros.belief.follow_kernels import Beliefs, Followed
+from dsse_ros.belief.followers import DRIFT_SAMPLES, Follower, follower_of
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.world import World
 
-DRIFT_SAMPLES = 64
-"""Angles of a person's own drift: with these, the POS is within .006 of what it is with 1024."""
+__all__ = ["DRIFT_SAMPLES", "WorldBeliefs"]
 
 _OF_PERSONS = ("pos", "missing", "unfound")
 _KEPT = ("density", *_OF_PERSONS)
@@ -39,7 +35,8 @@ class WorldBeliefs:
         pos: (B,) float64, cumulative probability of success of the searches of each mission.
         missing: (B, n) float64, see `belief.Belief`.
         unfound: (B, n) float64, see `belief.Belief`.
-        density: (B, C K, S S) float64, see `belief_kernels`.
+        density: (B, C K, S S) float64, see `belief_kernels`; where persons follow an ensemble
+            (B, C, M), see `particle_kernels`.
 
     Raises:
         FieldError: If the task is coverage, or if the worlds of a batch cannot share a forecast, as
@@ -53,8 +50,7 @@ class WorldBeliefs:
                 "persons; map"
             )
         self._world = world
-        # One for each thread that asks: while one reads its tables another would write them.
-        self._forecasts: deque[Forecast] = deque()
+        self._follower: Follower
         self._scenario: ResolvedScenario | None = None
         self.pos = np.zeros(world.num_worlds)
         self.missing, self.unfound = np.ones((2, *world.persons.shape))
@@ -63,32 +59,12 @@ class WorldBeliefs:
         self._actions = np.zeros(world.drones.shape, np.int8)
         self.reset()
 
-    def __getstate__(self) -> dict[str, Any]:
-        # Forecasts are large, and are made again at the first use.
-        return {**vars(self), "_forecasts": deque()}
-
-    def _new_forecast(self, scenario: ResolvedScenario) -> Forecast:
-        forecast = Forecast(scenario, self._world.rules, drift_samples=DRIFT_SAMPLES)
-        steps = forecast.first_step + scenario.timestep_limit + self._world.rules.time_out_grace
-        if self._world.num_worlds > 1 and len(forecast.directions) <= steps:
-            raise FieldError(
-                f"grid_size: {scenario.grid_size} is not allowed with beliefs for "
-                f"{self._world.num_worlds} worlds and {scenario.timestep_limit} steps; "
-                "a smaller one, or fewer steps"
-            )
-        return forecast
-
     def prepare(self) -> None:
         """Compute how persons move in a whole mission, once, instead of in the first one.
 
         It does nothing where that is too large to be kept.
         """
-        forecast = self._forecasts[0]
-        steps = forecast.scenario.timestep_limit + self._world.rules.time_out_grace
-        if len(forecast.directions) > forecast.first_step + steps:
-            belief = Belief(forecast)
-            for _ in range(steps):
-                belief.advance()
+        self._follower.prepare()
 
     def reset(self, which: NDArray[np.bool_] | None = None) -> None:
         """Start anew with what the worlds were last placed by.
@@ -101,11 +77,9 @@ class WorldBeliefs:
         """
         scenario = self._placed()
         if scenario != self._scenario:
-            belief = Belief(forecast := self._new_forecast(scenario))
-            self._scenario, self._start = scenario, belief.density
-            self._class_of = belief.class_of
-            self._pods = np.ascontiguousarray(self._world.looks.pods[:, belief.examples])
-            self._forecasts = deque([forecast])
+            self._follower = follower_of(scenario, self._world.rules, self._world.num_worlds)
+            self._scenario, self._start = scenario, self._follower.start
+            self._pods = np.ascontiguousarray(self._world.looks.pods[:, self._follower.examples])
             self.density = np.empty((self._world.num_worlds, *self._start.shape))
         worlds = slice(None) if which is None else which
         self.density[worlds] = self._start
@@ -138,36 +112,20 @@ class WorldBeliefs:
 
     def after_step(self, first: int = 0, last: int | None = None) -> None:
         """Learn from what was searched in the step of worlds first..last - 1, and move on."""
-        world, last = self._world, self._world.num_worlds if last is None else last
-        try:
-            forecast = self._forecasts.popleft()
-        except IndexError:
-            assert self._scenario is not None
-            forecast = self._new_forecast(self._scenario)
+        last = self._world.num_worlds if last is None else last
         # What counts is what drones did, whatever they were commanded.
+        self._follower.follow(self._followed(), self._pods, self._beliefs(), first, last)
+
+    def _followed(self) -> Followed:
+        world = self._world
         actions = self._actions if world.faults is None else world.faults.applied
-        # A world that was just reset is at step 0.
-        steps = max(int(world.worlds["t"][first:last].max()) - 1, 0)
-        forecast.look(forecast.first_step + steps)
-        followed = Followed(
+        return Followed(
             world.constants, world.area, world.worlds, world.drones, world.looks.kind,
             world.looks.first, world.looks.offsets, actions, self._live, self._done,
         )  # fmt: skip
-        tables = Tables(
-            self._start, self._pods, self._class_of, forecast.chances, forecast.tables,
-            forecast.directions, forecast.apart, forecast.first_step,
-        )  # fmt: skip
-        beliefs = Beliefs(self.density, self.missing, self.unfound, self.pos)
-        scratch = Scratch(
-            self._scratch(),
-            np.empty((OF_CLASS, self._pods.shape[1])),
-            np.empty(self.missing.shape[1]),
-        )
-        follow_kernels.follow_worlds(*followed, *tables, *beliefs, *scratch, first, last)
-        self._forecasts.append(forecast)
 
-    def _scratch(self) -> NDArray[np.float64]:
-        return np.empty(self.density.shape[2] + belief_kernels.ROW)
+    def _beliefs(self) -> Beliefs:
+        return Beliefs(self.density, self.missing, self.unfound, self.pos)
 
     def write(
         self, maps: NDArray[np.float32] | None = None, first: int = 0, last: int | None = None
@@ -185,10 +143,7 @@ class WorldBeliefs:
         world, last = self._world, self._world.num_worlds if last is None else last
         if maps is None:
             maps = np.empty((world.num_worlds, world.grid_size, world.grid_size), np.float32)
-        follow_kernels.write_beliefs(
-            world.constants, self.density, self._class_of, self.missing,
-            np.empty(self._pods.shape[1]), self._scratch(), maps, first, last,
-        )  # fmt: skip
+        self._follower.write(self._followed(), self._beliefs(), maps, first, last)
         return maps
 
     def arrays(self) -> dict[str, NDArray[Any]]:

@@ -15,6 +15,7 @@ from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, ResolvedScenario
 from dsse_ros.targets.person_motion import MOTIONS
+from dsse_ros.targets.registry import has_own_drift
 
 MAX_ACTIONS = 16
 
@@ -38,6 +39,11 @@ def _moves(rules: Rules, axis: int) -> list[int]:
     return moves + [0] * (MAX_ACTIONS - len(moves))
 
 
+def _motion(rules: Rules) -> int:
+    """Return the number of the persons' motion; an ensemble has none, and nothing reads it."""
+    return [*MOTIONS, rules.person_motion].index(rules.person_motion)
+
+
 _DERIVED: Mapping[str, tuple[Any, Callable[[ResolvedScenario, Rules], Any]]] = {
     "pre_search_steps": ("i8", lambda scenario, _: scenario.pre_search_steps),
     "step_duration_s": ("f8", lambda scenario, _: scenario.step_duration_s),
@@ -49,8 +55,8 @@ _DERIVED: Mapping[str, tuple[Any, Callable[[ResolvedScenario, Rules], Any]]] = {
     "leave_flies_on": ("?", lambda _, rules: rules.leave_policy == "fly_on"),
     "drift_remainder_dropped": ("?", lambda _, rules: rules.drift_remainder == "dropped"),
     "drift_remainder_less_one": ("?", lambda _, rules: rules.drift_remainder == "less_one"),
-    "motion": ("i8", lambda _, rules: list(MOTIONS).index(rules.person_motion)),
-    "own_drift": ("?", lambda _, rules: MOTIONS[rules.person_motion].own_drift),
+    "motion": ("i8", lambda _, rules: _motion(rules)),
+    "own_drift": ("?", lambda _, rules: has_own_drift(rules.person_motion)),
 }
 """What follows from the fields: its type and its value."""
 

@@ -9,7 +9,8 @@ the row and grows to the south.
 
 Where only a part of the grid is searched, `area` (G, G) bool is true in its cells, and `runs`
 (R, 3) int64 has them as (row, first column, last column). Both are None where all of it is: then
-what they would cost is compiled away. So it is where `coverage`, see `coverage_kernels`, is None.
+what they would cost is compiled away. So it is where `coverage`, see `coverage_kernels`, or
+`ensemble`, see `ensemble_kernels`, is None.
 """
 
 from __future__ import annotations
@@ -24,6 +25,13 @@ from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.compiled.streaming import ALIGNMENT, LANES
 from dsse_ros.step.collisions import collide, next_stamp, occupy
 from dsse_ros.step.coverage_kernels import put_back, reward_if_all_covered, visit, write_left
+from dsse_ros.step.ensemble_kernels import (
+    SeaEnsemble,
+    ensemble_step,
+    probability_in,
+    put_on_tracks,
+    write_present,
+)
 from dsse_ros.targets.person_motion import draw_own_drift, persons_step, scatter_persons
 from dsse_ros.targets.sea_map import (
     cell_probability,
@@ -88,6 +96,7 @@ class Sea(NamedTuple):
         area: (G, G) bool, the cells that are searched; None for all.
         runs: (R, 3) int64, the same by row, first and last column; None for all.
         coverage: See `coverage_kernels`; None where the task is to find persons.
+        ensemble: See `ensemble_kernels`; None where persons move step by step.
     """
 
     constants: NDArray[np.void]
@@ -97,6 +106,7 @@ class Sea(NamedTuple):
     area: NDArray[np.bool_] | None
     runs: NDArray[np.int64] | None
     coverage: Any
+    ensemble: SeaEnsemble | None = None
 
 
 class Crew(NamedTuple):
@@ -138,8 +148,11 @@ class Scratch(NamedTuple):
 
 
 @part
-def sea_step(c, w, persons, gauss, tails, area, runs, circle):
+def sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle):
     """Advance the map and the persons by one step."""
+    if ensemble is not None:
+        ensemble_step(c, w, persons, area, ensemble, b)
+        return
     if c.person_first:
         persons_step(c, w, gauss, area, persons)
     map_step(c, w, gauss, tails, area, runs, circle)
@@ -149,7 +162,7 @@ def sea_step(c, w, persons, gauss, tails, area, runs, circle):
 
 @part
 def reset_world(
-    c, w, starts, drones, persons, gauss, tails, area, runs, coverage, b, circle, cells
+    c, w, starts, drones, persons, gauss, tails, area, runs, coverage, ensemble, b, circle, cells
 ):
     """Set a world to its start: persons at the start cell, which has all the probability."""
     w.t = w.map_steps = 0
@@ -178,13 +191,23 @@ def reset_world(
         person.found = False
         if c.own_drift:
             draw_own_drift(c, w, person)
-    if c.person_scatter > 0:
+    if ensemble is not None:
+        put_on_tracks(w, persons, ensemble, b)
+    elif c.person_scatter > 0:
         scatter_persons(c, w, area, persons, cells)
     for _ in range(c.pre_search_steps + c.reset_sea_steps):
-        sea_step(c, w, persons, gauss, tails, area, runs, circle)
+        sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle)
 
 
 NO_FINDS = np.uint64(0)
+
+
+@inlined
+def probability_of(c, w, gauss, area, ensemble, x, y):
+    """Return the probability of the cell (x, y), 0 outside the grid and the area."""
+    if ensemble is not None:
+        return probability_in(c, w, ensemble, x, y)
+    return cell_probability(c, w, gauss, area, x, y)
 
 
 @inlined
@@ -220,7 +243,7 @@ def reward_find(c, w, finds):
 
 
 @inlined
-def reward_search(c, w, gauss, area, d, offsets, first, last):
+def reward_search(c, w, gauss, area, ensemble, d, offsets, first, last):
     """Return the reward of a search that has found nobody: of the probability that it looked at."""
     probability = 0.0
     for k in range(first, last):
@@ -228,7 +251,7 @@ def reward_search(c, w, gauss, area, d, offsets, first, last):
         if c.leave_flies_on:
             # A drone outside to the west or north sees the cell that a negative index names.
             x, y = (x + c.grid_size if x < 0 else x), (y + c.grid_size if y < 0 else y)
-        probability += cell_probability(c, w, gauss, area, x, y)
+        probability += probability_of(c, w, gauss, area, ensemble, x, y)
     enough = probability > c.search_min_probability or (
         c.search_min_inclusive and probability == c.search_min_probability
     )
@@ -237,8 +260,9 @@ def reward_search(c, w, gauss, area, d, offsets, first, last):
 
 @part
 def step_drones(
-    c, w, drones, persons, kinds, looks, offsets, pods, gauss, area, coverage, b, occupied, actions
-):
+    c, w, drones, persons, kinds, looks, offsets, pods, gauss, area, coverage, ensemble, b,
+    occupied, actions,
+):  # fmt: skip
     """Do the actions in index order against the map of the last observation.
 
     Returns:
@@ -290,7 +314,7 @@ def step_drones(
                             drones[m].terminated = True
                         terminated = True
                 elif searches:
-                    reward = reward_search(c, w, gauss, area, d, offsets, first, last)
+                    reward = reward_search(c, w, gauss, area, ensemble, d, offsets, first, last)
         if out_of_time:
             reward = c.time_out - (d.episode_return if c.time_out_total else 0.0)
             d.truncated = True
@@ -338,8 +362,8 @@ def update_flags(c, w, drones, persons, coverage):
 
 @part
 def step_world(
-    c, w, drones, persons, kinds, looks, offsets, pods, gauss, tails, area, runs, coverage, b,
-    occupied, circle, actions,
+    c, w, drones, persons, kinds, looks, offsets, pods, gauss, tails, area, runs, coverage,
+    ensemble, b, occupied, circle, actions,
 ):  # fmt: skip
     """Advance one world: drones in index order, then the sea, then collisions."""
     if c.ends_together:
@@ -351,12 +375,12 @@ def step_world(
             persons[p].found = False
     unchanged = not w.done and w.num_missing == len(persons)
     shared, eventful = step_drones(
-        c, w, drones, persons, kinds, looks, offsets, pods, gauss, area, coverage, b, occupied,
-        actions,
+        c, w, drones, persons, kinds, looks, offsets, pods, gauss, area, coverage, ensemble, b,
+        occupied, actions,
     )  # fmt: skip
     w.t += 1
     if coverage is None:
-        sea_step(c, w, persons, gauss, tails, area, runs, circle)
+        sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle)
     else:
         reward_if_all_covered(c, w, coverage, b, drones)
     if shared:
@@ -377,9 +401,11 @@ def is_streamed(maps):
 
 
 @inlined
-def write_observed(c, w, gauss, area, coverage, b, circle, span, stream, out):
+def write_observed(c, w, gauss, area, coverage, ensemble, b, circle, span, stream, out):
     """Write what drones observe of a world: the map, or the probability that is left to cover."""
-    if coverage is None:
+    if ensemble is not None:
+        write_present(w, ensemble, out)
+    elif coverage is None:
         write_map(c, w, gauss, area, circle, span, stream, out)
     else:
         write_left(coverage, b, out)
@@ -389,7 +415,7 @@ def write_observed(c, w, gauss, area, coverage, b, circle, span, stream, out):
 # themselves apart would cost compiled functions as long as a small step.
 @kernel
 def step_worlds(
-    constants, worlds, gauss, tails, area, runs, coverage,
+    constants, worlds, gauss, tails, area, runs, coverage, ensemble,
     starts, drones, persons, kinds, looks, offsets, pods,
     occupied, circle, cells, span,
     actions, maps, first, last,
@@ -408,20 +434,22 @@ def step_worlds(
         if c.auto_reset and w.done:
             reset_world(
                 c, w, starts[b], drones[b], persons[b], gauss[table], tails[table], area, runs,
-                coverage, b, circle, cells,
+                coverage, ensemble, b, circle, cells,
             )  # fmt: skip
         else:
             step_world(
                 c, w, drones[b], persons[b], kinds, looks, offsets, pods, gauss[table],
-                tails[table], area, runs, coverage, b, occupied, circle, actions[b],
+                tails[table], area, runs, coverage, ensemble, b, occupied, circle, actions[b],
             )  # fmt: skip
         if maps.shape[1] > 0:
-            write_observed(c, w, gauss[table], area, coverage, b, circle, span, stream, maps[b])
+            write_observed(
+                c, w, gauss[table], area, coverage, ensemble, b, circle, span, stream, maps[b]
+            )
 
 
 @kernel
 def reset_worlds(
-    constants, worlds, gauss, tails, area, runs, coverage,
+    constants, worlds, gauss, tails, area, runs, coverage, ensemble,
     starts, drones, persons, kinds, looks, offsets, pods,
     occupied, circle, cells, span,
     maps, which,
@@ -434,16 +462,19 @@ def reset_worlds(
             table = min(b, len(gauss) - 1)
             reset_world(
                 c, worlds[b], starts[b], drones[b], persons[b], gauss[table], tails[table], area,
-                runs, coverage, b, circle, cells,
+                runs, coverage, ensemble, b, circle, cells,
             )  # fmt: skip
             if maps.shape[1] > 0:
                 write_observed(
-                    c, worlds[b], gauss[table], area, coverage, b, circle, span, stream, maps[b]
-                )
+                    c, worlds[b], gauss[table], area, coverage, ensemble, b, circle, span, stream,
+                    maps[b],
+                )  # fmt: skip
 
 
 @kernel
-def refresh_worlds(constants, worlds, gauss, tails, area, runs, coverage, circle, span, maps):
+def refresh_worlds(
+    constants, worlds, gauss, tails, area, runs, coverage, ensemble, circle, span, maps
+):
     """Write the tables and the maps that the state asks for.
 
     The arguments begin with the fields of `Sea`; the others are as in `step_worlds`.
@@ -455,7 +486,9 @@ def refresh_worlds(constants, worlds, gauss, tails, area, runs, coverage, circle
     if maps.shape[1] > 0:
         for b in range(len(worlds)):
             table = gauss[min(b, len(gauss) - 1)]
-            write_observed(c, worlds[b], table, area, coverage, b, circle, span, stream, maps[b])
+            write_observed(
+                c, worlds[b], table, area, coverage, ensemble, b, circle, span, stream, maps[b]
+            )
 
 
 @kernel

@@ -6,22 +6,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from dsse_ros.belief.belief import Belief
+from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.step.looks import Looked, searches_of
 
 
-def looks_at(belief: Belief, cells: Iterable[Cell]) -> list[Looked]:
+def looks_at(belief: TargetBelief, cells: Iterable[Cell]) -> list[Looked]:
     """What searches of these cells look at."""
     return searches_of(belief.forecast.scenario, belief.forecast.rules, cells)
 
 
-def search_in_vain(belief: Belief, cells: Iterable[Cell]) -> None:
+def search_in_vain(belief: TargetBelief, cells: Iterable[Cell]) -> None:
     """Have a belief learn that searches of these cells have found nobody."""
     belief.update(looks_at(belief, cells))
 
 
-def find_in(belief: Belief, cell: Cell) -> None:
+def find_in(belief: TargetBelief, cell: Cell) -> None:
     """Have a belief learn that a search of this cell has found somebody."""
     (look,) = looks_at(belief, [cell])
     belief.observe_find(look)

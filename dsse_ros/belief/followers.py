@@ -1,0 +1,210 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What follows the beliefs of many worlds of one scenario: that of a motion, or of an ensemble."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief import belief_kernels, follow_kernels, particle_kernels
+from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.beliefs import is_ensemble
+from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
+from dsse_ros.belief.follow_kernels import Beliefs, Followed, Scratch, Tables
+from dsse_ros.belief.search_outcomes import OF_CLASS
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
+
+DRIFT_SAMPLES = 64
+"""Angles of a person's own drift: with these, the POS is within .006 of what it is with 1024."""
+
+
+class Follower(Protocol):
+    """Moves the beliefs of B worlds on, and writes them; threads may share it.
+
+    Attributes:
+        start: (C K, S S) float64 of a motion or (C, M) of an ensemble: a belief at a mission's
+            first observation, see `belief_kernels` and `particle_kernels`.
+        class_of: (n,) int64, the detection class of each person.
+        examples: (C,) int64, number of a person of each class.
+    """
+
+    start: NDArray[np.float64]
+    class_of: NDArray[np.int64]
+    examples: NDArray[np.int64]
+
+    def follow(
+        self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int
+    ) -> None:
+        """Learn from what was looked at in the step of worlds first..last - 1, and move on.
+
+        Args:
+            followed: The worlds, after the step.
+            pods: (L, C) float64, POD of each look by detection class.
+            beliefs: Their beliefs, in and out.
+            first: Number of the first world.
+            last: Number of the last world, plus one.
+        """
+        ...
+
+    def write(
+        self, followed: Followed, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
+    ) -> None:
+        """Write the probability of every cell of worlds first..last - 1 to maps (B, G, G)."""
+        ...
+
+    def prepare(self) -> None:
+        """Compute what a whole mission needs, once, instead of in the first one."""
+        ...
+
+
+def follower_of(scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Follower:
+    """Return what follows B worlds of a scenario.
+
+    Raises:
+        FieldError: If the worlds of a batch cannot share a forecast, as it would be too large.
+    """
+    if is_ensemble(rules):
+        return EnsembleFollower(scenario, rules)
+    return MotionFollower(scenario, rules, num_worlds)
+
+
+def _scratch(
+    followed: Followed, class_of: NDArray[np.int64], examples: NDArray[np.int64]
+) -> tuple[NDArray[Any], ...]:
+    """Return `numbers`, `hazard`, `seen` and `rows` of `follow_kernels.Scratch`."""
+    most = followed.drones.shape[1] * int(np.diff(followed.looks, axis=1).max())
+    return (
+        np.empty((OF_CLASS, len(examples))),
+        np.empty(len(class_of)),
+        np.empty((most, 2), np.int64),
+        np.empty(most, np.int64),
+    )
+
+
+class MotionFollower:
+    """Follows worlds whose persons move step by step; a `Follower`.
+
+    Args:
+        scenario: What is searched.
+        rules: The rules of the search.
+        num_worlds: B.
+
+    Raises:
+        FieldError: As `follower_of`.
+    """
+
+    def __init__(self, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> None:
+        self._scenario = scenario
+        self._rules = rules
+        self._num_worlds = num_worlds
+        belief = Belief(forecast := self._new_forecast())
+        # One for each thread that asks: while one reads its tables another would write them.
+        self._forecasts = deque([forecast])
+        self.start = belief.density
+        self.class_of, self.examples = belief.class_of, belief.examples
+
+    def __getstate__(self) -> dict[str, object]:
+        # Forecasts are large, and are made again at the first use.
+        return {**vars(self), "_forecasts": deque()}
+
+    def _new_forecast(self) -> Forecast:
+        scenario, rules = self._scenario, self._rules
+        forecast = Forecast(scenario, rules, drift_samples=DRIFT_SAMPLES)
+        steps = forecast.first_step + scenario.timestep_limit + rules.time_out_grace
+        if self._num_worlds > 1 and len(forecast.directions) <= steps:
+            raise FieldError(
+                f"grid_size: {scenario.grid_size} is not allowed with beliefs for "
+                f"{self._num_worlds} worlds and {scenario.timestep_limit} steps; "
+                "a smaller one, or fewer steps"
+            )
+        return forecast
+
+    def prepare(self) -> None:
+        """Compute how persons move in a whole mission, if that is not too large to be kept."""
+        forecast = self._forecasts[0]
+        steps = self._scenario.timestep_limit + self._rules.time_out_grace
+        if len(forecast.directions) > forecast.first_step + steps:
+            belief = Belief(forecast)
+            for _ in range(steps):
+                belief.advance()
+
+    def follow(
+        self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int
+    ) -> None:
+        """See `Follower`."""
+        try:
+            forecast = self._forecasts.popleft()
+        except IndexError:
+            forecast = self._new_forecast()
+        # A world that was just reset is at step 0.
+        steps = max(int(followed.worlds["t"][first:last].max()) - 1, 0)
+        forecast.look(forecast.first_step + steps)
+        tables = Tables(
+            self.start, pods, self.class_of, forecast.chances, forecast.tables,
+            forecast.directions, forecast.apart, forecast.first_step,
+        )  # fmt: skip
+        scratch = Scratch(self._scratch(), *_scratch(followed, self.class_of, self.examples))
+        follow_kernels.follow_worlds(*followed, *tables, *beliefs, *scratch, first, last)
+        self._forecasts.append(forecast)
+
+    def _scratch(self) -> NDArray[np.float64]:
+        return np.empty(self.start.shape[1] + belief_kernels.ROW)
+
+    def write(
+        self, followed: Followed, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
+    ) -> None:
+        """See `Follower`."""
+        follow_kernels.write_beliefs(
+            followed.constants, beliefs.beliefs, self.class_of, beliefs.missing,
+            np.empty(len(self.examples)), self._scratch(), maps, first, last,
+        )  # fmt: skip
+
+
+class EnsembleFollower:
+    """Follows worlds whose persons follow an ensemble; a `Follower`.
+
+    Args:
+        scenario: What is searched.
+        rules: The rules of the search.
+    """
+
+    def __init__(self, scenario: ResolvedScenario, rules: Rules) -> None:
+        self._made_of = scenario, rules
+        belief = EnsembleBelief(EnsembleForecast(scenario, rules))
+        self._forecast = belief.forecast
+        self.start = belief.weights
+        self.class_of, self.examples = belief.class_of, belief.examples
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Particles are large, and follow from the scenario: a copy shares them.
+        return type(self), self._made_of
+
+    def prepare(self) -> None:
+        """Do nothing: all is known."""
+
+    def follow(
+        self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int
+    ) -> None:
+        """See `Follower`."""
+        forecast = self._forecast
+        particle_kernels.follow_particles(
+            *followed, forecast.cells, forecast.weights, pods, self.class_of, forecast.first_step,
+            *beliefs, *_scratch(followed, self.class_of, self.examples), first, last,
+        )  # fmt: skip
+
+    def write(
+        self, followed: Followed, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
+    ) -> None:
+        """See `Follower`."""
+        forecast = self._forecast
+        particle_kernels.write_particles(
+            followed.constants, followed.area, followed.worlds, forecast.cells,
+            forecast.first_step, beliefs.beliefs, self.class_of, beliefs.missing,
+            np.empty(len(self.examples)), maps, first, last,
+        )  # fmt: skip

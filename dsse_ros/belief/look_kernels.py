@@ -1,0 +1,46 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled list of what was looked at in a step, for the beliefs that learn from it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsse_ros.compiled.jit import part
+
+
+@part
+def list_looks(c, drones, kinds, looks, offsets, actions, live, seen, rows):
+    """Write what the drones of a world looked at: first what found nobody, then the finds.
+
+    Args:
+        c: The constants.
+        drones: (N,) of `kernels.DRONES`, after the step.
+        kinds: (N,) of `kernels.Crew`.
+        looks: (K, A + 1) of `kernels.Crew`.
+        offsets: (L, 2) of `kernels.Crew`.
+        actions: (N,) int8 of the step.
+        live: (N,) bool, the drones in the search before the step.
+        seen: (Q, 2) int64 out, columns and rows, on the grid or off it.
+        rows: (Q,) int64 out, the number of each look.
+
+    Returns:
+        How many found nobody, and how many there are.
+    """
+    failed = count = 0
+    for turn in range(2):
+        for n in range(len(drones)):
+            if not live[n] or not 0 <= actions[n] < c.num_actions:
+                continue
+            d = drones[n]
+            first, last = looks[kinds[n], actions[n]], looks[kinds[n], actions[n] + 1]
+            for k in range(first, last):
+                found = np.int64((d.finds >> np.uint64(k - first)) & np.uint64(1))
+                if found == turn:
+                    seen[count, 0], seen[count, 1] = d.x + offsets[k, 0], d.y + offsets[k, 1]
+                    rows[count] = k
+                    count += 1
+        if turn == 0:
+            failed = count
+    return failed, count

@@ -1,0 +1,286 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled filter of an ensemble: the weights of its particles, which searches change.
+
+Weights are (C, M) float64: row m has the persons of detection class m, and sums to their share of
+all persons. `cells` (M, 2) int16 are where the particles are now, or (T, M, 2) by steps of the sea.
+Persons move independently: nobody is `APART`. Other arguments mean the same as in
+`search_outcomes`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsse_ros.belief.belief_kernels import MARGIN, NOTHING_LEFT, total_of
+from dsse_ros.belief.look_kernels import list_looks
+from dsse_ros.belief.search_outcomes import (
+    APART,
+    LEFT_MIXED,
+    MIXED,
+    TOTAL,
+    conclude,
+    mean_found,
+    open_classes,
+    weigh_classes,
+)
+from dsse_ros.compiled.jit import compiled, kernel, part
+from dsse_ros.targets.sea_map import is_open
+
+
+@part
+def learn_look(
+    c, cells, weights, pods, class_of, missing, unfound, numbers, hazard, x, y, found
+):  # fmt: skip
+    """Let the weights learn how the search of a cell has ended.
+
+    It stands between `open_classes` and `close_weights`, with others of the same step.
+
+    Args:
+        c: The constants.
+        cells: (M, 2) int16.
+        weights: (C, M) float64, in and out.
+        pods: (C,) float64, of this search.
+        class_of: (n,) int64.
+        missing: (n,) float64, in and out.
+        unfound: (n,) float64, in and out.
+        numbers: (`OF_CLASS`, C) float64.
+        hazard: (n,) float64 scratch.
+        x: Column of the cell; off the grid nobody is looked for.
+        y: Row of the cell.
+        found: Whether the search has found somebody.
+    """
+    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
+        return
+    for m in range(len(pods)):
+        here = 0.0
+        for k in range(len(cells)):
+            if cells[k, 0] == x and cells[k, 1] == y:
+                here += weights[m, k]
+        numbers[APART, m] = 0.0
+        numbers[MIXED, m] = here / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
+    if not conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
+        return
+    if len(missing) == 1:
+        # One person alone counts as missing until the mission is over.
+        missing[0] = 1.0
+    for m in range(len(pods)):
+        left = numbers[LEFT_MIXED, m]
+        for k in range(len(cells)):
+            if cells[k, 0] == x and cells[k, 1] == y:
+                weights[m, k] *= left
+
+
+@part
+def close_weights(weights, class_of, numbers, prior):
+    """Scale each class to its share of all persons; where nothing is left it starts from `prior`.
+
+    Args:
+        weights: (C, M) float64, in and out.
+        class_of: (n,) int64.
+        numbers: (`OF_CLASS`, C) float64.
+        prior: (M,) float64, the weights of the ensemble, which sum to 1.
+    """
+    open_classes(class_of, numbers)
+    for m in range(len(weights)):
+        share, total = numbers[TOTAL, m], total_of(weights[m])
+        if total < NOTHING_LEFT * share:
+            for k in range(len(prior)):
+                weights[m, k] = prior[k]
+            total = total_of(prior)
+        scale = share / total
+        for k in range(len(prior)):
+            weights[m, k] *= scale
+
+
+@part
+def learn(
+    c, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
+    seen, rows, pods, failed, count,
+):  # fmt: skip
+    """Let the weights learn from the looks of a step; returns the POS with them.
+
+    Args:
+        c: As in `learn_look`, as all without a word.
+        cells: (M, 2) int16.
+        weights: (C, M) float64, in and out.
+        prior: (M,) of `close_weights`.
+        class_of: (n,) int64.
+        missing: (n,) float64, in and out.
+        unfound: (n,) float64, in and out.
+        pos: The POS before.
+        numbers: (`OF_CLASS`, C) float64 scratch.
+        hazard: (n,) float64 scratch.
+        seen: (Q, 2) int64, columns and rows of what was looked at.
+        rows: (Q,) int64, the row of `pods` of each look.
+        pods: (L, C) float64.
+        failed: How many looks found nobody; they come first.
+        count: How many looks there are.
+    """
+    if count == 0:
+        return pos
+    open_classes(class_of, numbers)
+    for q in range(count):
+        learn_look(
+            c, cells, weights, pods[rows[q]], class_of, missing, unfound, numbers, hazard,
+            seen[q, 0], seen[q, 1], q >= failed,
+        )  # fmt: skip
+    close_weights(weights, class_of, numbers, prior)
+    return mean_found(unfound)
+
+
+@kernel
+def learn_looks(
+    constants, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard, seen, rows,
+    pods, failed, count,
+):  # fmt: skip
+    """Let the weights of one belief learn, see `learn`; returns the POS."""
+    return learn(
+        constants[0], cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
+        seen, rows, pods, failed, count,
+    )  # fmt: skip
+
+
+@kernel
+def write_poc(constants, area, cells, weights, class_of, missing, scale, out):
+    """Write the probability of every cell, out (G, G) as [y, x], of the missing persons.
+
+    Args:
+        constants: (1,) of `constants.CONSTANTS`.
+        area: Of `kernels.Sea`; outside it nothing is written.
+        cells: (M, 2) int16.
+        weights: (C, M) float64.
+        class_of: (n,) int64.
+        missing: (n,) float64.
+        scale: (C,) float64 scratch.
+        out: Out.
+    """
+    c = constants[0]
+    weigh_classes(class_of, missing, scale)
+    for y in range(c.grid_size):
+        for x in range(c.grid_size):
+            out[y, x] = 0.0
+    for m in range(len(weights)):
+        for k in range(len(cells)):
+            col, row = np.int64(cells[k, 0]), np.int64(cells[k, 1])
+            if is_open(area, c.grid_size, col, row):
+                out[row, col] += scale[m] * weights[m, k]
+
+
+@kernel
+def follow_particles(
+    constants, area, worlds, drones, kinds, looks, offsets, actions, live, done,
+    cells, prior, pods, class_of, first_step,
+    weights, missing, unfound, pos,
+    numbers, hazard, seen, rows,
+    first, last,
+):  # fmt: skip
+    """Let the beliefs of the worlds first..last - 1 follow a step that is done.
+
+    Args:
+        constants: Of `follow_kernels.Followed`, as those up to `done`.
+        area: Likewise.
+        worlds: Likewise.
+        drones: Likewise.
+        kinds: Likewise.
+        looks: Likewise.
+        offsets: Likewise.
+        actions: Likewise.
+        live: Likewise.
+        done: Likewise.
+        cells: (T, M, 2) int16.
+        prior: (M,) of `close_weights`.
+        pods: (L, C) float64.
+        class_of: (n,) int64.
+        first_step: Steps of the sea before a mission's first observation.
+        weights: (B, C, M) float64, in and out.
+        missing: (B, n) float64, in and out.
+        unfound: (B, n) float64, in and out.
+        pos: (B,) float64, in and out.
+        numbers: (`OF_CLASS`, C) float64 scratch.
+        hazard: (n,) float64 scratch.
+        seen: (Q, 2) int64 scratch, of `list_looks`.
+        rows: (Q,) int64 scratch, likewise.
+        first: Number of the first world.
+        last: Number of the last world, plus one.
+    """
+    c = constants[0]
+    for b in range(first, last):
+        of_world = weights[b]
+        if c.auto_reset and done[b]:
+            open_classes(class_of, numbers)
+            for m in range(len(of_world)):
+                for k in range(len(prior)):
+                    of_world[m, k] = numbers[TOTAL, m] * prior[k]
+            missing[b, :] = 1.0
+            unfound[b, :] = 1.0
+            pos[b] = 0.0
+            continue
+        step = worlds[b].t - 1
+        if not (c.time_out_acts or step < c.timestep_limit + c.time_out_grace):
+            continue
+        now = cells[min(first_step + step, len(cells) - 1)]
+        failed, count = list_looks(
+            c, drones[b], kinds, looks, offsets, actions[b], live[b], seen, rows
+        )
+        pos[b] = learn(
+            c, now, of_world, prior, class_of, missing[b], unfound[b], pos[b], numbers, hazard,
+            seen, rows, pods, failed, count,
+        )  # fmt: skip
+
+
+@kernel
+def write_particles(
+    constants, area, worlds, cells, first_step, weights, class_of, missing, scale, maps, first, last
+):  # fmt: skip
+    """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x].
+
+    The arguments are those of `follow_particles` and `write_poc`.
+    """
+    c = constants[0]
+    for b in range(first, last):
+        now = cells[min(first_step + worlds[b].t, len(cells) - 1)]
+        write_poc(constants, area, now, weights[b], class_of, missing[b], scale, maps[b])
+        for y in range(c.grid_size):
+            for x in range(c.grid_size):
+                # A sum of shares may be a rounding above 1.
+                maps[b, y, x] = min(maps[b, y, x], 1.0)
+
+
+@compiled()
+def expect_particles(columns, weights, steps, looked, pods, gamma, grid_size, left):
+    """Return the discounted finds of looks to come, exactly for the particles.
+
+    Args:
+        columns: (H + 1, M) int32, where the particles are from now on.
+        weights: (C, M) float64, of the missing persons.
+        steps: (Q,) of `LooksToCome`.
+        looked: (Q,) int64, the columns of `LooksToCome`.
+        pods: (Q, C) float64.
+        gamma: Discount per step.
+        grid_size: G.
+        left: (S S,) float64 out, where the persons are in the end who were not found.
+    """
+    kept = weights.copy()
+    side = grid_size + 2 * MARGIN
+    worth, value, q = 1.0, 0.0, 0
+    for h in range(len(columns) - 1):
+        now = columns[h]
+        while q < len(steps) and steps[q] == h:
+            cell = looked[q]
+            x, y = cell % side - MARGIN, cell // side - MARGIN
+            if 0 <= x < grid_size and 0 <= y < grid_size:
+                for k in range(len(now)):
+                    if now[k] == cell:
+                        for m in range(len(kept)):
+                            taken = kept[m, k] * pods[q, m]
+                            kept[m, k] -= taken
+                            value += worth * taken
+            q += 1
+        worth *= gamma
+    left[:] = 0.0
+    for k in range(columns.shape[1]):
+        for m in range(len(kept)):
+            left[columns[-1, k]] += kept[m, k]
+    return value

@@ -1,0 +1,226 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The promises of a motion of persons, tested: what it draws is as probable as it says.
+
+The motion is compiled into a small sea of its own, as it need not be one of the search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dsse_ros.belief import belief_kernels
+from dsse_ros.belief.belief_kernels import (
+    MARGIN,
+    forecast_step,
+    index_of,
+    is_lost,
+    offset_of,
+    step_of_drift,
+)
+from dsse_ros.conformance.agreement import SIGMAS, excess
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
+from dsse_ros.step import kernels
+from dsse_ros.step.constants import area_of, constants_of
+from dsse_ros.targets.person_motion import (
+    CHANCES,
+    NO_STEP,
+    PERSONS,
+    SCRATCH,
+    STAND_STILL,
+    STEPS,
+    PersonMotion,
+    gathered_step,
+)
+from dsse_ros.targets.sea_map import map_step
+
+COUNT = 20_000
+"""Persons that are played."""
+TOLERANCE = 1e-9
+"""How far a sum of chances may be from 1."""
+
+FINE, NOT_A_CHANCE, NOT_ONE, NOT_A_STEP, NO_CHANCE = range(5)
+BROKEN = {
+    NOT_A_CHANCE: "a chance is not from 0 to 1",
+    NOT_ONE: "the chances of a cell do not sum to 1",
+    NOT_A_STEP: "a person moves further than to a cell of the window",
+    NO_CHANCE: "a person takes a step that has no chance",
+}
+
+
+class _Sea(NamedTuple):
+    """A sea of one world, see `kernels.Sea`."""
+
+    constants: NDArray[np.void]
+    worlds: NDArray[np.void]
+    gauss: NDArray[np.float64]
+    tails: NDArray[np.float64]
+    area: NDArray[np.bool_] | None
+    runs: NDArray[np.int64] | None
+    circle: NDArray[np.int64]
+
+
+def motion_test(
+    model: PersonMotion, scenario: Scenario, rules: Rules, steps: int, seed: int
+) -> None:
+    """Test that persons do what their motion says, step after step.
+
+    Args:
+        model: The motion.
+        scenario: Where.
+        rules: By which rules; `person_motion` does not matter.
+        steps: How many steps of the sea are played.
+        seed: Of the draws.
+
+    Raises:
+        AssertionError: If a promise is broken; one line says which.
+    """
+    resolved = scenario.resolve(rules)
+    play, spread = _kernels(model)
+    one, other = (_played(model, resolved, rules, steps, seed, play, spread) for _ in range(2))
+    assert np.array_equal(one, other), "the same seed gives other steps"
+
+
+def _played(
+    model: PersonMotion,
+    scenario: ResolvedScenario,
+    rules: Rules,
+    steps: int,
+    seed: int,
+    play: Callable[..., Any],
+    spread: Callable[..., Any],
+) -> NDArray[np.int64]:
+    """Play persons, compare them with their chances, and return their last cells (N, 2)."""
+    truth, known = (_new_sea(model, scenario, rules) for _ in range(2))
+    truth.worlds["rng"] = seed
+    side = scenario.grid_size + 2 * MARGIN
+    drifts, persons = np.zeros(1, PERSONS), np.zeros(COUNT, PERSONS)
+    for sea in (truth, known):
+        belief_kernels.start_sea(sea.constants, sea.worlds, drifts)
+    persons[:] = drifts[0]
+    persons["x"], persons["y"] = scenario.person_initial_position
+    x, y = scenario.person_initial_position
+    now = np.zeros(side**2)
+    now[(y + MARGIN) * side + x + MARGIN] = 1.0
+    map_now, direction = np.zeros(side**2), np.zeros(1, np.int64)
+    apart, still = np.zeros((2, 1), np.bool_)
+    for step in range(1, steps + 1):
+        before = persons.copy()
+        forecast_step(*known, drifts, map_now, direction, apart, still)
+        after = now if direction[0] == STAND_STILL else np.zeros_like(now)
+        steps_of = np.zeros((side**2, STEPS))
+        row = np.zeros(CHANCES + STEPS + SCRATCH)
+        broken = play(*truth, persons)
+        if direction[0] != STAND_STILL:
+            broken = broken or spread(
+                known.constants, known.area, map_now, direction[0], now, after, steps_of, row
+            )
+        broken = broken or _checked(before, persons, steps_of, side, direction[0])
+        assert not broken, f"step {step}: {BROKEN[broken]}"
+        now = after
+        counts = np.bincount(_columns(persons, side), minlength=side**2)
+        beyond = excess(counts, now)
+        assert beyond <= SIGMAS, (
+            f"step {step}: persons are not where their chances say, by {beyond:.1f} sigmas"
+        )
+    return np.stack([persons["x"], persons["y"]], axis=1)
+
+
+def _new_sea(model: PersonMotion, scenario: ResolvedScenario, rules: Rules) -> _Sea:
+    g = scenario.grid_size
+    constants = constants_of(scenario, rules)
+    constants["own_drift"] = model.own_drift
+    worlds = np.zeros(1, kernels.WORLDS)
+    worlds["vector_x"], worlds["vector_y"] = scenario.vector
+    worlds["start_x"], worlds["start_y"] = scenario.person_initial_position
+    area, runs = area_of(scenario)
+    gauss, tails = np.zeros((1, 2, 2 * g + 1)), np.zeros((1, 2, g + 2))
+    sea = kernels.Sea(constants, worlds, gauss, tails, area, runs, None)
+    circle = np.zeros(g + 1, np.int64)
+    kernels.refresh_worlds(*sea, circle, np.zeros(g), np.zeros((1, 0, 0), np.float32))
+    return _Sea(constants, worlds, gauss[0], tails[0], area, runs, circle)
+
+
+def _columns(persons: NDArray[np.void], side: int) -> NDArray[np.int64]:
+    """Return the columns of a belief that persons are in; who is lost is in the nearest one."""
+    x, y = (np.clip(persons[axis] + MARGIN, 0, side - 1) for axis in ("x", "y"))
+    columns: NDArray[np.int64] = y * side + x
+    return columns
+
+
+def _checked(
+    before: NDArray[np.void],
+    after: NDArray[np.void],
+    steps_of: NDArray[np.float64],
+    side: int,
+    direction: int,
+) -> int:
+    """Return what is broken by the steps that persons took, `FINE` if nothing is."""
+    dx, dy = after["x"] - before["x"], after["y"] - before["y"]
+    if (np.maximum(abs(dx), abs(dy)) > 1).any():
+        return NOT_A_STEP
+    if direction == STAND_STILL:
+        return NO_CHANCE if (dx | dy).any() else FINE
+    lost = steps_of[_columns(before, side)].sum(axis=1) == 0.0
+    taken = steps_of[_columns(before, side), 3 * (dy + 1) + dx + 1]
+    return NO_CHANCE if (taken[~lost] <= 0.0).any() else FINE
+
+
+def _kernels(model: PersonMotion) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return the compiled step of the sea, and of what is known of it."""
+    move, chances = model.move, model.chances
+
+    @njit
+    def play(constants, worlds, gauss, tails, area, runs, circle, persons):
+        """Advance map and persons by one step, as `kernels.sea_step` does."""
+        c, w = constants[0], worlds[0]
+        if not c.person_first:
+            map_step(c, w, gauss, tails, area, runs, circle)
+        for p in range(len(persons)):
+            direction = gathered_step(persons[p]) if c.own_drift else NO_STEP
+            if direction != STAND_STILL:
+                move(c, w, gauss, area, persons[p], direction)
+        if c.person_first:
+            map_step(c, w, gauss, tails, area, runs, circle)
+        return FINE
+
+    @njit
+    def spread(constants, area, map_now, direction, now, after, steps_of, row):
+        """Spread probability over the cells, as `belief_kernels.predict` does, and check it."""
+        c = constants[0]
+        side = c.grid_size + 2 * MARGIN
+        out = row[:CHANCES]
+        window, scratch = row[CHANCES : CHANCES + STEPS], row[CHANCES + STEPS :]
+        for i in range(len(now)):
+            if now[i] <= 0.0:
+                continue
+            if is_lost(c, i):
+                after[i] += now[i]
+                continue
+            x, y = i % side - MARGIN, i // side - MARGIN
+            for step in range(STEPS):
+                window[step] = map_now[index_of(c, x, y) + offset_of(c, step)]
+            out[:] = 0.0
+            chances(c, area, x, y, window, out, scratch)
+            total = 0.0
+            for k in range(CHANCES):
+                if not 0.0 <= out[k] <= 1.0 + TOLERANCE:
+                    return NOT_A_CHANCE
+                total += out[k]
+            if abs(total - 1.0) > TOLERANCE:
+                return NOT_ONE
+            if out[STEPS] > 0.0:
+                out[step_of_drift(c, area, x, y, direction)] += out[STEPS]
+            for step in range(STEPS):
+                steps_of[i, step] = out[step]
+                after[i + offset_of(c, step)] += now[i] * out[step]
+        return FINE
+
+    return play, spread

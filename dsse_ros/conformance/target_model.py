@@ -1,0 +1,176 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The promises of a target model, tested: of a motion of persons, or of an ensemble."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.ensemble_belief import EnsembleBelief
+from dsse_ros.belief.protocol import TargetBelief
+from dsse_ros.conformance.agreement import SIGMAS, excess
+from dsse_ros.conformance.motion_law import motion_test
+from dsse_ros.scenario.rules import Rules, profile
+from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.search.world import HOLD, World
+from dsse_ros.step.sea_tracks import last_step_of, tracks_of
+from dsse_ros.targets.ensemble import Ensemble, check_tracks
+from dsse_ros.targets.person_motion import MOTIONS, PersonMotion
+from dsse_ros.targets.registry import TARGET_MODELS, TargetModel
+
+STEPS = 30
+WORLDS = 4000
+FUTURES = 20_000
+HORIZON = 8
+SUM_TOLERANCE = 1e-6
+
+SCENARIO = Scenario(
+    grid_size=15, person_initial_position=(5, 5), timestep_limit=STEPS, pre_search_minutes=1.0
+)
+
+
+def target_model_test(model: TargetModel, *, rules: str | Rules = "v2", seed: int = 0) -> None:
+    """Test that a target model keeps the promises that the search and the beliefs rely on.
+
+    A model need not be registered, and is not afterwards. Of a motion that is not, what it draws
+    is compared with its chances; the search and the belief are compared, too, of one that is, as
+    the registered motions are compiled into them.
+
+    Args:
+        model: The model.
+        rules: The rules of the search, or the name of their profile; persons move by the model.
+        seed: Of all that is drawn.
+
+    Raises:
+        AssertionError: If a promise is broken; one line says which.
+    """
+    chosen = rules if isinstance(rules, Rules) else profile(rules)
+    if isinstance(model, PersonMotion):
+        names = [name for name, motion in MOTIONS.items() if motion is model]
+        motion_test(model, SCENARIO, chosen, STEPS, seed)
+        if names:
+            _test_search(chosen.override(person_motion=names[0]), seed)
+        return
+    with _offered(model) as name:
+        ruled = chosen.override(person_motion=name)
+        _test_tracks(model, ruled, seed)
+        _test_search(ruled, seed)
+
+
+@contextmanager
+def _offered(model: Ensemble) -> Iterator[str]:
+    """Offer an ensemble in the place of a shipped one while the block lasts; yields the name."""
+    name = next(name for name, one in TARGET_MODELS.items() if isinstance(one, Ensemble))
+    shipped = TARGET_MODELS[name]
+    TARGET_MODELS[name] = model
+    try:
+        yield name
+    finally:
+        TARGET_MODELS[name] = shipped
+
+
+def _test_tracks(model: Ensemble, rules: Rules, seed: int) -> None:
+    """Test what an ensemble draws by itself."""
+    scenario = SCENARIO.resolve(rules)
+    steps = last_step_of(scenario, rules)
+    draws = []
+    for _ in range(2):
+        tracks = model.tracks(scenario, steps, np.random.default_rng(seed), 1000)
+        try:
+            check_tracks(tracks, steps)
+        except ValueError as error:
+            raise AssertionError(f"tracks: {error}") from None
+        draws.append(tracks)
+        # Whoever draws with this generator is seen.
+        np.random.random()  # noqa: NPY002
+    first, second = draws
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True)), (
+        "tracks: the same generator gives other tracks"
+    )
+
+
+def _test_search(rules: Rules, seed: int) -> None:
+    """Test that persons are where a belief that learns nothing has them, step after step."""
+    scenario = SCENARIO.override(ensemble_seed=seed).resolve(rules)
+    world, twin = (World(scenario, rules, WORLDS, write_maps=False) for _ in range(2))
+    for one in (world, twin):
+        one.seed(seed)
+        one.reset()
+    belief = forecast_for(scenario, rules, horizon=HORIZON).belief()
+    hold = np.full(world.drones.shape, HOLD, np.int8)
+    inflation = _inflation(scenario, rules)
+    for step in range(STEPS):
+        poc, outside = _poc(belief)
+        cells = _counted(world)
+        beyond = excess(cells, np.append(poc.ravel(), outside), inflation)
+        assert beyond <= SIGMAS, (
+            f"step {step}: persons are not where the belief has them, by {beyond:.1f} sigmas"
+        )
+        if step == STEPS // 2:
+            _test_futures(belief, seed)
+        for one in (world, twin):
+            one.step(hold)
+        belief.advance()
+        assert world.state_bytes() == twin.state_bytes(), (
+            f"step {step + 1}: the same seed gives another mission"
+        )
+        if rules.ends_together and world.worlds["done"].any():
+            break
+
+
+def _poc(belief: TargetBelief) -> tuple[NDArray[np.float64], float]:
+    """Return the probability of each cell and of all others."""
+    poc = belief.poc()
+    assert (poc >= 0.0).all(), f"step {belief.step}: a probability of containment is below 0"
+    total = float(poc.sum())
+    outside = belief.outside if isinstance(belief, EnsembleBelief) else 1.0 - total
+    assert abs(total + outside - 1.0) <= SUM_TOLERANCE and outside >= -SUM_TOLERANCE, (
+        f"step {belief.step}: the grid has {total:.6f} and the outside {outside:.6f}, not 1 in all"
+    )
+    return poc, max(outside, 0.0)
+
+
+def _inflation(scenario: Scenario, rules: Rules) -> float:
+    """Return the variance of counts over that of draws from exact chances."""
+    tracks = tracks_of(scenario.resolve(rules), rules)
+    if tracks is None:
+        return 1.0
+    truth = np.diff(tracks.cumulative, prepend=0.0)
+    return 1.0 + WORLDS * float((truth**2).sum() + (tracks.weights**2).sum())
+
+
+def _counted(world: World) -> NDArray[np.int64]:
+    """Return how many persons are in each cell, and last how many are outside the grid."""
+    g = world.grid_size
+    x, y = world.persons["x"].ravel(), world.persons["y"].ravel()
+    inside = (x >= 0) & (x < g) & (y >= 0) & (y < g)
+    return np.bincount(np.where(inside, y * g + x, g * g), minlength=g * g + 1)
+
+
+def _test_futures(belief: TargetBelief, seed: int) -> None:
+    """Test that futures begin where the belief is and, of an ensemble, go where it goes."""
+    forecast, ahead = belief.forecast, belief.copy()
+    g = forecast.scenario.grid_size
+    rng = np.random.default_rng(seed)
+    cells, persons = belief.futures(FUTURES, HORIZON, rng)
+    assert cells.shape == (HORIZON + 1, FUTURES) and persons.shape == (FUTURES,), (
+        f"futures of shape {cells.shape}, not {(HORIZON + 1, FUTURES)}"
+    )
+    exact = HORIZON if isinstance(belief, EnsembleBelief) else 0
+    for h in range(exact + 1):
+        row, col = np.divmod(cells[h], forecast.side)
+        margin = (forecast.side - g) // 2
+        x, y = col - margin, row - margin
+        inside = (x >= 0) & (x < g) & (y >= 0) & (y < g)
+        counts = np.bincount(np.where(inside, y * g + x, g * g), minlength=g * g + 1)
+        poc, outside = _poc(ahead)
+        beyond = excess(counts, np.append(poc.ravel(), outside))
+        assert beyond <= SIGMAS, (
+            f"futures are not where the belief is after {h} steps, by {beyond:.1f} sigmas"
+        )
+        ahead.advance()

@@ -1,0 +1,100 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What B worlds have of an ensemble: its tracks, which they share, and which one a person is on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.step.ensemble_kernels import SeaEnsemble
+from dsse_ros.step.sea_tracks import SeaTracks, tracks_of
+
+DECIDES_TRACKS = ("vector", "person_initial_position")
+"""Fields of the scenario that a reset may replace, and that the tracks depend on."""
+
+
+class WorldEnsemble:
+    """The ensemble that the persons of B worlds follow.
+
+    Args:
+        scenario: What is searched.
+        rules: The rules of the search.
+        tracks: Of the scenario.
+        shape: (B, P).
+
+    Attributes:
+        tracks: The tracks, shared with others; not to be written to.
+        track: (B, P) int64, which of them each person follows.
+    """
+
+    def __init__(
+        self, scenario: ResolvedScenario, rules: Rules, tracks: SeaTracks, shape: tuple[int, ...]
+    ) -> None:
+        self._scenario = self._placed = scenario
+        self._rules = rules
+        self.tracks = tracks
+        self.track = np.zeros(shape, np.int64)
+
+    @classmethod
+    def of(cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> WorldEnsemble | None:
+        """Return the ensemble of worlds, None if their persons do not follow one.
+
+        Raises:
+            FieldError: As `tracks_of`.
+        """
+        tracks = None if rules.covers else tracks_of(scenario, rules)
+        if tracks is None:
+            return None
+        return cls(scenario, rules, tracks, (num_worlds, scenario.person_amount))
+
+    def _tracks(self) -> SeaTracks:
+        tracks = tracks_of(self._placed, self._rules)
+        assert tracks is not None
+        return tracks
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Tracks are large, and follow from the scenario: a copy shares them.
+        return {name: value for name, value in vars(self).items() if name != "tracks"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.tracks = self._tracks()
+
+    @property
+    def arrays(self) -> SeaEnsemble:
+        """The argument `ensemble` of the kernels."""
+        tracks = self.tracks
+        return SeaEnsemble(tracks.truth, tracks.cumulative, tracks.maps, self.track)
+
+    def place(self, replaced: dict[str, Any]) -> bool:
+        """Have the tracks of the scenario with these fields replaced; returns whether they changed.
+
+        Args:
+            replaced: Of `World.placed`.
+        """
+        values = {name: replaced[name] for name in DECIDES_TRACKS if name in replaced}
+        self._placed = self._scenario.override(**values).resolve(self._rules)
+        before, self.tracks = self.tracks, self._tracks()
+        return self.tracks is not before
+
+    def cells(
+        self, worlds: NDArray[np.void], x: NDArray[np.int64], y: NDArray[np.int64]
+    ) -> NDArray[np.float32]:
+        """Return the probabilities of cells, see `World.cells`.
+
+        Args:
+            worlds: (B,) of `kernels.WORLDS`.
+            x: (B, K) columns.
+            y: (B, K) rows.
+        """
+        maps = self.tracks.maps
+        size = maps.shape[1]
+        inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
+        step = np.minimum(worlds["map_steps"], len(maps) - 1)[:, np.newaxis]
+        found = maps[step, np.where(inside, y, 0), np.where(inside, x, 0)]
+        return np.where(inside, found, np.float32(0.0))

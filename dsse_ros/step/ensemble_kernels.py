@@ -1,0 +1,97 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""Persons who follow tracks of an ensemble, and the map of its particles, compiled.
+
+`ensemble` is a `SeaEnsemble`, which the worlds of a batch share but for `track`, `b` the number of
+a world. Other arguments mean the same as in `sea_map`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.compiled.draws import draw_unit
+from dsse_ros.compiled.jit import part
+from dsse_ros.targets.sea_map import drift, is_inside
+
+FAR = 30000
+"""Cells are cut to this far from the grid's corner, so that they fit into 16 bits: it is off any
+grid."""
+
+
+class SeaEnsemble(NamedTuple):
+    """The ensemble of a scenario.
+
+    Attributes:
+        truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow, by steps of the sea;
+            off the grid nobody finds them.
+        cumulative: (M,) float64, the probability of each of these tracks and those before it.
+        maps: (T, G, G) float32 as [y, x], the probability of each cell by another draw of the same
+            law; what lies outside the grid and the area is in none.
+        track: (B, P) int64, which track each person follows.
+    """
+
+    truth: NDArray[np.int16]
+    cumulative: NDArray[np.float64]
+    maps: NDArray[np.float32]
+    track: NDArray[np.int64]
+
+
+@part
+def step_of(w, ensemble):
+    """Return the step of the sea; after the last one of the tracks nothing moves."""
+    return min(w.map_steps, len(ensemble.maps) - 1)
+
+
+@part
+def put_on_tracks(w, persons, ensemble, b):
+    """Put each person at the start of a track, drawn by the weights."""
+    cumulative = ensemble.cumulative
+    for p in range(len(persons)):
+        drawn = draw_unit(w) * cumulative[-1]
+        low, high = 0, len(cumulative) - 1
+        while low < high:
+            middle = (low + high) // 2
+            if cumulative[middle] > drawn:
+                high = middle
+            else:
+                low = middle + 1
+        ensemble.track[b, p] = low
+        persons[p].x = np.int64(ensemble.truth[0, low, 0])
+        persons[p].y = np.int64(ensemble.truth[0, low, 1])
+
+
+@part
+def ensemble_step(c, w, persons, area, ensemble, b):
+    """Let the sea do a step: datum and persons; found persons stay where they are."""
+    drift(c, w, area)
+    w.circle_x, w.circle_y = w.datum_x, w.datum_y
+    w.map_steps += 1
+    step = step_of(w, ensemble)
+    for p in range(len(persons)):
+        if persons[p].found and not c.found_persons_stay:
+            continue
+        track = ensemble.track[b, p]
+        persons[p].x = np.int64(ensemble.truth[step, track, 0])
+        persons[p].y = np.int64(ensemble.truth[step, track, 1])
+
+
+@part
+def probability_in(c, w, ensemble, x, y):
+    """Return the probability of the cell (x, y), 0 outside the grid and the area."""
+    if not is_inside(c.grid_size, x, y):
+        return 0.0
+    return np.float64(ensemble.maps[step_of(w, ensemble), y, x])
+
+
+@part
+def write_present(w, ensemble, out):
+    """Write the map (G, G) float32, out[y, x]."""
+    step = step_of(w, ensemble)
+    for j in range(out.shape[0]):
+        for i in range(out.shape[1]):
+            out[j, i] = ensemble.maps[step, j, i]

@@ -1,0 +1,140 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The ensemble of a scenario: drawn once, for the truth and for the belief, and kept."""
+
+from __future__ import annotations
+
+import threading
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.step.ensemble_kernels import FAR
+from dsse_ros.targets.ensemble import Ensemble, Tracks, check_tracks
+from dsse_ros.targets.registry import TARGET_MODELS
+
+LARGEST_BYTES = 1 << 30
+"""What an ensemble may take while it is kept."""
+KEPT = 4
+"""Ensembles that are kept, the last ones."""
+
+
+class SeaTracks(NamedTuple):
+    """The tracks of a scenario in cells, by steps of the sea from the start of its drift.
+
+    After its last step nothing moves.
+
+    Attributes:
+        truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow.
+        cumulative: (M,) float64, sums of their weights.
+        particles: (T, M', 2) int16, those of a belief, by another seed.
+        weights: (M',) float64, their weights.
+        maps: (T, G, G) float32 as [y, x], the probability of each cell by the particles. What lies
+            outside the grid or the area is in none: it is not scaled up to 1.
+    """
+
+    truth: NDArray[np.int16]
+    cumulative: NDArray[np.float64]
+    particles: NDArray[np.int16]
+    weights: NDArray[np.float64]
+    maps: NDArray[np.float32]
+
+
+_kept: list[tuple[Ensemble, ResolvedScenario, Rules, SeaTracks]] = []
+_lock = threading.Lock()
+
+
+def tracks_of(scenario: ResolvedScenario, rules: Rules) -> SeaTracks | None:
+    """Return the tracks of a scenario, None where its persons do not follow an ensemble.
+
+    Truth and particles are drawn from one law, by the two seeds that
+    `np.random.SeedSequence(ensemble_seed)` spawns.
+
+    Raises:
+        FieldError: If they would take too much memory.
+        ValueError: If the ensemble breaks its contract.
+    """
+    model = TARGET_MODELS[rules.person_motion]
+    if not isinstance(model, Ensemble):
+        return None
+    with _lock:
+        for of_model, of_scenario, of_rules, kept in _kept:
+            if of_model is model and of_scenario == scenario and of_rules == rules:
+                return kept
+        made = _made(model, scenario, rules)
+        _kept.append((model, scenario, rules, made))
+        del _kept[:-KEPT]
+        return made
+
+
+def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
+    """Return how many steps the sea does until the end of a mission that takes all its time."""
+    mission = scenario.timestep_limit + rules.time_out_grace + 1
+    return scenario.pre_search_steps + rules.reset_sea_steps + mission
+
+
+def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> SeaTracks:
+    steps, g = last_step_of(scenario, rules), scenario.grid_size
+    size = (steps + 1) * (8 * scenario.particles + 4 * g * g)
+    if size > LARGEST_BYTES:
+        raise FieldError(
+            f"person_motion: {rules.person_motion!r} is not allowed with {scenario.particles} "
+            f"particles, {steps} steps and a grid of {g}; up to {LARGEST_BYTES >> 20} MiB of "
+            "tracks and maps"
+        )
+    of_truth, of_belief = (
+        np.random.default_rng(seed)
+        for seed in np.random.SeedSequence(scenario.ensemble_seed).spawn(2)
+    )
+    truth, truth_weights = _drawn(model, scenario, steps, of_truth)
+    particles, weights = _drawn(model, scenario, steps, of_belief)
+    maps = np.empty((steps + 1, g, g), np.float32)
+    for step in range(steps + 1):
+        maps[step] = poc_of_cells(particles[step], weights, g, scenario.area_mask)
+    return SeaTracks(truth, np.cumsum(truth_weights), particles, weights, maps)
+
+
+def _drawn(
+    model: Ensemble, scenario: ResolvedScenario, steps: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
+    """Return cells and weights of tracks.
+
+    Raises:
+        ValueError: If the ensemble breaks its contract.
+    """
+    tracks = Tracks(*model.tracks(scenario, steps, rng, scenario.particles))
+    check_tracks(tracks, steps)
+    cells = np.floor(tracks.positions / scenario.cell_size)
+    lost = ~np.isfinite(cells).all(axis=2)
+    np.clip(cells, -FAR, FAR, out=cells)
+    cells[lost] = -FAR
+    # A weight of its own: the arrays are handed to compiled functions, which take no read-only one.
+    return cells.astype(np.int16), np.array(tracks.weights, np.float64)
+
+
+def poc_of_cells(
+    cells: NDArray[np.int16],
+    weights: NDArray[np.float64],
+    grid_size: int,
+    area: NDArray[np.bool_] | None,
+) -> NDArray[np.float64]:
+    """Return the weight in each cell, (G, G) float64 as [y, x], 0 outside the area.
+
+    Args:
+        cells: (M, 2) cells (x, y).
+        weights: (M,) float64.
+        grid_size: G.
+        area: (G, G) bool, the cells that are searched; None for all.
+    """
+    x, y = cells[:, 0].astype(np.int64), cells[:, 1].astype(np.int64)
+    inside = (x >= 0) & (x < grid_size) & (y >= 0) & (y < grid_size)
+    column = (y * grid_size + x)[inside]
+    poc = np.bincount(column, weights[inside], grid_size**2).astype(np.float64)
+    poc = poc.reshape(grid_size, grid_size)
+    if area is not None:
+        poc[~area] = 0.0
+    return poc

@@ -1,0 +1,22 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""How persons may move, by name: the motions, step by step, and the ensembles of tracks."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from dsse_ros.targets.constant_drift import CONSTANT_DRIFT
+from dsse_ros.targets.ensemble import Ensemble
+from dsse_ros.targets.person_motion import MOTIONS, PersonMotion
+
+TargetModel: TypeAlias = PersonMotion | Ensemble
+
+TARGET_MODELS: dict[str, TargetModel] = {**MOTIONS, "constant_drift": CONSTANT_DRIFT}
+"""What `person_motion` of the rules chooses from."""
+
+
+def has_own_drift(name: str) -> bool:
+    """Return whether this is a motion whose persons have a drift of their own."""
+    model = TARGET_MODELS[name]
+    return isinstance(model, PersonMotion) and model.own_drift
