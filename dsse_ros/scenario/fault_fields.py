@@ -73,6 +73,10 @@ class FaultFields(BatteryFields):
     def resolved_faults(self, num_drones: int, drone_speed: float) -> dict[str, Any]:
         """Return the fields with nothing left to derive.
 
+        Args:
+            num_drones: N.
+            drone_speed: Of the slowest drone, in m/s.
+
         Raises:
             FieldError: If they contradict each other or the drones.
         """
