@@ -154,6 +154,6 @@ def faults_of(scenario: FaultFields) -> list[str]:
     ]
 
 
-def may_be_held_up(scenario: FaultFields) -> bool:
-    """Return whether a drone may stay in a cell that it was commanded to leave."""
+def hold_up(scenario: FaultFields) -> bool:
+    """Return whether faults may keep a drone in a cell that it was commanded to leave."""
     return any(FAULTS[name].holds_up for name in faults_of(scenario))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.area import Area, area_mask
 from dsse_ros.scenario.current import mean_drift, resolve_vector
-from dsse_ros.scenario.fault_fields import FaultFields
+from dsse_ros.scenario.fault_fields import FaultFields, hold_up
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
@@ -268,6 +268,11 @@ class Scenario(SearcherFields, FaultFields):
                 f"{MAX_PRE_SEARCH_STEPS} steps of {resolved.step_duration_s:g} s"
             )
         return resolved
+
+    @property
+    def may_be_held_up(self) -> bool:
+        """Whether a drone may stay in a cell that it was commanded to leave."""
+        return self.has_slower_drones or hold_up(self)
 
     def grid_of(self, rules: Rules) -> tuple[int, float]:
         """Return the cells along a side of the grid, and the side of a cell in metres.
