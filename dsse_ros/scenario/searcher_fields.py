@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from dsse_ros.scenario.actions import STRAIGHT
 from dsse_ros.scenario.fields import FieldError, field
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.searchers.registry import SEARCHERS
+from dsse_ros.searchers.registry import DEFAULT, SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.sensors.registry import SENSORS
 
@@ -31,7 +31,7 @@ class SearcherFields:
         "float", "Airspeed of the drones.", 10.0, low=1e-3, high=1000, unit="m/s"
     )
     searchers: tuple[str, ...] = field(
-        "names", "Kind of each drone, or one for all drones.", ("drone",)
+        "names", "Kind of each drone, or one for all drones.", (DEFAULT,)
     )
     sensor: str = field(
         "str", "Sensor of the drones whose kind has none of its own.", "own_cell",

@@ -74,6 +74,19 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.search": (WORLD | {"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.conformance": (
+        {
+            "dsse_ros.belief",
+            "dsse_ros.conformance",
+            "dsse_ros.scenario",
+            "dsse_ros.search",
+            "dsse_ros.searchers",
+            "dsse_ros.sensors",
+            "dsse_ros.step",
+            "dsse_ros.targets",
+        },
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.planners": (
         WORLD | {"dsse_ros.planners", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
