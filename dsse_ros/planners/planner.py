@@ -33,8 +33,9 @@ class Planner(Protocol):
                 area that is searched. Where there are several persons, `found_person`, whether the
                 drone has found one in the last step. Over ROS also `step`, the steps done,
                 `action`, what the drone has done last, and where the step does not wait for ever,
-                `decision_time_s`, the wall time that there is for the answer. With faults
-                `status`, `action` and, where it runs down, `battery`: see `faults.Faults.infos`.
+                `decision_time_s`, the wall time that there is for the answer. With faults, or
+                drones of different kinds, `status`, `action` and, where it runs down, `battery`:
+                see `faults.Faults.infos`.
         """
         ...
 

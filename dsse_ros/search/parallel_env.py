@@ -475,7 +475,7 @@ def parallel_env(
         timestep_limit: Steps the drones can do.
         cell_size: Side of a cell in metres.
         drone_speed: Airspeed in metres per second, without wind the ground speed; a step lasts
-            cell_size / drone_speed.
+            cell_size / drone_speed, of the fastest drone.
         render_mode: ansi, rgb_array, human or None.
         observe: What the agents observe: `map`, as the rules draw it, or `belief`, which learns
             from the searches.
