@@ -136,8 +136,10 @@ def scenario_table() -> str:
     """Return the table of a scenario's fields; a default may depend on the profile."""
     values, of_rules = defaults(Scenario), specs(Rules)
     rows = []
+    # What says of the drones what they are comes last.
+    own = sorted(specs(Scenario).items(), key=lambda s: s[0] not in Scenario.__annotations__)
     # What it has in common with faults is a table of its own.
-    for name, spec in specs(Scenario).items():
+    for name, spec in own:
         if name in specs(FaultFields):
             continue
         default = shown(values[name])

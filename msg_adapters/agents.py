@@ -15,7 +15,7 @@ from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.limits import MAX_SIDE
 from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import SPECS, Scenario
-from msg_adapters.frames import GridFrame
+from msg_adapters.frames import GridFrame, altitudes_of
 from msg_adapters.json_keys import Keys, parse_json
 
 MAX_ID = 2**32 - 1
@@ -47,7 +47,7 @@ class AgentsInfo:
         map_frame: Name of the map frame, prefix included.
         frame_prefix: What the names of all frames begin with.
         origin: Where the map frame lies on the Earth.
-        alt_m: Flight altitude above the map plane.
+        alt_m: Flight altitude above the map plane, of drones whose kind has none of its own.
         mission: Number of the mission; grows by one with each reset. A mission that is resumed
             from a snapshot keeps its own.
         run_id: Identity of the simulation since its start, 1 to 2**32 - 1: with the mission it
@@ -95,6 +95,7 @@ class AgentsInfo:
             origin_lon_deg=self.origin.lon_deg,
             origin_alt_m=self.origin.alt_m,
             alt_m=self.alt_m,
+            alts_m=() if self.definition is None else altitudes_of(self.definition.scenario),
             map_frame=self.map_frame,
             frame_prefix=self.frame_prefix,
         )

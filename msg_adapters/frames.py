@@ -9,7 +9,7 @@ grid's south-west corner. Columns grow to the east; rows grow to the south, row 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.area import cell_centre
 
 if TYPE_CHECKING:
-    from dsse_ros.scenario.scenario import ResolvedScenario
+    from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 
 S = TypeVar("S", bound=np.generic)
 
@@ -34,6 +34,7 @@ class GridFrame:
         origin_lon_deg: WGS84 longitude of the grid's south-west corner.
         origin_alt_m: Height of the map plane above the WGS84 ellipsoid at that corner.
         alt_m: Flight altitude above the map plane.
+        alts_m: That of each drone, where they differ from it.
         map_frame: Name of the frame.
         frame_prefix: What the names of the drones' frames begin with; the map frame's name has it
             already.
@@ -50,27 +51,48 @@ class GridFrame:
     alt_m: float
     map_frame: str = "map"
     frame_prefix: str = ""
+    alts_m: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         # Messages take Python numbers only; NumPy's would be corrupted silently.
         object.__setattr__(self, "grid_size", int(self.grid_size))
         for name in ("cell_size_m", "origin_lat_deg", "origin_lon_deg", "origin_alt_m", "alt_m"):
             object.__setattr__(self, name, float(getattr(self, name)))
+        object.__setattr__(self, "alts_m", tuple(float(alt_m) for alt_m in self.alts_m))
         if self.grid_size < 1:
             raise ValueError(f"grid_size: {self.grid_size!r} is not allowed; at least 1")
         if not (math.isfinite(self.cell_size_m) and self.cell_size_m > 0):
             raise ValueError(f"cell_size_m: {self.cell_size_m!r} is not allowed; above 0")
-        for name, limit in (
-            ("origin_lat_deg", 90.0),
-            ("origin_lon_deg", 360.0),
-            ("origin_alt_m", 1e6),
-            ("alt_m", 1e6),
+        for name, limit, value in (
+            ("origin_lat_deg", 90.0, self.origin_lat_deg),
+            ("origin_lon_deg", 360.0, self.origin_lon_deg),
+            ("origin_alt_m", 1e6, self.origin_alt_m),
+            *(("alt_m", 1e6, alt_m) for alt_m in (self.alt_m, *self.alts_m)),
         ):
-            value = getattr(self, name)
             if not abs(value) <= limit:
                 raise ValueError(f"{name}: {value!r} is not allowed; from {-limit} to {limit}")
         if not self.map_frame:
             raise ValueError("map_frame: '' is not allowed; a name")
+
+    def altitudes_m(self, drones: int) -> list[float]:
+        """Return the flight altitude of each of N drones.
+
+        Raises:
+            ValueError: If they differ, and there are other than N.
+        """
+        if self.alts_m and len(self.alts_m) != drones:
+            raise ValueError(f"drones: {drones} is not allowed; {len(self.alts_m)}")
+        return list(self.alts_m) or [self.alt_m] * drones
+
+    def of_drone(self, drone: int) -> GridFrame:
+        """Return the frame with the flight altitude of one drone, by its number."""
+        return replace(self, alt_m=self.alts_m[drone], alts_m=()) if self.alts_m else self
+
+
+def altitudes_of(scenario: Scenario) -> tuple[float, ...]:
+    """Return the `alts_m` of a frame, from a resolved scenario: none where all are the same."""
+    altitudes = scenario.altitudes
+    return () if set(altitudes) == {scenario.altitude} else altitudes
 
 
 def scenario_frame(
@@ -90,6 +112,7 @@ def scenario_frame(
         origin_lon_deg=scenario.origin_lon,
         origin_alt_m=scenario.origin_alt,
         alt_m=scenario.altitude,
+        alts_m=altitudes_of(scenario),
         map_frame=map_frame,
         frame_prefix=frame_prefix,
     )

@@ -73,7 +73,6 @@ def marker_array(
     """
     head = header(frame.map_frame, stamp)
     cell_m = frame.cell_size_m
-    alt_m = frame.alt_m
 
     def marker(namespace: str, number: int, kind: int, scale: Rgb, color: Rgb) -> Marker:
         made = Marker(header=head, ns=namespace, id=number, type=kind, action=Marker.ADD)
@@ -86,9 +85,12 @@ def marker_array(
 
     markers = [Marker(header=head, action=Marker.DELETEALL)]
     cells = np.asarray(drone_cells, dtype=np.float64).reshape(-1, 2)
-    for number, (place, name, track, flies) in enumerate(
-        zip(_points(frame, cells, alt_m), names, tracks, live, strict=True)
+    places = _points(frame, cells, 0.0)
+    altitudes = frame.altitudes_m(len(cells))
+    for number, (place, alt_m, name, track, flies) in enumerate(
+        zip(places, altitudes, names, tracks, live, strict=True)
     ):
+        place.z = alt_m
         color = drone_color(number) if flies else _GREY
         side_m = 0.5 * cell_m
         body = marker("drones", number, Marker.SPHERE, (side_m, side_m, 0.5 * side_m), color)

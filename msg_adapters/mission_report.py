@@ -44,7 +44,7 @@ def make_mission_report(
     report["x"], report["y"] = cell_to_map(
         frame, history["col"].astype(np.float64), history["row"].astype(np.float64)
     )
-    report["z"] = frame.alt_m
+    report["z"] = frame.altitudes_m(history.shape[1])
     report["run_id"], report["mission"] = run_id, mission
     report["step"] = np.arange(len(history))[:, np.newaxis]
     return report

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drones as poses, odometry, paths, fixes and transforms in the map frame, at flight altitude.
 
+What is of one drone takes its own frame, see `GridFrame.of_drone`.
+
 Functions with `into` fill and return that message, one of their own earlier results, instead of
 a new one: building messages costs as much as publishing them.
 """
@@ -97,7 +99,7 @@ def path(frame: GridFrame, cells: ArrayLike, stamp: Time, into: Path | None = No
     """
     message = Path() if into is None else into
     _stamp(message, frame, stamp)
-    positions = _positions(frame, cells)
+    positions = _positions(frame, cells, frame.alt_m)
     poses = message.poses[: len(positions)]
     poses += [PoseStamped(header=message.header) for _ in positions[len(poses) :]]
     for stamped, position in zip(poses, positions, strict=True):
@@ -219,11 +221,14 @@ def _stamp(message: Any, frame: GridFrame, stamp: Time) -> None:
     message.header.frame_id = frame.map_frame
 
 
-def _positions(frame: GridFrame, cells: ArrayLike) -> list[tuple[float, float, float]]:
+def _positions(
+    frame: GridFrame, cells: ArrayLike, alt_m: float | None = None
+) -> list[tuple[float, float, float]]:
+    """Return the places of all drones over their cells, or, at one altitude, of one drone."""
     array = np.asarray(cells, dtype=np.float64).reshape(-1, 2)
     x_m, y_m = cell_to_map(frame, array[:, 0], array[:, 1])
-    alt_m = frame.alt_m
-    return [(x, y, alt_m) for x, y in zip(x_m.tolist(), y_m.tolist(), strict=True)]
+    alts_m = frame.altitudes_m(len(array)) if alt_m is None else [alt_m] * len(array)
+    return list(zip(x_m.tolist(), y_m.tolist(), alts_m, strict=True))
 
 
 def _place(pose: Pose, frame: GridFrame, cell: Sequence[float]) -> None:

@@ -154,7 +154,7 @@ def make_step_report(
     report = np.zeros(len(cell), dtype=dtype)
     report["col"], report["row"] = cell[:, 0], cell[:, 1]
     report["x"], report["y"] = cell_to_map(frame, cell[:, 0], cell[:, 1])
-    report["z"] = frame.alt_m
+    report["z"] = frame.altitudes_m(len(cell))
     report["run_id"], report["mission"], report["step"] = run_id, mission, step
     report["action"] = actions
     report["reward"] = rewards
@@ -215,8 +215,9 @@ def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     if _ALL_FOUND in names:
         report: NDArray[Any] = points_from_message(message, dtype)[0]
         if "status" in names and len(report) and report["status"].max() >= len(STATUSES):
-            last = len(STATUSES) - 1
-            raise ValueError(f"status: {report['status'].max()} is not allowed; 0 to {last} is")
+            raise ValueError(
+                f"status: {report['status'].max()} is not allowed; 0 to {len(STATUSES) - 1} is"
+            )
         return report
     read = points_from_message(message, np.dtype([*POINT, (_MASK, dtype[_MASK])]))[0]
     report = np.zeros(len(read), dtype)

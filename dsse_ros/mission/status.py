@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_scheduler import StepScheduler
-from dsse_ros.step.fault_kernels import HOME, IDENTIFYING, RETURNING, STATUSES, STUCK
+from dsse_ros.step.fault_kernels import HOME, IDENTIFYING, RETURNING, STATUSES, STUCK, UNDER_WAY
 
 _MOST_NAMES = 8
 """Drones that a line of the log names."""
@@ -183,7 +183,7 @@ def _of_faults(mission: Mission) -> dict[str, object]:
         f"{STATUSES[status]}_drones": names(
             mission, np.flatnonzero(conditions["status"] == status).tolist()
         )
-        for status in (STUCK, IDENTIFYING, RETURNING, HOME)
+        for status in (STUCK, IDENTIFYING, RETURNING, HOME, UNDER_WAY)
     }
     if faults.has_battery:
         found["lowest_battery"] = f"{conditions['battery'].min():.1f}"

@@ -95,6 +95,7 @@ class MissionPublishers:
         self.run_id = run_id
         self._frame = frame
         self._names = mission.env.possible_agents
+        self._frames = [frame.of_drone(i) for i in range(len(self._names))]
         self._publisher = endpoints.publisher
         self._grid = self._publisher(OccupancyGrid, "probability_grid", LATCHED)
         self._image = self._publisher(Image, "probability", LATCHED)
@@ -205,8 +206,10 @@ class MissionPublishers:
         if self._belief_image is not None:
             self._belief_image.publish(probability_image(frame, self._mission.belief(), stamp))
         cells = result.cells.tolist()
-        for publisher, cell, message in zip(self._poses, cells, self._pose_of, strict=True):
-            publisher.publish(pose_stamped(frame, cell, stamp, message))
+        for publisher, of_drone, cell, message in zip(
+            self._poses, self._frames, cells, self._pose_of, strict=True
+        ):
+            publisher.publish(pose_stamped(of_drone, cell, stamp, message))
         self._drones.publish(pose_array(frame, result.cells, stamp, self._pose_array))
         self._publish_fixes(result, stamp)
         self.publish_batteries(result, stamp)
@@ -235,7 +238,7 @@ class MissionPublishers:
     def _publish_fixes(self, result: StepResult, stamp: Time) -> None:
         for i, cell in enumerate(result.cells.tolist()):
             if self._fixes[i].get_subscription_count():
-                fix = cell_fix(self._frame, *cell)
+                fix = cell_fix(self._frames[i], *cell)
                 message = nav_sat_fix(self._frame, *fix, stamp, self._names[i], self._fix_of[i])
                 self._fixes[i].publish(message)
 
@@ -269,7 +272,7 @@ class MissionPublishers:
         for i in subscribed:
             col, row = cells[i].tolist()
             odom = odometry(
-                self._frame, self._names[i], col, row, velocities[i], stamp, self._odom_of[i]
+                self._frames[i], self._names[i], col, row, velocities[i], stamp, self._odom_of[i]
             )
             self._odoms[i].publish(odom)
         if self._tf is not None:
@@ -280,9 +283,9 @@ class MissionPublishers:
     def publish_history(self, result: StepResult, stamp: Time, reveal_person: bool) -> None:
         """Publish tracks and markers to listeners who have not seen them as they are now."""
         tracks = self._mission.tracks
-        for publisher, track, message in zip(self._paths, tracks, self._path_of, strict=True):
+        for i, (publisher, track) in enumerate(zip(self._paths, tracks, strict=True)):
             if self._is_news(publisher, result.stamp_ns):
-                publisher.publish(path(self._frame, track, stamp, message))
+                publisher.publish(path(self._frames[i], track, stamp, self._path_of[i]))
         # A drone that is lost turns grey without a step.
         lost = len(self._mission.lost)
         if self._is_news(self._markers, result.stamp_ns, lost, reveal_person):

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
 
@@ -29,7 +30,8 @@ LONELINESS = 3.0
 def make_astar(search: Search, *, seed: int = 0) -> AStar:
     """Return a planner for a coverage task; it draws nothing."""
     area = search.scenario.resolve(search.rules).area_mask
-    return AStar(search.rules.action_set.within(area).with_moves())
+    actions = search.rules.action_set.within(area).with_moves()
+    return AStar(actions, apart=search.scenario.has_slower_drones)
 
 
 class AStar:
@@ -42,6 +44,7 @@ class AStar:
 
     Args:
         actions: The actions, in the area.
+        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
@@ -49,8 +52,9 @@ class AStar:
 
     drawn = False
 
-    def __init__(self, actions: ActionSet) -> None:
+    def __init__(self, actions: ActionSet, *, apart: bool = False) -> None:
         self._actions = actions
+        self._apart = apart
         self._goals: dict[str, Cell] = {}
 
     def copy(self) -> AStar:
@@ -78,7 +82,10 @@ class AStar:
             end = next_cell(self._actions, left, cell, goal, taken)
             taken.add(end)
             actions[agent] = self._actions.action(cell, end)
-        return actions
+        if not self._apart:
+            return actions
+        cells = dict(zip(observations, present, strict=True))
+        return heed_masks(actions, cells, infos, self._actions, apart=True)
 
     def _choose_goals(self, present: Mapping[str, Cell], left: NDArray[np.float32]) -> None:
         """Give each drone a goal, as far as there are cells."""

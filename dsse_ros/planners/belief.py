@@ -33,7 +33,6 @@ from dsse_ros.planners.planner import (
     number_of,
     probability_of,
 )
-from dsse_ros.scenario.fault_fields import may_be_held_up
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -202,6 +201,9 @@ class Forecasts:
 class BeliefPlanner:
     """Keeps the belief of a mission and commands what a tactic chooses; a `Planner`.
 
+    Its tactic plans as if each drone got to the next cell in a step. A drone that is slower than
+    others is under way for some steps, and planned for again in each of them.
+
     A new mission makes it start anew: a step of it that is not later than the last one, or, where
     no step is given, drones that are not where they can be or everything as at the start.
 
@@ -231,7 +233,8 @@ class BeliefPlanner:
         self._seed = seed
         self.forecasts = Forecasts(search.rules, tactic)
         self._actions = search.rules.action_set.with_moves()
-        self._may_be_held_up = may_be_held_up(search.scenario)
+        self._may_be_held_up = search.scenario.may_be_held_up
+        self._has_slower_drones = search.scenario.has_slower_drones
         self._learn_drift = (
             learn_drift and search.observed == "map" and not is_ensemble(search.rules)
         )
@@ -281,7 +284,7 @@ class BeliefPlanner:
                 ends |= {agent: cells[agent] for agent in steered if ends[agent] in occupied}
         self._commanded = {agent: (cell, ends[agent]) for agent, cell in cells.items()}
         actions = {agent: self._actions.action(cell, ends[agent]) for agent, cell in cells.items()}
-        return heed_masks(actions, cells, infos, self._actions)
+        return heed_masks(actions, cells, infos, self._actions, apart=self._has_slower_drones)
 
     def copy(self) -> BeliefPlanner:
         """Return one that goes on by itself from here; the forecasts are shared."""

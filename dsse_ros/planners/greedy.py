@@ -30,6 +30,7 @@ class Greedy:
         actions: Names of the actions by number.
         seed: Not used, the policy draws nothing.
         area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
+        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
@@ -41,9 +42,15 @@ class Greedy:
     drawn = False
 
     def __init__(
-        self, actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+        self,
+        actions: Sequence[str],
+        *,
+        seed: int = 0,
+        area: NDArray[np.bool_] | None = None,
+        apart: bool = False,
     ) -> None:
         self._actions = ActionSet(actions, area).with_moves()
+        self._apart = apart
 
     def copy(self) -> Greedy:
         """Return itself: it remembers nothing."""
@@ -71,9 +78,8 @@ class Greedy:
                 end = cell
             taken.add(end)
             actions[agent] = self._actions.action(cell, end)
-        return heed_masks(
-            actions, dict(zip(observations, present, strict=True)), infos, self._actions
-        )
+        cells = dict(zip(observations, present, strict=True))
+        return heed_masks(actions, cells, infos, self._actions, apart=self._apart)
 
     def _goals(self, present: Sequence[Cell], probability: NDArray[np.float32]) -> list[Cell]:
         """Return the goal of each drone, of the cells that it can get to."""

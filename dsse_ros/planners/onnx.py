@@ -38,6 +38,7 @@ from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.avoidance import resolve_conflicts
 from dsse_ros.planners.belief import BeliefPlanner
+from dsse_ros.planners.heeding import heed_masks
 from dsse_ros.planners.planner import Cell, Planner, Search, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.fields import FieldError, shown
@@ -136,6 +137,8 @@ class OnnxPlanner:
 
     Args:
         policy: What is flown.
+        apart: The actions of the search, if drones may be slow to leave their cells, see
+            `heeding.keep_apart`.
 
     Attributes:
         drawn: False: a model draws nothing.
@@ -143,12 +146,12 @@ class OnnxPlanner:
 
     drawn = False
 
-    def __init__(self, policy: Policy) -> None:
-        self._policy = policy
+    def __init__(self, policy: Policy, apart: ActionSet | None = None) -> None:
+        self._policy, self._apart = policy, apart
 
     def copy(self) -> OnnxPlanner:
         """Return one that goes on by itself from here; the model is shared."""
-        return OnnxPlanner(self._policy.copy())
+        return OnnxPlanner(self._policy.copy(), self._apart)
 
     def with_seed(self, seed: int) -> OnnxPlanner:
         """Return a copy."""
@@ -164,8 +167,11 @@ class OnnxPlanner:
             return {}
         present = dict(zip(observations, cells_of(observations), strict=True))
         masks = np.stack([infos[name]["action_mask"] for name in observations])
-        actions = self._policy.actions(present, probability_of(observations), masks)
-        return dict(zip(observations, actions, strict=True))
+        chosen = self._policy.actions(present, probability_of(observations), masks)
+        actions = dict(zip(observations, chosen, strict=True))
+        if self._apart is None:
+            return actions
+        return heed_masks(actions, present, infos, self._apart, apart=True)
 
 
 class OnnxOnBelief:
@@ -305,7 +311,7 @@ def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
     new_policy = partial(Policy, session, apart)
     if stated["observe"] == "belief" and search.observed == "map":
         return BeliefPlanner(search, OnnxTactics(new_policy), seed=seed)
-    return OnnxPlanner(new_policy())
+    return OnnxPlanner(new_policy(), apart if search.scenario.has_slower_drones else None)
 
 
 def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:

@@ -34,8 +34,9 @@ class Planner(Protocol):
                 drone has found one in the last step, and with sensors that look at several cells at
                 once `finds`, a bit for each look of the action that has. Over ROS also `step`, the
                 steps done, `action`, what the drone has done last, and where the step does not wait
-                for ever, `decision_time_s`, the wall time that there is for the answer. With faults
-                `status`, `action` and, where it runs down, `battery`: see `faults.Faults.infos`.
+                for ever, `decision_time_s`, the wall time that there is for the answer. With
+                faults, or drones of different kinds, `status`, `action` and, where it runs down,
+                `battery`: see `faults.Faults.infos`.
         """
         ...
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts
+from dsse_ros.planners.heeding import keep_apart
 from dsse_ros.planners.planner import AgentObservation, cells_of
 from dsse_ros.scenario.actions import ActionSet
 
@@ -26,6 +27,7 @@ class RandomMoves:
         actions: Names of the actions by number.
         seed: Of all draws.
         area: Not used, the masks say what leaves it.
+        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
@@ -35,9 +37,15 @@ class RandomMoves:
     """
 
     def __init__(
-        self, actions: Sequence[str], *, seed: int = 0, area: NDArray[np.bool_] | None = None
+        self,
+        actions: Sequence[str],
+        *,
+        seed: int = 0,
+        area: NDArray[np.bool_] | None = None,
+        apart: bool = False,
     ) -> None:
         self._actions = ActionSet(actions)
+        self._apart = apart
         self._rng = np.random.default_rng(seed)
         self.drawn = False
 
@@ -64,6 +72,10 @@ class RandomMoves:
             allowed = np.flatnonzero(infos[agent]["action_mask"])
             actions.append(int(allowed[int(draw * allowed.size)]))
         present = cells_of(observations)
+        if self._apart:
+            drawn = dict(zip(observations, actions, strict=True))
+            cells = dict(zip(observations, present, strict=True))
+            return keep_apart(drawn, cells, infos, self._actions)
         moves = (self._actions.moves[action] for action in actions)
         requested = [
             (col + dx, row + dy) for (col, row), (dx, dy) in zip(present, moves, strict=True)

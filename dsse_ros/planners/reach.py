@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.search.faults import paces
+from dsse_ros.search.faults import paces_of_drones
 from dsse_ros.search.ways_home import ways_home
 
 
@@ -23,9 +23,8 @@ class Reach:
 
     def __init__(self, scenario: ResolvedScenario, rules: Rules) -> None:
         actions, mask = rules.action_set, scenario.area_mask
-        ways = ways_home(
-            actions, mask, scenario.grid_size, scenario.drones_positions, paces(scenario, rules)
-        )
+        paces = paces_of_drones(scenario, rules)
+        ways = ways_home(actions, mask, scenario.grid_size, scenario.drones_positions, paces)
         self._home = ways.steps * scenario.battery_return + scenario.battery_reserve
         # Of a plan it is not known yet which of its steps are searches.
         self._step = max(scenario.battery_move, scenario.battery_search)

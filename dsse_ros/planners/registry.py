@@ -65,6 +65,8 @@ def _from_actions(make: Callable[..., Planner], search: Search, **options: Any) 
     rules = search.rules
     if rules.covers and isinstance(make, partial):
         options["covers"] = True
+    if search.scenario.has_slower_drones:
+        options["apart"] = True
     return make(rules.actions, area=search.scenario.resolve(rules).area_mask, **options)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
-from dsse_ros.planners.heeding import heed_masks
+from dsse_ros.planners.heeding import heed_masks, is_under_way
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
 
@@ -76,6 +76,7 @@ class RouteFollower:
         seed: For the choice of the cell to step aside to.
         area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
         covers: Whether the task is to cover cells.
+        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
@@ -92,8 +93,10 @@ class RouteFollower:
         seed: int = 0,
         area: NDArray[np.bool_] | None = None,
         covers: bool = False,
+        apart: bool = False,
     ) -> None:
         self._plan = plan
+        self._apart = apart
         self._covers = covers
         self._actions = ActionSet(actions, area).with_moves()
         self._rng = np.random.default_rng(seed)
@@ -139,8 +142,12 @@ class RouteFollower:
         requested: list[Cell | None] = []
         exits: dict[int, list[Cell]] = {}
         ways: dict[int, Cell] = {}
-        for drone, (track, cell) in enumerate(zip(tracks, present, strict=True)):
-            if track.finished and not self._swept:
+        for drone, (agent, track, cell) in enumerate(
+            zip(observations, tracks, present, strict=True)
+        ):
+            if is_under_way(infos.get(agent, {})):
+                requested.append(cell)
+            elif track.finished and not self._swept:
                 ways[drone] = self._actions.towards(cell, self._holding_cell(track, cell))
                 exits[drone] = self._exits(cell, ways[drone])
                 requested.append(None)
@@ -154,7 +161,17 @@ class RouteFollower:
             else:
                 requested.append(self._actions.towards(cell, track.goal))
 
-        granted = resolve_conflicts_with_yielding(present, requested, exits)
+        if self._apart:
+            # A cell with another drone in it may not get free.
+            occupied = set(present)
+            free = [
+                cell if end in occupied else end
+                for cell, end in zip(present, requested, strict=True)
+            ]
+            exits = {n: [c for c in cells if c not in occupied] for n, cells in exits.items()}
+            granted = resolve_conflicts_with_yielding(present, free, exits)
+        else:
+            granted = resolve_conflicts_with_yielding(present, requested, exits)
         # Where all get on with their ways, the order of the other exits has not counted.
         self.drawn = self.drawn or any(
             present[drone] == way or granted[drone] != way for drone, way in ways.items()
@@ -167,7 +184,7 @@ class RouteFollower:
             for agent, cell, end in zip(observations, present, granted, strict=True)
         }
         cells = dict(zip(observations, present, strict=True))
-        return heed_masks(actions, cells, infos, self._actions)
+        return heed_masks(actions, cells, infos, self._actions, apart=self._apart)
 
     def _start(
         self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]

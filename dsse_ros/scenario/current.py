@@ -32,7 +32,7 @@ def mean_drift(rules: Rules, vector: Vector, drone_speed: float) -> Vector:
     Args:
         rules: Say how a vector drifts.
         vector: Of a scenario.
-        drone_speed: In m/s.
+        drone_speed: Of the fastest drone, in m/s.
     """
     x, y = vector
     if rules.drift_by_speed:
@@ -60,7 +60,7 @@ def resolve_vector(
         vector: As stated, or None.
         speed: Of the current in m/s, or None.
         toward: Direction that it flows to, in degrees clockwise from north, or None.
-        drone_speed: In m/s.
+        drone_speed: Of the fastest drone, in m/s.
 
     Raises:
         FieldError: If these contradict each other, or no vector drifts as the current flows.
@@ -100,7 +100,7 @@ def vector_of_increment(rules: Rules, increment: Vector, drone_speed: float) -> 
     Args:
         rules: Say how a vector drifts.
         increment: To the east and to the south, in cells.
-        drone_speed: In m/s.
+        drone_speed: Of the fastest drone, in m/s.
     """
     x, y = increment
     norm = math.hypot(x, y)

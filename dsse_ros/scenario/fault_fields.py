@@ -73,6 +73,10 @@ class FaultFields(BatteryFields):
     def resolved_faults(self, num_drones: int, drone_speed: float) -> dict[str, Any]:
         """Return the fields with nothing left to derive.
 
+        Args:
+            num_drones: N.
+            drone_speed: Of the slowest drone, in m/s.
+
         Raises:
             FieldError: If they contradict each other or the drones.
         """
@@ -150,6 +154,6 @@ def faults_of(scenario: FaultFields) -> list[str]:
     ]
 
 
-def may_be_held_up(scenario: FaultFields) -> bool:
-    """Return whether a drone may stay in a cell that it was commanded to leave."""
+def hold_up(scenario: FaultFields) -> bool:
+    """Return whether faults may keep a drone in a cell that it was commanded to leave."""
     return any(FAULTS[name].holds_up for name in faults_of(scenario))

@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.area import Area, area_mask
 from dsse_ros.scenario.current import mean_drift, resolve_vector
 from dsse_ros.scenario.ensemble_fields import EnsembleFields
-from dsse_ros.scenario.fault_fields import FaultFields
+from dsse_ros.scenario.fault_fields import FaultFields, hold_up
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
+from dsse_ros.scenario.searcher_fields import SearcherFields
 from dsse_ros.scenario.yaml_file import read_yaml
-from dsse_ros.searchers.registry import SEARCHERS
-from dsse_ros.searchers.searcher import Searcher
-from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.targets.person_motion import MOTIONS
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
@@ -38,7 +36,7 @@ SYNONYMS = {"dispersion_start": "sigma"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario(EnsembleFields, FaultFields):
+class Scenario(EnsembleFields, SearcherFields, FaultFields):
     """What is searched, by whom, for how long; None means "derive it" or "the profile's default".
 
     `resolve` gives the scenario with every such field filled in.
@@ -87,26 +85,13 @@ class Scenario(EnsembleFields, FaultFields):
         "float", "Side of a cell; by default what the camera sees.", None,
         low=1e-3, high=1e6, unit="m",
     )  # fmt: skip
-    altitude: float = field(
-        "float", "Height of the drones above the sea.", 120.0, low=1e-3, high=20000, unit="m"
-    )
     field_of_view: float = field(
         "float", "Full angle of the camera across a cell.", PAPER_FIELD_OF_VIEW_DEG,
         above=0, high=175, unit="deg",
     )  # fmt: skip
-    drone_speed: float = field(
-        "float", "Airspeed of the drones.", 10.0, low=1e-3, high=1000, unit="m/s"
-    )
     num_drones: int | None = field(
         "int", "Number of drones; by default one per start cell given, else 1.", None,
         low=1, high=10**8,
-    )  # fmt: skip
-    searchers: tuple[str, ...] = field(
-        "names", "Kind of each drone, or one for all drones.", ("drone",)
-    )
-    sensor: str = field(
-        "str", "Sensor of the drones whose kind has none of its own.", "own_cell",
-        choices=SENSORS.keys(),
     )  # fmt: skip
     drones_positions: tuple[tuple[int, int], ...] | None = field(
         "cells", "Start cells (col, row); by default row by row from the north-west corner.", None
@@ -241,13 +226,17 @@ class Scenario(EnsembleFields, FaultFields):
             self.probability_matrix.check_place(grid, cell, origin)
         mask = area_mask(self.area, self.land, grid, cell, origin)
         positions = self._resolve_positions(grid, mask)
+        searchers = self.resolved_searchers(
+            len(positions), rules, has_battery=self.battery_move > 0
+        )
+        fastest, slowest = max(self.speeds), min(self.speeds)
         sigma = self.sigma if self.sigma is not None else rules.sigma
         growth = rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
         person = self.person_initial_position or rules.person_initial_position
         person = person or (grid // 2, grid // 2)
         check_cell("person_initial_position", person, grid, mask)
         vector = resolve_vector(
-            rules, self.vector, self.current_speed, self.current_toward, self.drone_speed
+            rules, self.vector, self.current_speed, self.current_toward, fastest
         )
         multipliers = self.person_pod_multipliers
         check_multipliers(multipliers, self.person_amount)
@@ -259,9 +248,9 @@ class Scenario(EnsembleFields, FaultFields):
             "cell_size": cell,
             "num_drones": len(positions),
             "drones_positions": positions,
-            "searchers": resolved_searchers(self.searchers, len(positions)),
+            "searchers": searchers,
             "vector": vector,
-            "drift": mean_drift(rules, vector, self.drone_speed),
+            "drift": mean_drift(rules, vector, fastest),
             "current_speed": None,
             "current_toward": None,
             "person_initial_position": person,
@@ -271,7 +260,7 @@ class Scenario(EnsembleFields, FaultFields):
             "sigma_y": self.sigma_y or sigma,
             "dispersion_inc": growth,
             "timestep_limit": self.timestep_limit or rules.timestep_limit,
-            **self.resolved_faults(len(positions), self.drone_speed),
+            **self.resolved_faults(len(positions), slowest),
         }
         given = {name: getattr(self, name) for name in SPECS}
         resolved = ResolvedScenario(**{**given, **derived, "stated": self})
@@ -281,6 +270,11 @@ class Scenario(EnsembleFields, FaultFields):
                 f"{MAX_PRE_SEARCH_STEPS} steps of {resolved.step_duration_s:g} s"
             )
         return resolved
+
+    @property
+    def may_be_held_up(self) -> bool:
+        """Whether a drone may stay in a cell that it was commanded to leave."""
+        return self.has_slower_drones or hold_up(self)
 
     def grid_of(self, rules: Rules) -> tuple[int, float]:
         """Return the cells along a side of the grid, and the side of a cell in metres.
@@ -376,28 +370,9 @@ class ResolvedScenario(Scenario):
         return area_mask(self.area, self.land, self.grid_size, self.cell_size, origin)
 
     @property
-    def kinds(self) -> tuple[Searcher, ...]:
-        """The kinds of the drones, each once, with what the scenario says where they do not."""
-        return tuple(
-            dataclasses.replace(
-                kind,
-                speed=kind.speed or self.drone_speed,
-                altitude=kind.altitude or self.altitude,
-                sensor=kind.sensor or self.sensor,
-            )
-            for kind in (SEARCHERS[name] for name in dict.fromkeys(self.searchers))
-        )
-
-    @property
-    def kind_of(self) -> tuple[int, ...]:
-        """(N,) the number of each drone's kind in `kinds`."""
-        number = {name: i for i, name in enumerate(dict.fromkeys(self.searchers))}
-        return tuple(number[name] for name in self.searchers)
-
-    @property
     def step_duration_s(self) -> float:
-        """Time of one step, cell_size / drone_speed (13 s for the paper's cell), in seconds."""
-        return self.cell_size / self.drone_speed
+        """Time that the fastest drone needs for a cell (13 s for the paper's), in seconds."""
+        return self.cell_size / max(self.speeds)
 
     @property
     def other_ways(self) -> dict[str, float]:
@@ -405,7 +380,7 @@ class ResolvedScenario(Scenario):
         east, south = self.drift
         return {
             "zone_size": self.grid_size * self.cell_size,
-            "current_speed": math.hypot(east, south) * self.drone_speed,
+            "current_speed": math.hypot(east, south) * max(self.speeds),
             "current_toward": math.degrees(math.atan2(east, -south)) % 360.0,
         }
 
@@ -487,23 +462,6 @@ def check_positions(
         check_cell("drones_positions", cell, grid_size, mask)
     if len(set(positions)) != len(positions):
         raise FieldError("drones_positions: two drones in one cell are not allowed")
-
-
-def resolved_searchers(names: tuple[str, ...], num_drones: int) -> tuple[str, ...]:
-    """Return the name of each drone's kind, (N,).
-
-    Raises:
-        FieldError: If there is no such kind, or the numbers differ.
-    """
-    for name in names:
-        if name not in SEARCHERS:
-            raise FieldError(f"searchers: {name!r} is not allowed; {', '.join(SEARCHERS)}")
-    if len(names) not in (1, num_drones):
-        raise FieldError(
-            f"searchers: {len(names)} kinds are not allowed; "
-            f"one for all drones or one per drone ({num_drones})"
-        )
-    return names * num_drones if len(names) == 1 else names
 
 
 def check_multipliers(multipliers: tuple[float, ...] | None, person_amount: int) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The faults of B worlds: what stands between the commands and what the drones do."""
+"""The faults and kinds of drones of B worlds: what stands between commands and what drones do."""
 
 from __future__ import annotations
 
@@ -14,10 +14,18 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.fault_fields import faults_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.scenario.searcher_fields import endurance_steps, whole_steps
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.ways_home import WaysHome, ways_home
+from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.step import fault_kernels
-from dsse_ros.step.fault_kernels import CONDITIONS, FAULT_CONSTANTS, HELD, STATUSES
+from dsse_ros.step.fault_kernels import (
+    ABILITIES,
+    CONDITIONS,
+    FAULT_CONSTANTS,
+    HELD,
+    STATUSES,
+)
 from dsse_ros.step.looks import Looks, looks_of
 
 
@@ -33,30 +41,68 @@ class Arrays(Protocol):
     grid_size: int
 
 
-def paces(scenario: ResolvedScenario, rules: Rules) -> list[float]:
+def paces(scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None) -> list[float]:
     """Return of each action the share of its move that a step does in the wind, at most 1.
 
     A drone with the airspeed v holds its track in the wind: with c and w the parts of the wind
-    across and along it, its ground speed is sqrt(v^2 - c^2) + w.
+    across and along it, its ground speed is sqrt(v^2 - c^2) + w. A drone that is slower than the
+    fastest takes a whole number of steps. The share is 0 of an action that the kind cannot do.
+
+    Args:
+        scenario: Has the wind.
+        rules: Have the actions.
+        kind: One of the scenario's kinds, by default a fastest one that can do all.
     """
-    v, toward = scenario.drone_speed, math.radians(scenario.wind_toward)
+    fastest = max(scenario.speeds)
+    v = fastest if kind is None or kind.speed is None else kind.speed
+    toward = math.radians(scenario.wind_toward)
     east, south = scenario.wind_speed * math.sin(toward), -scenario.wind_speed * math.cos(toward)
     shares = []
-    for dx, dy in rules.action_set.moves:
+    for name, (dx, dy) in zip(rules.actions, rules.action_set.moves, strict=True):
         length = math.hypot(dx, dy) or 1.0
         along, across = (east * dx + south * dy) / length, (east * dy - south * dx) / length
-        shares.append(min((math.sqrt(v**2 - across**2) + along) / v, 1.0))
+        ground_speed = math.sqrt(v**2 - across**2) + along
+        if kind is not None and kind.moves is not None and name not in (*kind.moves, "search"):
+            shares.append(0.0)
+        elif v < fastest:
+            shares.append(1.0 if dx == dy == 0 else 1.0 / whole_steps(fastest, ground_speed))
+        else:
+            shares.append(min(ground_speed / v, 1.0))
     return shares
 
 
-def fault_constants(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
+def paces_of_drones(scenario: ResolvedScenario, rules: Rules) -> list[list[float]]:
+    """Return the `paces` of each drone."""
+    of_kinds = [paces(scenario, rules, kind) for kind in scenario.kinds]
+    return [of_kinds[number] for number in scenario.kind_of]
+
+
+def abilities_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
+    """Return what each drone can do, (N,) of `fault_kernels.ABILITIES`."""
+    kinds, fastest = scenario.kinds, max(scenario.speeds)
+    of_kinds = np.zeros(len(kinds), ABILITIES)
+    for k, kind in enumerate(kinds):
+        of_kinds["pace"][k, : len(rules.actions)] = paces(scenario, rules, kind)
+        of_kinds["endurance"][k] = endurance_steps(kind, scenario.step_duration_s)
+        of_kinds["slower"][k] = scenario.speeds[k] < fastest
+    rates = false_alarms(scenario, looks_of(scenario, rules))
+    of_kinds["false_alarms"][:, : rates.shape[1]] = rates
+    return of_kinds[list(scenario.kind_of)]
+
+
+def has_limits(abilities: NDArray[np.void], num_actions: int) -> bool:
+    """Return whether a drone is slower than another, or cannot do all, or not for ever."""
+    cannot = abilities["pace"][:, :num_actions] == 0
+    return bool((abilities["slower"] | (abilities["endurance"] > 0) | cannot.any(axis=1)).any())
+
+
+def fault_constants(scenario: ResolvedScenario, *, has_limits: bool) -> NDArray[np.void]:
     """Return the faults as the kernels read them, (1,) of `fault_kernels.FAULT_CONSTANTS`."""
     constants = np.zeros(1, FAULT_CONSTANTS)
-    for name in set(FAULT_CONSTANTS.names or ()) - {"battery", "pace"}:
+    for name in set(FAULT_CONSTANTS.names or ()) - {"battery", "has_limits"}:
         constants[name] = getattr(scenario, name)
     constants["battery"] = scenario.battery_move > 0
-    shares = paces(scenario, rules)
-    constants["pace"][0, : len(shares)] = shares
+    constants["has_limits"] = has_limits
     return constants
 
 
@@ -71,7 +117,7 @@ def false_alarms(scenario: ResolvedScenario, looks: Looks) -> NDArray[np.float64
 
 
 class Faults:
-    """The faults of the worlds of a `World`.
+    """The faults of the worlds of a `World`, and what the kinds of its drones can do.
 
     Attributes:
         conditions: (B, N) of `fault_kernels.CONDITIONS`.
@@ -82,7 +128,9 @@ class Faults:
 
     def __init__(self, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> None:
         shape = (num_worlds, scenario.num_drones)
-        self._constants = fault_constants(scenario, rules)
+        self._abilities = abilities_of(scenario, rules)
+        limited = has_limits(self._abilities, len(rules.actions))
+        self._constants = fault_constants(scenario, has_limits=limited)
         self._losses = np.empty(scenario.num_drones, np.int64)
         self._losses[:] = scenario.loss_steps
         self.conditions = np.zeros(shape, CONDITIONS)
@@ -90,19 +138,17 @@ class Faults:
         self.has_battery = scenario.battery_move > 0
         self.is_noisy = scenario.position_noise > 0
         self._actions = rules.action_set
-        self._paces = paces(scenario, rules)
-        looks = looks_of(scenario, rules)
-        self._kinds = looks.kind
-        self._false_alarms = false_alarms(scenario, looks)
+        self._paces = paces_of_drones(scenario, rules)
         self._homes: list[tuple[int, int]] = []
         none = (scenario.num_drones, 0, 0)
         self._ways = WaysHome(np.zeros(none, np.int32), np.zeros(none, np.int8))
 
     @classmethod
     def of(cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Faults | None:
-        """Return the faults of a scenario, None where it has none."""
-        has_any = faults_of(scenario) or looks_of(scenario, rules).false_alarms.any()
-        return cls(scenario, rules, num_worlds) if has_any else None
+        """Return the faults of a scenario, None where it has none and its drones no limits."""
+        limited = has_limits(abilities_of(scenario, rules), len(rules.actions))
+        limited = limited or bool(looks_of(scenario, rules).false_alarms.any())
+        return cls(scenario, rules, num_worlds) if limited or faults_of(scenario) else None
 
     def place(self, world: Arrays) -> None:
         """Take the starts of the drones for their homes; all worlds have the same."""
@@ -116,8 +162,8 @@ class Faults:
         self.place(world)
         self.applied[which] = HELD
         fault_kernels.start_conditions(
-            world.constants, self._constants, world.area, world.worlds, world.drones,
-            self.conditions, self._ways.steps, which,
+            world.constants, self._constants, self._abilities, world.area, world.worlds,
+            world.drones, self.conditions, self._ways.steps, which,
         )  # fmt: skip
 
     def check(self, snapshot: Snapshot, grid_size: int) -> None:
@@ -126,9 +172,12 @@ class Faults:
         Raises:
             SnapshotError: If they would not.
         """
-        status, starts = snapshot.arrays["conditions"]["status"], snapshot.arrays["starts"]
+        conditions, starts = snapshot.arrays["conditions"], snapshot.arrays["starts"]
+        status, heading = conditions["status"], conditions["heading"]
         if not ((status >= 0) & (status < len(STATUSES))).all():
             raise SnapshotError("the snapshot is damaged: a status of a drone is none")
+        if not ((heading >= HELD) & (heading < len(self._actions))).all():
+            raise SnapshotError("the snapshot is damaged: a heading of a drone is no action")
         if not ((starts >= 0) & (starts < grid_size)).all():
             raise SnapshotError("the snapshot is damaged: a start of a drone is off the grid")
 
@@ -144,15 +193,14 @@ class Faults:
             commands: NDArray[np.int8], maps: NDArray[np.float32], first: int, last: int
         ) -> None:
             fault_kernels.before_step(
-                world.constants, self._constants, world.area, world.worlds, world.drones,
-                self.conditions, self._losses, self._ways.steps, self._ways.actions, commands,
-                self.applied, first, last,
+                world.constants, self._constants, self._abilities, world.area, world.worlds,
+                world.drones, self.conditions, self._losses, self._ways.steps, self._ways.actions,
+                commands, self.applied, first, last,
             )  # fmt: skip
             step(self.applied, maps, first, last)
             fault_kernels.after_step(
-                world.constants, self._constants, world.area, world.worlds, world.drones,
-                self.conditions, self._ways.steps, self.applied, self._kinds, self._false_alarms,
-                first, last,
+                world.constants, self._constants, self._abilities, world.area, world.worlds,
+                world.drones, self.conditions, self._ways.steps, self.applied, first, last,
             )  # fmt: skip
 
         return step_with_faults
@@ -160,10 +208,10 @@ class Faults:
     def restrict(
         self, world: Arrays, masks: NDArray[np.int8], first: int = 0, last: int | None = None
     ) -> NDArray[np.int8]:
-        """Take off action masks (B, N, A) what would keep drones from coming home; the masks."""
+        """Take off action masks (B, N, A) what drones cannot do or come home from; the masks."""
         fault_kernels.restrict_masks(
-            world.constants, self._constants, world.area, world.drones, self.conditions,
-            self._ways.steps, self._ways.actions, masks, first,
+            world.constants, self._constants, self._abilities, world.area, world.drones,
+            self.conditions, self._ways.steps, self._ways.actions, masks, first,
             world.num_worlds if last is None else last,
         )  # fmt: skip
         return masks
@@ -186,7 +234,7 @@ class Faults:
         return {name: self.conditions[of].copy() for of, name in names.items()}
 
     def infos(self, world: int, drones: Sequence[int]) -> list[dict[str, Any]]:
-        """Return what agents learn of their faults in addition.
+        """Return what agents learn of their faults, or as their kind has limits, in addition.
 
         `status` is one of `fault_kernels.STATUSES`, `action` what the drone did in the last step,
         -1 for nothing, and `battery` is in percent, where it runs down.

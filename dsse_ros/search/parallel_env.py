@@ -39,9 +39,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell (x, y) and the map
     [y, x], one read-only array that all agents share. `infos[agent]` has `Found`, whether every
     person has been found, `action_mask` (A,) int8, 0 where a move would leave the grid or the area,
-    and, of several persons, `found_person`, whether the agent has found one in the last step. With
-    a sensor that looks at several cells at once `finds` says which of its looks have, bit by bit.
-    Actions are numbers of `rules.actions`.
+    and, of several persons, those of `World.infos_of_finds`. Actions are numbers of `rules.actions`.
 
     Observed is the map that the rules draw, which no search changes, or with `observe="belief"`
     what can be known from the searches so far (`belief.Belief`), in the cells that the drones
@@ -476,7 +474,7 @@ def parallel_env(
         timestep_limit: Steps the drones can do.
         cell_size: Side of a cell in metres.
         drone_speed: Airspeed in metres per second, without wind the ground speed; a step lasts
-            cell_size / drone_speed.
+            cell_size / drone_speed, of the fastest drone.
         render_mode: ansi, rgb_array, human or None.
         observe: What the agents observe: `map`, as the rules draw it, or `belief`, which learns
             from the searches.

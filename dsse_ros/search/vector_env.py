@@ -96,9 +96,9 @@ class VectorEnv:
     mask of the worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has
     it: all of them.
 
-    With faults infos have also `status` (B, N) int8, a number in `fault_kernels.STATUSES`, `action`
-    (B, N) int8, what the drone did, -1 for nothing, and where batteries run down `battery` (B, N)
-    float64, in percent.
+    With faults, or drones of different kinds, infos have also `status` (B, N) int8, a number in
+    `fault_kernels.STATUSES`, `action` (B, N) int8, what the drone did, -1 for nothing, and where
+    batteries run down `battery` (B, N) float64, in percent.
 
     With `observe="belief"` `probability` is what can be known in each world from the searches there
     (`belief.Belief`), in the cells that the drones observed, and infos have `pos` (B,) float64, the

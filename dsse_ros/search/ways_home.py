@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.actions import ActionSet, Cell
+from dsse_ros.scenario.actions import DIAGONAL, ActionSet, Cell
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.step.fault_kernels import ROUNDING
 
@@ -41,7 +41,7 @@ def ways_home(
     area: NDArray[np.bool_] | None,
     grid_size: int,
     homes: Sequence[Cell],
-    paces: Sequence[float],
+    paces: Sequence[Sequence[float]],
 ) -> WaysHome:
     """Return the ways home.
 
@@ -50,7 +50,8 @@ def ways_home(
         area: (G, G) bool [row, col], the cells that are searched; None for all.
         grid_size: G.
         homes: Cell (col, row) of each drone's home.
-        paces: Of each action the share of its move that a step does.
+        paces: Of each drone, and of each action, the share of its move that a step does; 0 of one
+            that it cannot do.
 
     Raises:
         FieldError: If the tables would be too large, or a straight move is missing.
@@ -67,16 +68,21 @@ def ways_home(
     steps = np.empty((len(homes), grid_size, grid_size), np.int32)
     numbers = np.empty(steps.shape, np.int8)
     water = np.ones((grid_size, grid_size), np.bool_) if area is None else area.copy()
+    for home, of_drone, of_home, next_actions in zip(homes, paces, steps, numbers, strict=True):
+        table = np.array(_moves(actions, of_drone), np.int64)
+        _find_ways(water, table, np.array(of_drone, float), *home, of_home, next_actions)
+    return WaysHome(steps, numbers)
+
+
+def _moves(actions: ActionSet, paces: Sequence[float]) -> list[tuple[int, int, int]]:
+    """Return the moves (dx, dy, number) that a drone can do, each with its opposite."""
     moves = [
         (dx, dy, number)
         for number, (dx, dy) in enumerate(actions.moves)
-        if (dx, dy) != (0, 0) and (actions.diagonal or 0 in (dx, dy))
+        if (dx, dy) != (0, 0) and paces[number] > 0
     ]
-    table = np.array(moves, np.int64)
-    of_action = np.array(paces, float)
-    for home, of_home, next_actions in zip(homes, steps, numbers, strict=True):
-        _find_ways(water, table, of_action, *home, of_home, next_actions)
-    return WaysHome(steps, numbers)
+    diagonal = actions.diagonal and sum(0 not in move[:2] for move in moves) == len(DIAGONAL)
+    return [move for move in moves if diagonal or 0 in move[:2]]
 
 
 @njit(cache=True, nogil=True)

@@ -24,6 +24,7 @@ from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.faults import Faults
 from dsse_ros.search.seeds import words_of_seeds
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
+from dsse_ros.searchers.registry import DEFAULT
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of
 from dsse_ros.step.looks import looks_of
@@ -466,6 +467,12 @@ class World:
             "scenario": {name: getattr(self.scenario, name) for name in SPECS},
             "rules": dataclasses.asdict(self.rules),
         }
+        if set(self.scenario.searchers) != {DEFAULT}:
+            names = dict.fromkeys(self.scenario.searchers)
+            parts["searchers"] = {
+                name: dataclasses.asdict(dataclasses.replace(kind, doc=""))
+                for name, kind in zip(names, self.scenario.kinds, strict=True)
+            }
         # As a file has it: through JSON a tuple becomes a list.
         identity: dict[str, Any] = json.loads(json.dumps(parts, default=_plain))
         return identity

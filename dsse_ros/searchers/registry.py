@@ -6,6 +6,9 @@ from __future__ import annotations
 
 from dsse_ros.searchers.searcher import Searcher
 
+DEFAULT = "drone"
+"""The kind of drones of which nothing else is said."""
+
 SEARCHERS: dict[str, Searcher] = {
-    "drone": Searcher(doc="flies and sees as the scenario says of its drones"),
+    DEFAULT: Searcher(doc="flies and sees as the scenario says of its drones"),
 }

@@ -13,9 +13,9 @@ class Searcher:
 
     Attributes:
         doc: What it is, without a subject.
-        speed: Over the ground, m/s.
+        speed: Airspeed, m/s; without wind also that over the ground.
         altitude: Height above the sea, m.
-        endurance_min: How long it can fly, minutes.
+        endurance_min: How long it can fly, minutes, where batteries do not run down.
         sensor: Name of its sensor, see `sensors.registry`.
         moves: Names of the actions that it can do beside `search`.
     """

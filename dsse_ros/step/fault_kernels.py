@@ -1,18 +1,19 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled faults: what stands between a command and what a drone does, step by step.
+"""The compiled faults and kinds of drones: what stands between a command and what a drone does.
 
 `before_step` decides what each drone does and takes the energy for it off its battery, the world
-does its step with that, and `after_step` looks at what came of it. Without faults neither is
-called. All draws come from the generator of the world: of each drone in index order those of loss,
-dropped command and stuck before the step, those of false alarm and position after it, each only
-where its fault is in the scenario.
+does its step with that, and `after_step` looks at what came of it. Neither is called without
+faults and with drones that are all as fast, can do all actions and never have to stop. All draws
+come from the generator of the world: of each drone in index order those of loss, dropped command
+and stuck before the step, those of false alarm and position after it, each only where its fault is
+in the scenario.
 """
 
 from __future__ import annotations
 
-from math import cos, log, pi, sin, sqrt
+from math import ceil, cos, log, pi, sin, sqrt
 
 import numpy as np
 
@@ -23,9 +24,9 @@ from dsse_ros.scenario.fault_fields import MAX_DELAY
 from dsse_ros.step.constants import MAX_ACTIONS
 from dsse_ros.targets.sea_map import is_inside, is_open
 
-STATUSES = ("searching", "stuck", "identifying", "returning", "home", "lost")
+STATUSES = ("searching", "stuck", "identifying", "returning", "home", "lost", "under_way")
 """What a drone is about, by number."""
-SEARCHING, STUCK, IDENTIFYING, RETURNING, HOME, LOST = range(len(STATUSES))
+SEARCHING, STUCK, IDENTIFYING, RETURNING, HOME, LOST, UNDER_WAY = range(len(STATUSES))
 
 HELD = -1
 """The action of a drone that does nothing, `world.HOLD`."""
@@ -48,11 +49,23 @@ FAULT_CONSTANTS = np.dtype(
         ("command_drop_rate", "f8"),
         ("false_alarm_steps", "i8"),
         ("position_noise", "f8"),
-        ("pace", "f8", (MAX_ACTIONS,)),  # share of each action's move that a step does
+        ("has_limits", "?"),  # a drone is slower than another, or cannot do all, or not for ever
     ],
     align=True,
 )
 """The fields of `faults.FAULTS`, as the kernels read them."""
+
+ABILITIES = np.dtype(
+    [
+        ("pace", "f8", (MAX_ACTIONS,)),  # share of each action's move that a step does; 0: cannot
+        # Probability that an action that looks and finds nobody reports somebody.
+        ("false_alarms", "f8", (MAX_ACTIONS,)),
+        ("endurance", "i8"),  # steps that it flies; 0: no limit
+        ("slower", "?"),  # than the fastest: what it begins it is under way with
+    ],
+    align=True,
+)
+"""What the kind of each drone can do."""
 
 CONDITIONS = np.dtype(
     [
@@ -83,29 +96,50 @@ def can_afford(f, o, home_steps, x, y, to_x, to_y, energy):
 
 
 @part
-def can_do(c, f, area, d, o, home_steps, action):
+def is_able(c, s, action):
+    """Return whether an action is none, or one that the drone's kind can do."""
+    return not 0 <= action < c.num_actions or s.pace[action] > 0.0
+
+
+@part
+def is_between(s, o):
+    """Return whether a slower drone has begun a move that it has not done."""
+    return s.slower and o.heading != HELD and o.status != RETURNING
+
+
+@part
+def can_do(c, f, area, d, o, s, home_steps, action):
     """Return whether a drone, on the grid, can do an action and still come home."""
     x, y = d.x, d.y
     if action == c.search_action:
         return can_afford(f, o, home_steps, x, y, x, y, f.battery_search)
-    if not 0 <= action < c.num_actions:
+    if not 0 <= action < c.num_actions or not is_able(c, s, action):
         return can_afford(f, o, home_steps, x, y, x, y, f.battery_hover)
     to_x, to_y = x + c.dx[action], y + c.dy[action]
     if not is_open(area, c.grid_size, to_x, to_y):
         to_x, to_y = x, y
-    if f.pace[action] >= 1.0:
+    pace = s.pace[action]
+    if pace >= 1.0:
         return can_afford(f, o, home_steps, to_x, to_y, to_x, to_y, f.battery_move)
+    if s.slower:
+        # What it begins it does to the end.
+        left = 1.0 - (o.progress if action == o.heading else 0.0)
+        energy = ceil(left / pace - ROUNDING) * f.battery_move
+        return can_afford(f, o, home_steps, to_x, to_y, to_x, to_y, energy)
     return can_afford(f, o, home_steps, x, y, to_x, to_y, f.battery_move)
 
 
 @part
-def can_go_on(c, f, area, d, o, home_steps):
+def can_go_on(c, f, area, d, o, s, home_steps):
     """Return whether a drone can do anything but go home."""
     if o.status == IDENTIFYING:
-        return can_do(c, f, area, d, o, home_steps, HELD)
+        return can_do(c, f, area, d, o, s, home_steps, HELD)
+    if is_between(s, o):
+        return can_do(c, f, area, d, o, s, home_steps, o.heading)
     for action in range(c.num_actions):
         to_x, to_y = d.x + c.dx[action], d.y + c.dy[action]
-        if is_open(area, c.grid_size, to_x, to_y) and can_do(c, f, area, d, o, home_steps, action):
+        is_possible = is_able(c, s, action) and is_open(area, c.grid_size, to_x, to_y)
+        if is_possible and can_do(c, f, area, d, o, s, home_steps, action):
             return True
     return False
 
@@ -150,34 +184,45 @@ def arrived_command(f, w, o, command):
 
 
 @part
-def against_wind(f, o, action, num_actions, search_action):
+def make_way(s, o, action, num_actions, search_action):
     """Return the action that gets done: a move only once the steps have added up to one."""
-    if not 0 <= action < num_actions or action == search_action or f.pace[action] >= 1.0:
+    if not 0 <= action < num_actions or action == search_action or s.pace[action] >= 1.0:
         o.progress = 0.0
         o.heading = HELD
         return action
     if action != o.heading:
         o.progress = 0.0
         o.heading = action
-    o.progress += f.pace[action]
+    o.progress += s.pace[action]
     if o.progress < 1.0 - ROUNDING:
         return np.int64(HELD)
     o.progress -= 1.0
+    if s.slower:
+        o.progress = 0.0
+        o.heading = HELD
     return action
 
 
 @part
-def decide(c, f, area, w, d, o, home_steps, home_actions, command):
+def may_turn(f, o, inside):
+    """Return whether a drone goes home where its battery does not hold for anything else."""
+    flies = o.status == SEARCHING or o.status == IDENTIFYING or o.status == UNDER_WAY
+    return f.battery and inside and flies
+
+
+@part
+def decide(c, f, area, w, d, o, s, home_steps, home_actions, command):
     """Return what a drone in the air does, and take the energy for it off its battery."""
     action = np.int64(arrived_command(f, w, o, command))
     if o.status != STUCK and f.stuck_rate > 0.0 and draw_unit(w) < f.stuck_rate:
         o.status = STUCK
         o.until = w.t + f.stuck_steps
     inside = is_inside(c.grid_size, d.x, d.y)
-    if o.status == STUCK or o.status == IDENTIFYING:
+    if is_between(s, o):
+        action = np.int64(o.heading)
+    if o.status == STUCK or o.status == IDENTIFYING or not is_able(c, s, action):
         action = np.int64(HELD)
-    may_turn = f.battery and inside and (o.status == SEARCHING or o.status == IDENTIFYING)
-    if may_turn and not can_do(c, f, area, d, o, home_steps, action):
+    if may_turn(f, o, inside) and not can_do(c, f, area, d, o, s, home_steps, action):
         turn_home(f, w, d, o, home_steps)
         if o.status == HOME:
             return np.int64(HELD)
@@ -190,7 +235,9 @@ def decide(c, f, area, w, d, o, home_steps, home_actions, command):
     elif not 0 <= action < c.num_actions:
         energy = f.battery_hover
     if o.status != STUCK:
-        action = against_wind(f, o, action, c.num_actions, c.search_action)
+        action = make_way(s, o, action, c.num_actions, c.search_action)
+    if o.status == SEARCHING or o.status == UNDER_WAY:
+        o.status = UNDER_WAY if is_between(s, o) else SEARCHING
     if f.battery:
         o.battery = max(o.battery - energy, 0.0)
     return action
@@ -198,14 +245,15 @@ def decide(c, f, area, w, d, o, home_steps, home_actions, command):
 
 @kernel
 def before_step(
-    constants, faults, area, worlds, drones, conditions, losses, home_steps, home_actions, actions,
-    applied, first, last,
+    constants, faults, abilities, area, worlds, drones, conditions, losses, home_steps,
+    home_actions, actions, applied, first, last,
 ):  # fmt: skip
     """Decide what the drones of the worlds first..last - 1 do.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         faults: (1,) of `FAULT_CONSTANTS`.
+        abilities: (N,) of `ABILITIES`.
         area: Of `kernels.Sea`.
         worlds: (B,) of `kernels.WORLDS`.
         drones: (B, N) of `kernels.DRONES`.
@@ -238,7 +286,7 @@ def before_step(
                 lose(w, d, o)
                 continue
             applied[b, n] = decide(
-                c, f, area, w, d, o, home_steps[n], home_actions[n], actions[b, n]
+                c, f, area, w, d, o, abilities[n], home_steps[n], home_actions[n], actions[b, n]
             )
 
 
@@ -272,7 +320,7 @@ def observe(c, f, w, d, o):
 
 
 @part
-def start(c, f, area, w, d, o, home_steps):
+def start(c, f, area, w, d, o, s, home_steps):
     """Set what faults have made of a drone to the start of a mission."""
     d.aloft = False
     o.battery = FULL
@@ -282,13 +330,13 @@ def start(c, f, area, w, d, o, home_steps):
     o.applied = o.heading = HELD
     for k in range(MAX_DELAY):
         o.pending[k] = HELD
-    if f.battery and not can_go_on(c, f, area, d, o, home_steps):
+    if f.battery and not can_go_on(c, f, area, d, o, s, home_steps):
         turn_home(f, w, d, o, home_steps)
     observe(c, f, w, d, o)
 
 
 @part
-def update(c, f, area, w, drones, n, o, home_steps, false_alarms):
+def update(c, f, area, w, drones, n, o, s, home_steps):
     """Note what a step has made of a drone that is still in the mission."""
     d = drones[n]
     inside = is_inside(c.grid_size, d.x, d.y)
@@ -300,78 +348,95 @@ def update(c, f, area, w, drones, n, o, home_steps, false_alarms):
     elif o.status == RETURNING:
         if inside and home_steps[d.y, d.x] == 0:
             land(f, w, o)
-    elif o.status != SEARCHING and w.t >= o.until:
-        o.status = RETURNING if d.aloft else SEARCHING
-    if false_alarms > 0.0 and not d.found and draw_unit(w) < false_alarms:
+    elif (o.status == STUCK or o.status == IDENTIFYING) and w.t >= o.until:
+        under_way = UNDER_WAY if is_between(s, o) else SEARCHING
+        o.status = RETURNING if d.aloft else under_way
+    rate = s.false_alarms[o.applied] if 0 <= o.applied < c.num_actions else 0.0
+    if rate > 0.0 and not d.found and draw_unit(w) < rate:
         o.status = IDENTIFYING
         o.until = w.t + f.false_alarm_steps
-    may_turn = f.battery and inside and (o.status == SEARCHING or o.status == IDENTIFYING)
-    if may_turn and not can_go_on(c, f, area, d, o, home_steps):
+    if may_turn(f, o, inside) and not can_go_on(c, f, area, d, o, s, home_steps):
         turn_home(f, w, d, o, home_steps)
+    if s.endurance > 0 and w.t >= s.endurance and not f.battery:
+        land(f, w, o)
+        o.progress = 0.0
+        o.heading = HELD
+        d.aloft = True
 
 
 @kernel
 def after_step(
-    constants, faults, area, worlds, drones, conditions, home_steps, applied, kinds, false_alarms,
-    first, last,
-):  # fmt: skip
-    """Note what a step has made of the drones; arguments as in `before_step`.
-
-    `kinds` are those of `looks.Looks.kind`, and `false_alarms` (K, A) float64 the probability that
-    an action that looks and finds nobody reports somebody.
-    """
+    constants, faults, abilities, area, worlds, drones, conditions, home_steps, applied, first, last
+):
+    """Note what a step has made of the drones; arguments as in `before_step`."""
     c, f = constants[0], faults[0]
     for b in range(first, last):
         w = worlds[b]
         for n in range(drones.shape[1]):
-            d, o = drones[b, n], conditions[b, n]
+            d, o, s = drones[b, n], conditions[b, n], abilities[n]
             if w.t == 0:
                 # A batch has reset the world.
-                start(c, f, area, w, d, o, home_steps[n])
+                start(c, f, area, w, d, o, s, home_steps[n])
                 continue
             o.applied = applied[b, n]
             if d.alive and not w.done:
-                rate = 0.0
-                if 0 <= o.applied < c.num_actions:
-                    rate = false_alarms[kinds[n], o.applied]
-                update(c, f, area, w, drones[b], n, o, home_steps[n], rate)
+                update(c, f, area, w, drones[b], n, o, s, home_steps[n])
             observe(c, f, w, d, o)
 
 
 @kernel
-def start_conditions(constants, faults, area, worlds, drones, conditions, home_steps, which):
+def start_conditions(
+    constants, faults, abilities, area, worlds, drones, conditions, home_steps, which
+):
     """Begin the missions of the worlds with which[b], (B,) bool; see `before_step`."""
     c, f = constants[0], faults[0]
     for b in range(len(worlds)):
         if which[b]:
             for n in range(drones.shape[1]):
-                start(c, f, area, worlds[b], drones[b, n], conditions[b, n], home_steps[n])
+                d, o, s = drones[b, n], conditions[b, n], abilities[n]
+                start(c, f, area, worlds[b], d, o, s, home_steps[n])
+
+
+@part
+def restrict_mask(c, f, area, d, o, s, home_steps, home_actions, mask):
+    """Take off a drone's action mask (A,) what it cannot do; one action is left."""
+    if is_between(s, o):
+        mask[:] = 0
+        mask[o.heading] = 1
+        return
+    to_home = f.battery and is_inside(c.grid_size, d.x, d.y)
+    steered = o.status == HOME or o.status == RETURNING
+    if f.battery and not to_home:
+        steered = False
+    left = 0
+    for a in range(c.num_actions):
+        if mask[a]:
+            can = not steered and is_able(c, s, a)
+            if can and to_home:
+                can = can_do(c, f, area, d, o, s, home_steps, a)
+            mask[a] = can
+        left += mask[a]
+    if left == 0:
+        home = home_actions[d.y, d.x] if to_home else HELD
+        mask[home if home >= 0 else c.search_action] = 1
 
 
 @kernel
 def restrict_masks(
-    constants, faults, area, drones, conditions, home_steps, home_actions, masks, first, last
-):
-    """Take off the action masks what would keep drones from coming home.
+    constants, faults, abilities, area, drones, conditions, home_steps, home_actions, masks, first,
+    last,
+):  # fmt: skip
+    """Take off the action masks what drones cannot do, or would keep them from coming home.
 
-    Of a drone that goes home, or is there, only that is left; one is always left. `masks` are
-    (B, N, A) int8, 0 for moves out of the grid or the area; the other arguments are as in
-    `before_step`.
+    Of a drone that is under way, or goes home, or is there, only that is left; one is always left.
+    `masks` are (B, N, A) int8, 0 for moves out of the grid or the area; the other arguments are as
+    in `before_step`.
     """
     c, f = constants[0], faults[0]
-    if not f.battery:
+    if not (f.battery or f.has_limits):
         return
     for b in range(first, last):
         for n in range(drones.shape[1]):
-            d, o = drones[b, n], conditions[b, n]
-            if not d.alive or not is_inside(c.grid_size, d.x, d.y):
-                continue
-            steered = o.status == RETURNING or o.status == HOME
-            left = 0
-            for a in range(c.num_actions):
-                if masks[b, n, a] and (steered or not can_do(c, f, area, d, o, home_steps[n], a)):
-                    masks[b, n, a] = 0
-                left += masks[b, n, a]
-            if left == 0:
-                home = home_actions[n, d.y, d.x]
-                masks[b, n, home if home >= 0 else c.search_action] = 1
+            d, o, s = drones[b, n], conditions[b, n], abilities[n]
+            if d.alive:
+                restrict_mask(c, f, area, d, o, s, home_steps[n], home_actions[n], masks[b, n])

@@ -159,7 +159,7 @@ def test_a_report_has_battery_and_status_with_faults_only() -> None:
             assert read["battery"].tolist() == mission.result.conditions["battery"].tolist()
             assert read["status"].tolist() == mission.result.conditions["status"].tolist()
             report["status"][1] = len(STATUSES)
-            with pytest.raises(ValueError, match="^status: 6 is not allowed"):
+            with pytest.raises(ValueError, match=f"^status: {len(STATUSES)} is not allowed"):
                 step_report_from_message(step_report_message(frame, report, to_stamp(1)))
 
 

@@ -203,7 +203,7 @@ def test_the_way_home_takes_the_steps_that_are_foreseen(
     cell = (home % G, home // G)
     if not area[cell[1], cell[0]]:
         return
-    ways = ways_home(actions, area if in_area else None, G, [cell], shares)
+    ways = ways_home(actions, area if in_area else None, G, [cell], [shares])
     measure = actions.within(area if in_area else None)
     for row, col in np.argwhere(area).tolist():
         here, steps, moves, heading, progress = (col, row), 0, 0, -1, 0.0

@@ -1,0 +1,240 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a kind of drone keeps its promises in missions, alone and among drones of another kind.
+
+In a test of your own:
+
+    searcher_test(Searcher(doc="flies slowly", speed=4.0))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.searcher_fields import endurance_steps, whole_steps
+from dsse_ros.search.parallel_env import SearchEnv, parallel_env
+from dsse_ros.search.snapshot import Snapshot
+from dsse_ros.searchers.registry import DEFAULT, SEARCHERS
+from dsse_ros.searchers.searcher import Searcher
+
+NAME = "searcher_test"
+"""Of the kind while it is tested."""
+
+GRID = 9
+STEPS = 80
+ENDURANCE_STEPS = 2000
+"""Of the longest endurance that is flown to its end."""
+
+
+def searcher_test(searcher: Searcher, *, rules: str | Rules = "v2", seed: int = 0) -> None:
+    """Fly missions with a kind of drone and check that it keeps its promises.
+
+    A cell takes it the whole number of steps that its speed asks for; under way it can do nothing
+    but arrive; it never leaves the grid by an action that its mask allows; it does its own moves
+    only; it flies no longer than its endurance; the same seed gives the same mission, and a
+    snapshot goes on bit for bit. The kind is registered while this lasts, and no longer.
+
+    Args:
+        searcher: The kind of drone.
+        rules: The name of a profile or a `Rules` value, without coverage.
+        seed: Of the missions and of what the drones are commanded.
+
+    Raises:
+        AssertionError: If a promise is broken, on one line.
+    """
+    with _registered(searcher):
+        for swarm in ((NAME,), (NAME, NAME, NAME), (NAME, DEFAULT, NAME, DEFAULT)):
+            env = _env(swarm, rules, STEPS)
+            first = _fly(env, seed, swarm)
+            _check(_fly(env, seed, swarm) == first, "the same seed gives another mission")
+            _check_snapshot(_env(swarm, rules, STEPS), _env(swarm, rules, STEPS), seed)
+        _check_endurance(searcher, rules)
+
+
+@contextmanager
+def _registered(searcher: Searcher) -> Iterator[None]:
+    _check(isinstance(searcher, Searcher), f"{searcher!r} is no Searcher")
+    _check(bool(searcher.doc), "doc is empty; it says what the kind is")
+    before = SEARCHERS.get(NAME)
+    SEARCHERS[NAME] = searcher
+    try:
+        yield
+    finally:
+        del SEARCHERS[NAME]
+        if before is not None:
+            SEARCHERS[NAME] = before
+
+
+def _env(swarm: tuple[str, ...], rules: str | Rules, steps: int) -> SearchEnv:
+    """Return an environment in which no drone ends but by its endurance, or by leaving the grid."""
+    corners = [(0, 0), (GRID - 1, GRID - 1), (GRID - 1, 0), (0, GRID - 1)]
+    try:
+        return parallel_env(
+            rules=rules, grid_size=GRID, searchers=swarm, drones_positions=corners[: len(swarm)],
+            person_initial_position=(GRID // 2, GRID // 2), probability_of_detection=0.0,
+            collisions=False, timestep_limit=steps,
+        )  # fmt: skip
+    except FieldError as error:
+        raise AssertionError(f"a scenario with the kind is refused: {error}") from None
+
+
+@dataclass
+class _Flight:
+    """What is known of a drone from its commands.
+
+    Attributes:
+        needed: Steps that a move takes.
+        heading: The move that it is under way with, None for none.
+        done: Steps of it that are done.
+        flown: Steps since the start.
+    """
+
+    needed: int
+    heading: int | None = None
+    done: int = 0
+    flown: int = 0
+
+
+def _flights(env: SearchEnv) -> dict[str, _Flight]:
+    scenario = env.scenario
+    fastest = max(scenario.speeds)
+    of_kinds = [whole_steps(fastest, speed) for speed in scenario.speeds]
+    return {
+        agent: _Flight(of_kinds[number])
+        for agent, number in zip(env.possible_agents, scenario.kind_of, strict=True)
+    }
+
+
+def _fly(env: SearchEnv, seed: int, swarm: tuple[str, ...]) -> list[Any]:
+    """Fly a mission by actions that the masks allow, check it, and return what it handed out."""
+    rng = np.random.default_rng(seed)
+    flights = _flights(env)
+    _, infos = env.reset(seed=seed)
+    seen: list[Any] = []
+    # Whether the last step still lets drones act is a matter of the rules.
+    for _ in range(STEPS - 1):
+        if not env.agents:
+            break
+        before, agents = env.positions, list(env.agents)
+        masks = {agent: infos[agent]["action_mask"] for agent in agents}
+        for agent in agents:
+            _check_mask(env, agent, masks[agent], flights[agent])
+        joint = {agent: int(rng.choice(np.flatnonzero(masks[agent]))) for agent in agents}
+        _, rewards, terminated, truncated, infos = env.step(joint)
+        for agent in agents:
+            if not terminated[agent]:
+                number = env.possible_agents.index(agent)
+                moved = env.positions[number] - before[number]
+                _check_move(env, agent, joint[agent], moved, infos[agent], flights[agent])
+        inside = (env.positions >= 0) & (env.positions < env.scenario.grid_size)
+        _check(bool(inside.all()), "a drone has left the grid by an action that its mask allows")
+        seen.append((joint, rewards, terminated, truncated, env.positions.tolist()))
+    return seen
+
+
+def _kind_of(env: SearchEnv, agent: str) -> Searcher:
+    number = env.possible_agents.index(agent)
+    return env.scenario.kinds[env.scenario.kind_of[number]]
+
+
+def _check_mask(env: SearchEnv, agent: str, mask: NDArray[np.int8], flight: _Flight) -> None:
+    """Check what a drone may do next."""
+    allowed = np.flatnonzero(mask).tolist()
+    names = [env.rules.actions[action] for action in allowed]
+    _check(bool(allowed), f"{agent}: the action mask allows nothing")
+    if flight.heading is not None:
+        _check(
+            allowed == [flight.heading],
+            f"{agent}: under way with {env.rules.actions[flight.heading]} the action mask allows "
+            f"{', '.join(names)}",
+        )
+    moves = _kind_of(env, agent).moves
+    if moves is not None:
+        others = [name for name in names if name not in (*moves, "search")]
+        _check(not others, f"{agent}: the action mask allows {', '.join(others)}, no moves of its")
+
+
+def _check_move(
+    env: SearchEnv,
+    agent: str,
+    action: int,
+    moved: NDArray[np.int64],
+    info: dict[str, Any],
+    flight: _Flight,
+) -> None:
+    """Check what a drone has made of an action that its mask allowed, and note it."""
+    move = env.rules.action_set.moves[action]
+    flight.flown += 1
+    flight.done = flight.needed if move == (0, 0) else flight.done + 1
+    arrives = flight.done >= flight.needed
+    expected = move if arrives else (0, 0)
+    status = info.get("status", "searching")
+    limit = endurance_steps(_kind_of(env, agent), env.scenario.step_duration_s)
+    if limit and flight.flown > limit and "battery" not in info:
+        # It has landed, and the next step takes it out.
+        _check(False, f"{agent}: still in the search after its endurance of {limit} steps")
+    _check(
+        tuple(moved.tolist()) == expected,
+        f"{agent}: step {flight.done} of the {flight.needed} of {env.rules.actions[action]} has "
+        f"moved it by {moved.tolist()}, not by {list(expected)}",
+    )
+    ended = limit > 0 and flight.flown == limit
+    wanted = "home" if ended else "searching" if arrives else "under_way"
+    _check(
+        status == wanted,
+        f"{agent}: its status is {status!r} after step {flight.flown}, not {wanted!r}",
+    )
+    over = arrives or ended
+    flight.heading, flight.done = (None, 0) if over else (action, flight.done)
+
+
+def _check_snapshot(env: SearchEnv, twin: SearchEnv, seed: int) -> None:
+    """Check that a mission goes on from a snapshot, under way or not, whatever it is commanded."""
+    rng = np.random.default_rng(seed)
+    env.reset(seed=seed)
+    for step in range(30):
+        if step % 7 == 1:
+            twin.restore(Snapshot.from_bytes(env.snapshot().to_bytes()))
+        joint = rng.integers(0, len(env.rules.actions), len(env.possible_agents), np.int8)
+        env.advance(joint)
+        if step > 0:
+            twin.advance(joint)
+            same = env.world.state_bytes() == twin.world.state_bytes()
+            _check(same, f"step {step + 1} after a snapshot is another one than without it")
+
+
+def _check_endurance(searcher: Searcher, rules: str | Rules) -> None:
+    """Check that a drone flies as long as it can, and no longer."""
+    step_s = _env((NAME,), rules, STEPS).scenario.step_duration_s
+    limit = endurance_steps(searcher, step_s)
+    if not 0 < limit <= ENDURANCE_STEPS:
+        return
+    env = _env((NAME,), rules, limit + 10)
+    env.reset(seed=0)
+    search = env.rules.action_set.search
+    steps = 0
+    while env.agents and steps < limit + 5:
+        env.step({agent: search for agent in env.agents})
+        steps += 1
+    _check(
+        steps == limit + 1,
+        f"its endurance is {limit} steps of {step_s:g} s; it was in the search for {steps - 1}",
+    )
+
+
+def _check(kept: bool, broken: str) -> None:
+    """Raise unless a promise was kept.
+
+    Raises:
+        AssertionError: If it was not.
+    """
+    if not kept:
+        raise AssertionError(broken)

@@ -1,0 +1,145 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The drones of a scenario by their kinds: how fast and how high they fly, for how long."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from dsse_ros.scenario.actions import STRAIGHT
+from dsse_ros.scenario.fields import FieldError, field
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.searchers.registry import DEFAULT, SEARCHERS
+from dsse_ros.searchers.searcher import Searcher
+from dsse_ros.sensors.registry import SENSORS
+
+ROUNDING = 1e-9
+"""Of a whole number of steps: a quotient of two floats is not exact."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearcherFields:
+    """What the drones are; a kind of drone has values of its own in place of these."""
+
+    altitude: float = field(
+        "float", "Height of the drones above the sea.", 120.0, low=1e-3, high=20000, unit="m"
+    )
+    drone_speed: float = field(
+        "float", "Airspeed of the drones.", 10.0, low=1e-3, high=1000, unit="m/s"
+    )
+    searchers: tuple[str, ...] = field(
+        "names", "Kind of each drone, or one for all drones.", (DEFAULT,)
+    )
+    sensor: str = field(
+        "str", "Sensor of the drones whose kind has none of its own.", "own_cell",
+        choices=SENSORS.keys(),
+    )  # fmt: skip
+
+    @property
+    def kinds(self) -> tuple[Searcher, ...]:
+        """The kinds of the drones, each once, with what the scenario says where they do not."""
+        return tuple(
+            dataclasses.replace(
+                kind,
+                speed=kind.speed or self.drone_speed,
+                altitude=kind.altitude or self.altitude,
+                sensor=kind.sensor or self.sensor,
+            )
+            for kind in (SEARCHERS[name] for name in dict.fromkeys(self.searchers))
+        )
+
+    @property
+    def kind_of(self) -> tuple[int, ...]:
+        """(N,) the number of each drone's kind in `kinds`, of a resolved scenario."""
+        number = {name: i for i, name in enumerate(dict.fromkeys(self.searchers))}
+        return tuple(number[name] for name in self.searchers)
+
+    @property
+    def speeds(self) -> tuple[float, ...]:
+        """The airspeed of each of `kinds`, m/s."""
+        return tuple(kind.speed or self.drone_speed for kind in self.kinds)
+
+    @property
+    def altitudes(self) -> tuple[float, ...]:
+        """(N,) how high each drone flies, m, of a resolved scenario."""
+        of_kinds = [kind.altitude or self.altitude for kind in self.kinds]
+        return tuple(of_kinds[number] for number in self.kind_of)
+
+    @property
+    def has_slower_drones(self) -> bool:
+        """Whether a kind is slower than another, so that a cell takes it several steps."""
+        speeds = self.speeds
+        return min(speeds) < max(speeds)
+
+    def resolved_searchers(
+        self, num_drones: int, rules: Rules, *, has_battery: bool
+    ) -> tuple[str, ...]:
+        """Return the name of each drone's kind, (N,).
+
+        Args:
+            num_drones: N.
+            rules: Say which actions there are.
+            has_battery: Whether batteries run down, so that drones must find their way home.
+
+        Raises:
+            FieldError: If there is no such kind, the numbers differ, or a kind does not fit the
+                rules.
+        """
+        names = self.searchers
+        for name in names:
+            if name not in SEARCHERS:
+                raise FieldError(f"searchers: {name!r} is not allowed; {', '.join(SEARCHERS)}")
+        if len(names) not in (1, num_drones):
+            raise FieldError(
+                f"searchers: {len(names)} kinds are not allowed; "
+                f"one for all drones or one per drone ({num_drones})"
+            )
+        for name in dict.fromkeys(names):
+            _check_kind(name, SEARCHERS[name], rules.actions, has_battery=has_battery)
+        return names * num_drones if len(names) == 1 else names
+
+
+def _check_kind(name: str, kind: Searcher, actions: Collection[str], *, has_battery: bool) -> None:
+    """Raise unless a kind can fly a search.
+
+    Raises:
+        FieldError: If it cannot.
+    """
+    where = f"searchers: {name!r} with"
+    for what in ("speed", "altitude", "endurance_min"):
+        value = getattr(kind, what)
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise FieldError(f"{where} {what} {value!r} is not allowed; a number above 0")
+    if kind.sensor is not None and kind.sensor not in SENSORS:
+        raise FieldError(f"{where} sensor {kind.sensor!r} is not allowed; {', '.join(SENSORS)}")
+    if kind.moves is None:
+        return
+    for move in kind.moves:
+        if move not in actions:
+            raise FieldError(f"{where} move {move!r} is not allowed; {', '.join(actions)}")
+    missing = [move for move in STRAIGHT if move not in kind.moves]
+    if has_battery and missing:
+        raise FieldError(
+            f"{where} moves {', '.join(kind.moves)} is not allowed with battery_move; "
+            f"{', '.join(missing)} too, or it would not find home"
+        )
+
+
+def whole_steps(fastest: float, speed: float) -> int:
+    """Return the steps that a cell takes at a ground speed, if it takes the fastest drone one.
+
+    Args:
+        fastest: Its airspeed, m/s.
+        speed: The ground speed, m/s.
+    """
+    return max(math.ceil(fastest / speed - ROUNDING), 1)
+
+
+def endurance_steps(kind: Searcher, step_duration_s: float) -> int:
+    """Return the whole steps of a kind's endurance, at least 1; 0 where it has none."""
+    if kind.endurance_min is None:
+        return 0
+    return max(math.floor(kind.endurance_min * 60 / step_duration_s + ROUNDING), 1)

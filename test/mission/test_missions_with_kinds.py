@@ -1,0 +1,127 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Missions of drones of different kinds: their record, their reports and their altitudes."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_log import MissionLog, read_log
+from dsse_ros.mission.mission_views import mission_views
+from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.search import SearchEnv, parallel_env
+from dsse_ros.searchers.registry import SEARCHERS
+from dsse_ros.searchers.searcher import Searcher
+from dsse_ros.step.fault_kernels import STATUSES, UNDER_WAY
+from msg_adapters.agents import AgentsInfo, Origin, agents_from_message, agents_message
+from msg_adapters.frames import scenario_frame
+from msg_adapters.markers import marker_array
+from msg_adapters.mission_report import make_mission_report
+from msg_adapters.poses import path, pose_array, pose_stamped, transforms
+from msg_adapters.stamps import to_stamp
+from msg_adapters.step_report import step_report_from_message, step_report_message
+
+ALTITUDES = [120.0, 60.0, 300.0]
+
+
+@pytest.fixture(autouse=True)
+def kinds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(SEARCHERS, "low", Searcher(doc="flies low", speed=4.0, altitude=60))
+    monkeypatch.setitem(SEARCHERS, "high", Searcher(doc="flies high", altitude=300.0))
+
+
+def env_of(*searchers: str, **fields: Any) -> SearchEnv:
+    return parallel_env(
+        grid_size=8, num_drones=3, searchers=searchers, timestep_limit=40, rules="v2",
+        probability_of_detection=0.1, **fields,
+    )  # fmt: skip
+
+
+def test_the_record_of_a_mission_says_who_was_under_way_and_gives_its_pictures(
+    tmp_path: Path,
+) -> None:
+    file, mission = tmp_path / "mission.csv", Mission(env_of("drone", "low", "high"), 3)
+    log = MissionLog(file, scenario_frame(mission.env.scenario), faults=True)
+    log.write(mission, mission.result)
+    draw, statuses = np.random.default_rng(1), []
+    while not mission.done:
+        mission.command_all(draw.integers(0, 9, 3).tolist())
+        assert mission.advance("hold").conditions is not None
+        statuses.append([STATUSES[k] for k in mission.result.conditions["status"]])
+        log.write(mission, mission.result)
+    log.close()
+    with file.open() as stream:
+        rows = [row for row in csv.DictReader(stream) if row["agent"] == "drone1"]
+    assert [row["status"] for row in rows[1:]] == [of_step[1] for of_step in statuses]
+    under_way = [row for row in rows if row["status"] == "under_way"]
+    assert len(under_way) > 10 and {row["action"] for row in under_way} == {""}
+    scenario, rules = mission.env.scenario, mission.env.rules
+    views = list(mission_views(read_log(file), scenario, rules, seed=3, belief=True))
+    assert len(views) == len(rows)
+
+
+def test_a_step_report_has_status_mask_and_altitude_of_each_kind() -> None:
+    mission = Mission(env_of("drone", "low", "high"), 3)
+    frame = scenario_frame(mission.env.scenario)
+    mission.command_all([1, 1, 1])
+    mission.advance("hold")
+    message = step_report_message(frame, step_report_of(mission, frame, 7), to_stamp(0))
+    report = step_report_from_message(message)
+    assert report["status"].tolist() == [0, UNDER_WAY, 0]
+    assert report["action"].tolist() == [1, -1, 1]
+    assert np.flatnonzero(report["action_mask"][1]).tolist() == [1]
+    assert report["z"].tolist() == ALTITUDES
+    whole = make_mission_report(frame, run_id=7, mission=1, history=mission.history)
+    assert whole["z"].tolist() == [ALTITUDES] * 2
+
+
+def test_each_drone_is_shown_at_the_altitude_of_its_kind() -> None:
+    scenario = env_of("drone", "low", "high").scenario
+    frame, stamp, cells = scenario_frame(scenario), to_stamp(0), [(0, 0), (1, 0), (2, 0)]
+    names = ["drone0", "drone1", "drone2"]
+    assert [pose.position.z for pose in pose_array(frame, cells, stamp).poses] == ALTITUDES
+    of_frames = transforms(frame, cells, names, stamp)
+    assert [one.transform.translation.z for one in of_frames] == ALTITUDES
+    for i, altitude in enumerate(ALTITUDES):
+        own = frame.of_drone(i)
+        assert pose_stamped(own, cells[i], stamp).pose.position.z == altitude
+        assert {one.pose.position.z for one in path(own, cells, stamp).poses} == {altitude}
+    tracks = [[(0, 0), (3, 0)]] * 3
+    markers = marker_array(
+        frame, stamp, drone_cells=cells, names=names, tracks=tracks, live=[True] * 3, datum=None
+    ).markers
+    assert [m.pose.position.z for m in markers if m.ns == "drones"] == ALTITUDES
+    assert [m.points[0].z for m in markers if m.ns == "tracks"] == ALTITUDES
+    with pytest.raises(ValueError, match="drones: 2 is not allowed; 3"):
+        pose_array(frame, cells[:2], stamp)
+
+
+def test_the_frame_of_drones_of_one_altitude_is_that_of_the_scenario() -> None:
+    frame = scenario_frame(env_of("drone").scenario)
+    assert frame.alts_m == () and frame.of_drone(1) is frame
+    assert frame.altitudes_m(3) == [120.0] * 3
+
+
+def test_the_topic_agents_lets_a_planner_know_the_kinds() -> None:
+    env = env_of("drone", "low", "high")
+    scenario, frame = env.scenario, scenario_frame(env.scenario)
+    info = AgentsInfo(
+        agents=tuple(env.possible_agents), actions=env.rules.actions, rules="v2", seed=1,
+        grid_size=8, cell_size_m=frame.cell_size_m, timestep_limit=40,
+        step_duration_s=scenario.step_duration_s, map_frame="map", frame_prefix="",
+        origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
+        alt_m=frame.alt_m, mission=1, run_id=1,
+        definition=SearchDefinition(env.rules, env.mission_scenario),
+    )  # fmt: skip
+    read = agents_from_message(agents_message(info))
+    assert read.frame == frame
+    assert read.definition is not None
+    assert read.definition.scenario.searchers == ("drone", "low", "high")
+    assert read.definition.scenario.has_slower_drones

@@ -1,0 +1,128 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Planners fly swarms of drones of different kinds: nobody meets anybody, or leaves the grid."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_batch import OPTIONS, alone
+
+from dsse_ros.planners import BELIEF_PLANNERS, PLANNERS, planner_for
+from dsse_ros.planners.batch import play_missions
+from dsse_ros.planners.heeding import keep_apart
+from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.search import SearchEnv, parallel_env
+from dsse_ros.searchers.registry import SEARCHERS
+from dsse_ros.searchers.searcher import Searcher
+
+KINDS = {
+    "slow": Searcher(doc="takes three steps for a cell", speed=4.0),
+    "straight": Searcher(
+        doc="flies straight on, for a while", speed=7.0, endurance_min=5.0,
+        moves=("left", "right", "up", "down"),
+    ),
+    "halting": Searcher(doc="goes to the east alone", moves=("right",)),
+}  # fmt: skip
+SWARM = ("drone", "slow", "straight", "slow", "halting", "drone")
+SEARCH: dict[str, Any] = {
+    "grid_size": 7, "num_drones": 6, "searchers": SWARM, "person_initial_position": (4, 4),
+    "timestep_limit": 60, "probability_of_detection": 0.0, "sigma": 2.0,
+}  # fmt: skip
+FOR_PERSONS = sorted({*PLANNERS, *BELIEF_PLANNERS, "onnx", "route"})
+
+
+@pytest.fixture(autouse=True)
+def kinds(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, kind in KINDS.items():
+        monkeypatch.setitem(SEARCHERS, name, kind)
+
+
+def fly(env: SearchEnv, name: str, seed: int, **options: Any) -> list[list[list[int]]]:
+    """Return the cells of a mission; no two drones in the search are in one, nor off the grid."""
+    planner = planner_for(env, name, seed=seed, **options)
+    observations, infos = env.reset(seed=seed)
+    cells = []
+    while env.agents:
+        actions = planner(observations, infos)
+        assert actions.keys() == observations.keys()
+        observations, _, terminated, truncated, infos = env.step(actions)
+        for agent in terminated:
+            # But for the end of all, a drone ends by its endurance only.
+            ended = terminated[agent] and not truncated[agent]
+            assert not ended or infos[agent]["status"] == "home" or infos[agent]["Found"]
+        observations = {agent: observations[agent] for agent in env.agents}
+        flying = [a for a in env.agents if infos[a]["status"] != "home"]
+        places = [observations[agent][0].tolist() for agent in flying]
+        assert len({tuple(place) for place in places}) == len(places)
+        assert all(0 <= value < env.scenario.grid_size for place in places for value in place)
+        cells.append(places)
+    return cells
+
+
+@pytest.mark.parametrize("name", FOR_PERSONS)
+@pytest.mark.parametrize("rules", ["paper", "v2"])
+def test_a_planner_flies_a_mix_of_kinds_without_a_collision(name: str, rules: str) -> None:
+    if name == "onnx" and rules == "paper":
+        pytest.skip("the model is one of v2")
+    for seed in range(3):
+        env = parallel_env(SEARCH, rules=rules)
+        cells = fly(env, name, seed, **OPTIONS.get(name, {}))
+        assert len(cells) >= 60
+
+
+@pytest.mark.parametrize("name", ["astar", "sweep", "spiral"])
+def test_planners_cover_with_a_mix_of_kinds_without_a_collision(name: str) -> None:
+    matrix = np.random.default_rng(1).random((7, 7))
+    task: dict[str, Any] = {"rules": "coverage", "probability_matrix": matrix}
+    fly(parallel_env(searchers=SWARM, num_drones=6, timestep_limit=100, **task), name, 1)
+    swarm = ("slow", "drone", "drone", "slow")
+    env = parallel_env(searchers=swarm, num_drones=4, timestep_limit=300, **task)
+    fly(env, name, 1)
+    # They get on: nobody waits for ever for somebody who waits for them.
+    assert env.world.coverage_metrics()["coverage_rate"][0] == 1.0
+
+
+@pytest.mark.parametrize("name", ["greedy", "sweep", "belief"])
+def test_missions_with_kinds_are_what_single_ones_are(name: str) -> None:
+    seeds, options = range(4), OPTIONS.get(name, {})
+    fields = {**SEARCH, "probability_of_detection": 0.5}
+    env = parallel_env(fields)
+    missions = play_missions(
+        len(seeds), name, fields, seed=seeds, planner_seeds=(4, 5), options=options, threads=2
+    )
+    assert missions.collisions.sum() == 0
+    for m, seed in enumerate(seeds):
+        planner = planner_for(env, name, seed=4 + m % 2, **options)
+        assert (missions.found[m], missions.steps[m]) == alone(env, planner, seed, None)
+
+
+def test_a_sweep_with_slow_drones_searches_all_of_the_grid() -> None:
+    env = parallel_env(
+        grid_size=6, num_drones=4, searchers=("slow", "drone", "drone", "slow"),
+        probability_of_detection=0.0, timestep_limit=300,
+    )  # fmt: skip
+    planner = planner_for(env, "sweep", seed=1)
+    observations, infos = env.reset(seed=1)
+    searched = set()
+    while env.agents:
+        cells = {agent: tuple(cell.tolist()) for agent, (cell, _) in observations.items()}
+        observations, *_, infos = env.step(planner(observations, infos))
+        searched |= {cells[a] for a in infos if infos[a]["action"] == env.rules.action_set.search}
+        observations = {agent: observations[agent] for agent in env.agents}
+    assert len(searched) == 36
+
+
+def test_nobody_goes_where_another_drone_is_or_is_under_way_to() -> None:
+    actions = ActionSet(("left", "right", "up", "down", "search"))
+    present = {"drone0": (0, 0), "drone1": (2, 0), "drone2": (3, 0), "drone3": (5, 5)}
+    infos: dict[str, dict[str, Any]] = {
+        "drone1": {"status": "under_way", "action_mask": np.array([1, 0, 0, 0, 0], np.int8)}
+    }
+    chosen = {"drone0": 1, "drone1": 4, "drone2": 0, "drone3": 2}
+    # drone1 is under way to (1, 0), where drone0 wants to go, and in (2, 0), where drone2 does.
+    assert keep_apart(chosen, present, infos, actions) == {
+        "drone0": 4, "drone1": 0, "drone2": 4, "drone3": 2,
+    }  # fmt: skip
