@@ -111,22 +111,23 @@ def is_between(s, o):
 def can_do(c, f, area, d, o, s, home_steps, action):
     """Return whether a drone, on the grid, can do an action and still come home."""
     x, y = d.x, d.y
+    to_x, to_y = x, y
     if action == c.search_action:
-        return can_afford(f, o, home_steps, x, y, x, y, f.battery_search)
-    if not 0 <= action < c.num_actions or not is_able(c, s, action):
-        return can_afford(f, o, home_steps, x, y, x, y, f.battery_hover)
-    to_x, to_y = x + c.dx[action], y + c.dy[action]
-    if not is_open(area, c.grid_size, to_x, to_y):
-        to_x, to_y = x, y
-    pace = s.pace[action]
-    if pace >= 1.0:
-        return can_afford(f, o, home_steps, to_x, to_y, to_x, to_y, f.battery_move)
-    if s.slower:
-        # What it begins it does to the end.
-        left = 1.0 - (o.progress if action == o.heading else 0.0)
-        energy = ceil(left / pace - ROUNDING) * f.battery_move
-        return can_afford(f, o, home_steps, to_x, to_y, to_x, to_y, energy)
-    return can_afford(f, o, home_steps, x, y, to_x, to_y, f.battery_move)
+        energy = f.battery_search
+    elif not 0 <= action < c.num_actions or s.pace[action] <= 0.0:
+        energy = f.battery_hover
+    else:
+        energy = f.battery_move
+        if is_open(area, c.grid_size, x + c.dx[action], y + c.dy[action]):
+            to_x, to_y = x + c.dx[action], y + c.dy[action]
+        if s.pace[action] >= 1.0:
+            x, y = to_x, to_y
+        elif s.slower:
+            # What it begins it does to the end.
+            x, y = to_x, to_y
+            left = 1.0 - (o.progress if action == o.heading else 0.0)
+            energy *= ceil(left / s.pace[action] - ROUNDING)
+    return can_afford(f, o, home_steps, x, y, to_x, to_y, energy)
 
 
 @part
@@ -138,7 +139,7 @@ def can_go_on(c, f, area, d, o, s, home_steps):
         return can_do(c, f, area, d, o, s, home_steps, o.heading)
     for action in range(c.num_actions):
         to_x, to_y = d.x + c.dx[action], d.y + c.dy[action]
-        is_possible = is_able(c, s, action) and is_open(area, c.grid_size, to_x, to_y)
+        is_possible = s.pace[action] > 0.0 and is_open(area, c.grid_size, to_x, to_y)
         if is_possible and can_do(c, f, area, d, o, s, home_steps, action):
             return True
     return False
@@ -236,7 +237,7 @@ def decide(c, f, area, w, d, o, s, home_steps, home_actions, command):
         energy = f.battery_hover
     if o.status != STUCK:
         action = make_way(s, o, action, c.num_actions, c.search_action)
-    if o.status == SEARCHING or o.status == UNDER_WAY:
+    if s.slower and (o.status == SEARCHING or o.status == UNDER_WAY):
         o.status = UNDER_WAY if is_between(s, o) else SEARCHING
     if f.battery:
         o.battery = max(o.battery - energy, 0.0)
@@ -410,11 +411,12 @@ def restrict_mask(c, f, area, d, o, s, home_steps, home_actions, mask):
         steered = False
     left = 0
     for a in range(c.num_actions):
-        if mask[a]:
-            can = not steered and is_able(c, s, a)
-            if can and to_home:
-                can = can_do(c, f, area, d, o, s, home_steps, a)
-            mask[a] = can
+        if mask[a] and (
+            steered
+            or s.pace[a] <= 0.0
+            or (to_home and not can_do(c, f, area, d, o, s, home_steps, a))
+        ):
+            mask[a] = 0
         left += mask[a]
     if left == 0:
         home = home_actions[d.y, d.x] if to_home else HELD
