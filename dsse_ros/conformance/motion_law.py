@@ -84,8 +84,8 @@ def motion_test(
     """
     resolved = scenario.resolve(rules)
     play, spread = _kernels(model)
-    one, other = (_played(model, resolved, rules, steps, seed, play, spread) for _ in range(2))
-    assert np.array_equal(one, other), "the same seed gives other steps"
+    first, again = (_played(model, resolved, rules, steps, seed, play, spread) for _ in range(2))
+    assert np.array_equal(first, again), "the same seed gives other steps"
 
 
 def _played(

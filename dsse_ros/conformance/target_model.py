@@ -86,7 +86,7 @@ def _test_tracks(model: Ensemble, rules: Rules, seed: int) -> None:
         except ValueError as error:
             raise AssertionError(f"tracks: {error}") from None
         draws.append(tracks)
-        # Whoever draws with this generator is seen.
+        # A model that draws with this generator is seen.
         np.random.random()  # noqa: NPY002
     first, second = draws
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True)), (

@@ -104,7 +104,7 @@ class VectorEnv:
     (`belief.Belief`), in the cells that the drones observed, and infos have `pos` (B,) float64, the
     cumulative probability of success of the searches of the mission there. Beliefs take 8 B C K (G
     + 4)^2 bytes, with C different `person_pod_multipliers` and K = 1, or 64 where persons have a
-    drift of their own (`v2`).
+    drift of their own (`v2`); of an ensemble 8 B C M bytes, with M `particles`.
 
     Where the task is coverage, `probability` is what is left to cover, `Found` whether all is
     covered, and infos have the metrics of `coverage.Coverage`, (B,) float64 each.
