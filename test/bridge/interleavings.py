@@ -410,6 +410,10 @@ class Interleaving:
                 facts.fresh = True
             elif followers[k].custody.airborne:
                 facts.may_move, facts.recalled = True, False
+            elif not self.known(k, len(flight.received)):
+                # It is seen on the ground, until the first message of who has taken it.
+                facts.may_start, facts.recalled = True, False
+                continue
             facts.held_since = None
         self.note(f"clear {text}")
 
