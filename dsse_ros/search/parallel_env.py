@@ -39,7 +39,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell (x, y) and the map
     [y, x], one read-only array that all agents share. `infos[agent]` has `Found`, whether every
     person has been found, `action_mask` (A,) int8, 0 where a move would leave the grid or the area,
-    and, of several persons, those of `World.infos_of_finds`. Actions are numbers of `rules.actions`.
+    and, of several persons, `World.infos_of_finds`. Actions are numbers of `rules.actions`.
 
     Observed is the map that the rules draw, which no search changes, or with `observe="belief"`
     what can be known from the searches so far (`belief.Belief`), in the cells that the drones
