@@ -29,7 +29,8 @@ from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of
 from dsse_ros.step.looks import Looked
-from dsse_ros.targets.person_motion import CHANCES, MOTIONS, PERSONS
+from dsse_ros.targets.motion import CHANCES, PERSONS
+from dsse_ros.targets.registry import MOTIONS
 
 KEPT_BYTES = 1 << 28
 """Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""

@@ -15,17 +15,8 @@ The sea is that of `sea_map`, and how probable a person's steps are says its mot
 from __future__ import annotations
 
 from dsse_ros.compiled.jit import inlined, kernel, part
-from dsse_ros.targets.person_motion import (
-    CHANCES,
-    DRIFT_RANGES,
-    NO_STEP,
-    SCRATCH,
-    STAND_STILL,
-    STEPS,
-    gathered_step,
-    own_drift,
-    step_chances,
-)
+from dsse_ros.targets.motion import CHANCES, NO_STEP, SCRATCH, STAND_STILL, STEPS
+from dsse_ros.targets.person_kernels import DRIFT_RANGES, gathered_step, own_drift, step_chances
 from dsse_ros.targets.sea_map import cell_probability, drift_per_step, map_step, step_within
 
 MARGIN = 3
@@ -71,7 +62,7 @@ def start_sea(constants, worlds, drifts):
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         worlds: (1,) of `kernels.WORLDS`, start and vector set; no draw is made from it.
-        drifts: (K,) of `person_motion.PERSONS` out. Where persons have a drift of their own it is
+        drifts: (K,) of `motion.PERSONS` out. Where persons have a drift of their own it is
             the middle of K equally probable parts of its angles.
     """
     c, w, count = constants[0], worlds[0], len(drifts)
@@ -103,7 +94,7 @@ def forecast_step(
         area: Of `kernels.Sea`.
         runs: Of `kernels.Sea`.
         circle: (G + 1,) int64 scratch.
-        drifts: (K,) of `person_motion.PERSONS`.
+        drifts: (K,) of `motion.PERSONS`.
         chances: (S S,) float64 out, the probability of every cell that persons look at.
         directions: (K,) int64 out, the direction of each drift, see `PersonMotion`, or
             `STAND_STILL`.

@@ -9,7 +9,7 @@ import numpy as np
 
 from dsse_ros.belief.belief_kernels import MARGIN, ROW, look_up, offset_of, predict, search
 from dsse_ros.compiled.jit import compiled
-from dsse_ros.targets.person_motion import STAND_STILL, STEPS
+from dsse_ros.targets.motion import STAND_STILL, STEPS
 
 GOLDEN = 0.6180339887498949
 """Multiples of it fill [0, 1) evenly: neighbours in a sample draw different steps."""

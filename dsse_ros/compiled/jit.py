@@ -16,22 +16,14 @@ from typing import Any
 
 from numba import njit
 
-MODULES = (
-    "belief/belief_kernels", "belief/drift_estimate", "belief/follow_kernels",
-    "belief/future_kernels", "belief/look_kernels", "belief/particle_kernels",
-    "belief/search_outcomes",
-    "compiled/draws", "compiled/jit", "compiled/streaming",
-    "step/collisions", "step/coverage_kernels", "step/ensemble_kernels", "step/fault_kernels",
-    "step/kernels",
-    "targets/person_motion", "targets/sea_map",
-)  # fmt: skip
-"""The modules that have compiled functions, or what those depend on."""
-
 _PACKAGE = Path(__file__).parents[1]
 
-SOURCES = hashlib.sha256(
-    b"".join((_PACKAGE / f"{name}.py").read_bytes() for name in MODULES)
-).hexdigest()
+_FOLDERS = ("belief", "compiled", "step", "targets")
+"""Those with compiled functions, and with what they depend on."""
+
+MODULES = tuple(sorted(file for name in _FOLDERS for file in (_PACKAGE / name).glob("*.py")))
+
+SOURCES = hashlib.sha256(b"".join(file.read_bytes() for file in MODULES)).hexdigest()
 
 
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:

@@ -29,7 +29,7 @@ from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of
-from dsse_ros.targets.person_motion import (
+from dsse_ros.targets.motion import (
     CHANCES,
     NO_STEP,
     PERSONS,
@@ -37,8 +37,8 @@ from dsse_ros.targets.person_motion import (
     STAND_STILL,
     STEPS,
     PersonMotion,
-    gathered_step,
 )
+from dsse_ros.targets.person_kernels import gathered_step
 from dsse_ros.targets.sea_map import map_step
 
 COUNT = 20_000

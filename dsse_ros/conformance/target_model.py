@@ -20,8 +20,8 @@ from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.step.sea_tracks import last_step_of, tracks_of
 from dsse_ros.targets.ensemble import Ensemble, check_tracks
-from dsse_ros.targets.person_motion import MOTIONS, PersonMotion
-from dsse_ros.targets.registry import TARGET_MODELS, TargetModel
+from dsse_ros.targets.motion import PersonMotion
+from dsse_ros.targets.registry import MOTIONS, TARGET_MODELS, TargetModel
 
 STEPS = 30
 WORLDS = 4000

@@ -23,7 +23,7 @@ from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.searcher_fields import SearcherFields
 from dsse_ros.scenario.yaml_file import read_yaml
-from dsse_ros.targets.person_motion import MOTIONS
+from dsse_ros.targets.registry import MOTIONS
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
 """A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real

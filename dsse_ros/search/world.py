@@ -29,7 +29,7 @@ from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of
 from dsse_ros.step.looks import looks_of
 from dsse_ros.targets import sea_map
-from dsse_ros.targets.person_motion import PERSONS
+from dsse_ros.targets.motion import PERSONS
 
 HOLD = -1
 """The action of a drone that does nothing; it is rewarded like a move."""
@@ -59,7 +59,7 @@ class World:
 
     Attributes:
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
-            `kernels.WORLDS`, `kernels.DRONES` and `person_motion.PERSONS`.
+            `kernels.WORLDS`, `kernels.DRONES` and `motion.PERSONS`.
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
         looks: What the drones look at.
         faults: Their faults, None for none.

@@ -14,8 +14,7 @@ from dsse_ros.scenario.area import runs_of
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, ResolvedScenario
-from dsse_ros.targets.person_motion import MOTIONS
-from dsse_ros.targets.registry import has_own_drift
+from dsse_ros.targets.registry import MOTIONS, has_own_drift
 
 MAX_ACTIONS = 16
 

@@ -32,7 +32,7 @@ from dsse_ros.step.ensemble_kernels import (
     put_on_tracks,
     write_present,
 )
-from dsse_ros.targets.person_motion import draw_own_drift, persons_step, scatter_persons
+from dsse_ros.targets.person_kernels import draw_own_drift, persons_step, scatter_persons
 from dsse_ros.targets.sea_map import (
     cell_probability,
     disperse,

@@ -6,11 +6,16 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
+from dsse_ros.targets.best_cell import BEST_CELL
 from dsse_ros.targets.constant_drift import CONSTANT_DRIFT
+from dsse_ros.targets.drawn_cell import DRAWN_CELL
 from dsse_ros.targets.ensemble import Ensemble
-from dsse_ros.targets.person_motion import MOTIONS, PersonMotion
+from dsse_ros.targets.motion import PersonMotion
 
 TargetModel: TypeAlias = PersonMotion | Ensemble
+
+MOTIONS: dict[str, PersonMotion] = {"window": BEST_CELL, "drift": DRAWN_CELL}
+"""The motions by name; `c.motion` is the number of the one in use."""
 
 TARGET_MODELS: dict[str, TargetModel] = {**MOTIONS, "constant_drift": CONSTANT_DRIFT}
 """What `person_motion` of the rules chooses from."""

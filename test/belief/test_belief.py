@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import World
-from dsse_ros.targets.person_motion import MOTIONS
+from dsse_ros.targets.registry import MOTIONS
 
 MISSIONS = 2000
 Z = 3.89

@@ -12,17 +12,12 @@ import pytest
 from numba import njit
 
 from dsse_ros.conformance.target_model import target_model_test
+from dsse_ros.targets.best_cell import best_cell_chances, move_to_best_cell
 from dsse_ros.targets.constant_drift import tracks
+from dsse_ros.targets.drawn_cell import drift_chances, move_with_drift
 from dsse_ros.targets.ensemble import Ensemble, Tracks
-from dsse_ros.targets.person_motion import (
-    MOTIONS,
-    PersonMotion,
-    best_cell_chances,
-    drift_chances,
-    move_to_best_cell,
-    move_with_drift,
-)
-from dsse_ros.targets.registry import TARGET_MODELS
+from dsse_ros.targets.motion import PersonMotion
+from dsse_ros.targets.registry import MOTIONS, TARGET_MODELS
 
 
 @pytest.mark.parametrize("rules", ["paper", "v1", "v2"])

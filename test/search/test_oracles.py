@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dsse_ros.search import HOLD, Scenario, World, profile
-from dsse_ros.targets import person_motion
+from dsse_ros.targets import person_kernels
 
 DATA = Path(__file__).parent.parent / "oracles" / "data"
 CHI_SQUARE_8_DOF = 39.0
@@ -217,7 +217,7 @@ def test_a_person_moves_as_often_where_as_in_the_package(
         if version == "v2":
             person["remainder_x"], person["remainder_y"] = situation["accumulator"]
             person["drift_x"], person["drift_y"] = situation["increment"]
-        person_motion.persons_step(
+        person_kernels.persons_step(
             world.constants[0], world.worlds[0], world.gauss[0], world.area, world.persons[0]
         )
         counts[person["y"] - y + 1, person["x"] - x + 1] += 1

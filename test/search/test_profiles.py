@@ -23,7 +23,7 @@ from dsse_ros.search import (
     profile,
     vector_env,
 )
-from dsse_ros.targets.person_motion import MOTIONS
+from dsse_ros.targets.registry import MOTIONS
 
 RULES = tuple(PROFILES)
 

@@ -1,0 +1,121 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled start and step of persons, whatever their motion.
+
+Arguments with the same names mean the same as in `sea_map`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from dsse_ros.compiled.draws import draw_below, draw_unit
+from dsse_ros.compiled.jit import inlined, kernel, part
+from dsse_ros.targets.motion import NO_STEP, STAND_STILL
+from dsse_ros.targets.registry import MOTIONS
+from dsse_ros.targets.sea_map import drift_per_step, is_masked, less_one
+
+
+def of_motion(functions: Iterable[Any], number: int = 0) -> Any:
+    """Return a compiled function that calls the one of these whose number `c.motion` is."""
+    first, *others = functions
+    if not others:
+        return first
+    rest = of_motion(others, number + 1)
+
+    @inlined
+    def call(c, *arguments):
+        if c.motion == number:
+            first(c, *arguments)
+        else:
+            rest(c, *arguments)
+
+    return call
+
+
+move_person = of_motion(motion.move for motion in MOTIONS.values())
+step_chances = of_motion(motion.chances for motion in MOTIONS.values())
+
+
+@kernel
+def persons_step(c, w, gauss, area, persons):
+    """Move every person that is not found yet."""
+    for p in range(len(persons)):
+        person = persons[p]
+        if person.found and not c.found_persons_stay:
+            continue
+        direction = gathered_step(person) if c.own_drift else NO_STEP
+        if direction != STAND_STILL:
+            move_person(c, w, gauss, area, person, direction)
+
+
+@part
+def gathered_step(person):
+    """Let a person's own drift go on for a step; returns what it had gathered to do before.
+
+    That is the number of a step, or `STAND_STILL`. What is done is taken off the remainder.
+    """
+    reached = abs(person.remainder_x) >= 1 or abs(person.remainder_y) >= 1
+    person.remainder_x += person.drift_x
+    person.remainder_y += person.drift_y
+    if not reached:
+        return STAND_STILL
+    # np.round rounds halves to even.
+    dx, dy = np.sign(np.round(person.remainder_x)), np.sign(np.round(person.remainder_y))
+    person.remainder_x = less_one(person.remainder_x)
+    person.remainder_y = less_one(person.remainder_y)
+    return 3 * (int(dy) + 1) + int(dx) + 1
+
+
+DRIFT_RANGES = 4
+"""Ranges of angles that a person's own drift is drawn from; see `own_drift`."""
+
+
+@part
+def own_drift(c, w, k, share):
+    """Return the drift (x, y) of a person whose angle is `share` of the way along range k of 4.
+
+    The mean of the vector and of a turned and scaled copy of it: the scale falls with the angle's
+    distance from a right angle (measured on DSSE 1.1.9).
+    """
+    low = (0.0, 20.0, 300.0, 315.0)[k]
+    high = (45.0, 55.0, 360.0, 360.0)[k]
+    angle = np.radians(low + share * (high - low))
+    scale = 0.5 + np.exp(-abs(angle - np.pi / 2) / np.pi)
+    turned_x = scale * (np.cos(angle) * w.vector_x - np.sin(angle) * w.vector_y)
+    turned_y = scale * (np.sin(angle) * w.vector_x + np.cos(angle) * w.vector_y)
+    return drift_per_step(c, (w.vector_x + turned_x) / 2, (w.vector_y + turned_y) / 2)
+
+
+@part
+def draw_own_drift(c, w, person):
+    """Draw a person's drift: each range of angles, and each angle in it, is as likely."""
+    k = draw_below(w, DRIFT_RANGES)
+    person.drift_x, person.drift_y = own_drift(c, w, k, draw_unit(w))
+
+
+@part
+def scatter_persons(c, w, area, persons, cells):
+    """Put all but the first person in different cells within `person_scatter` of the start."""
+    g, s = c.grid_size, c.person_scatter
+    x0, y0 = max(w.start_x - s, 0), max(w.start_y - s, 0)
+    width = min(w.start_x + s, g - 1) - x0 + 1
+    height = min(w.start_y + s, g - 1) - y0 + 1
+    count = start = 0
+    for k in range(width * height):
+        x, y = x0 + k % width, y0 + k // width
+        if is_masked(area, g, x, y):
+            continue
+        if x == w.start_x and y == w.start_y:
+            start = count
+        cells[count] = k
+        count += 1
+    cells[0], cells[start] = cells[start], cells[0]
+    for p in range(1, len(persons)):
+        k = p + draw_below(w, count - p)
+        cells[p], cells[k] = cells[k], cells[p]
+        persons[p].x, persons[p].y = x0 + cells[p] % width, y0 + cells[p] // width
