@@ -9,14 +9,13 @@ In a test of your own:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.conformance.registered import registered
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.searcher_fields import endurance_steps, whole_steps
@@ -24,9 +23,6 @@ from dsse_ros.search.parallel_env import SearchEnv, parallel_env
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.searchers.registry import DEFAULT, SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
-
-NAME = "searcher_test"
-"""Of the kind while it is tested."""
 
 GRID = 9
 STEPS = 80
@@ -50,27 +46,15 @@ def searcher_test(searcher: Searcher, *, rules: str | Rules = "v2", seed: int = 
     Raises:
         AssertionError: If a promise is broken, on one line.
     """
-    with _registered(searcher):
-        for swarm in ((NAME,), (NAME, NAME, NAME), (NAME, DEFAULT, NAME, DEFAULT)):
+    _check(isinstance(searcher, Searcher), f"{searcher!r} is no Searcher")
+    _check(bool(searcher.doc), "doc is empty; it says what the kind is")
+    with registered(SEARCHERS, searcher) as name:
+        for swarm in ((name,), (name, name, name), (name, DEFAULT, name, DEFAULT)):
             env = _env(swarm, rules, STEPS)
             first = _fly(env, seed, swarm)
             _check(_fly(env, seed, swarm) == first, "the same seed gives another mission")
             _check_snapshot(_env(swarm, rules, STEPS), _env(swarm, rules, STEPS), seed)
-        _check_endurance(searcher, rules)
-
-
-@contextmanager
-def _registered(searcher: Searcher) -> Iterator[None]:
-    _check(isinstance(searcher, Searcher), f"{searcher!r} is no Searcher")
-    _check(bool(searcher.doc), "doc is empty; it says what the kind is")
-    before = SEARCHERS.get(NAME)
-    SEARCHERS[NAME] = searcher
-    try:
-        yield
-    finally:
-        del SEARCHERS[NAME]
-        if before is not None:
-            SEARCHERS[NAME] = before
+        _check_endurance(searcher, name, rules)
 
 
 def _env(swarm: tuple[str, ...], rules: str | Rules, steps: int) -> SearchEnv:
@@ -211,13 +195,13 @@ def _check_snapshot(env: SearchEnv, twin: SearchEnv, seed: int) -> None:
             _check(same, f"step {step + 1} after a snapshot is another one than without it")
 
 
-def _check_endurance(searcher: Searcher, rules: str | Rules) -> None:
+def _check_endurance(searcher: Searcher, name: str, rules: str | Rules) -> None:
     """Check that a drone flies as long as it can, and no longer."""
-    step_s = _env((NAME,), rules, STEPS).scenario.step_duration_s
+    step_s = _env((name,), rules, STEPS).scenario.step_duration_s
     limit = endurance_steps(searcher, step_s)
     if not 0 < limit <= ENDURANCE_STEPS:
         return
-    env = _env((NAME,), rules, limit + 10)
+    env = _env((name,), rules, limit + 10)
     env.reset(seed=0)
     search = env.rules.action_set.search
     steps = 0

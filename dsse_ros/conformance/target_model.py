@@ -4,9 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +12,7 @@ from dsse_ros.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.conformance.agreement import SIGMAS, excess
 from dsse_ros.conformance.motion_law import motion_test
+from dsse_ros.conformance.registered import registered
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.world import HOLD, World
@@ -56,22 +54,10 @@ def target_model_test(model: TargetModel, *, rules: str | Rules = "v2", seed: in
         if names:
             _test_search(chosen.override(person_motion=names[0]), seed)
         return
-    with _offered(model) as name:
+    with registered(TARGET_MODELS, model) as name:
         ruled = chosen.override(person_motion=name)
         _test_tracks(model, ruled, seed)
         _test_search(ruled, seed)
-
-
-@contextmanager
-def _offered(model: Ensemble) -> Iterator[str]:
-    """Offer an ensemble in the place of a shipped one while the block lasts; yields the name."""
-    name = next(name for name, one in TARGET_MODELS.items() if isinstance(one, Ensemble))
-    shipped = TARGET_MODELS[name]
-    TARGET_MODELS[name] = model
-    try:
-        yield name
-    finally:
-        TARGET_MODELS[name] = shipped
 
 
 def _test_tracks(model: Ensemble, rules: Rules, seed: int) -> None:

@@ -155,7 +155,7 @@ class PersonRules:
         + ", or ".join(f"{model.doc} ({name})" for name, model in TARGET_MODELS.items())
         + ".",
         "window",
-        choices=tuple(TARGET_MODELS),
+        choices=TARGET_MODELS.keys(),
     )
     person_first: bool = field("bool", "Whether persons step before the map does.", False)
     person_walks_blind: bool = field(

@@ -1,0 +1,142 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a belief must keep, whatever the law by which its persons move."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief.protocol import LooksToCome, TargetBelief
+from dsse_ros.step.looks import Looked
+
+STEPS = 12
+FUTURES = 20_000
+TOLERANCE = 1e-9
+SAMPLED = 5.0 * FUTURES**-0.5
+"""How far a share of the futures may be off, at most."""
+
+
+def belief_test(belief: TargetBelief, *, horizon: int = 4, seed: int = 0) -> None:
+    """Test a belief: it follows Bayes' rule, and what it expects is what follows.
+
+    Args:
+        belief: At the start of a mission for one person. It is used, and reset in the end.
+        horizon: How far its forecast can look ahead.
+        seed: Of the looks that it learns from.
+
+    Raises:
+        AssertionError: If it breaks a promise; one line says which.
+    """
+    persons = belief.forecast.scenario.person_amount
+    assert persons == 1, f"person_amount must be 1, got {persons}"
+    rng, first = np.random.default_rng(seed), belief.poc()
+    _test_start(belief)
+    for step in range(STEPS):
+        assert belief.step == step, f"step: {belief.step} after {step} steps"
+        _test_expectation(belief, horizon, rng)
+        _test_looks(belief, rng)
+        _test_futures(belief, horizon, rng)
+        _test_copy(belief)
+        belief.advance()
+    belief.reset()
+    _test_start(belief)
+    assert np.array_equal(belief.poc(), first), "reset: the belief does not start as it did"
+
+
+def _test_start(belief: TargetBelief) -> None:
+    assert belief.step == 0 and belief.pos == 0.0, "a mission starts at step 0 with POS 0"
+    _test_sum(belief)
+
+
+def _test_sum(belief: TargetBelief) -> None:
+    poc, outside = belief.poc(), belief.outside
+    size = belief.forecast.scenario.grid_size
+    assert poc.shape == (size, size), f"poc: shape {poc.shape}, not {(size, size)}"
+    assert (poc >= 0.0).all() and outside >= 0.0, "poc: a probability is below 0"
+    total = float(poc.sum()) + outside
+    assert abs(total - 1.0) <= TOLERANCE, f"poc and outside sum to {total:.12g}, not 1"
+
+
+def _test_looks(belief: TargetBelief, rng: np.random.Generator) -> None:
+    """Test Bayes' rule for looks that found nobody, one by one and together."""
+    size = belief.forecast.scenario.grid_size
+    together, alone = belief.copy(), belief.copy()
+    poc, outside, pos = belief.poc(), belief.outside, belief.pos
+    likely = np.flatnonzero(poc.ravel() > 1e-6)
+    assert len(likely), "poc: no cell is possible"
+    cells = [divmod(int(i), size) for i in rng.choice(likely, 2)]
+    looks = [Looked((col, row), rng.uniform(0.0, 0.9, 1)) for row, col in cells]
+    left = poc.copy()
+    for (col, row), pods in looks:
+        left[row, col] *= 1.0 - pods[0]
+    missed = float(left.sum()) + outside
+    together.update(looks)
+    for look in looks:
+        alone.update([look])
+    for learnt in (together, alone):
+        off = float(np.abs(learnt.poc() - left / missed).max())
+        assert off <= TOLERANCE, f"update: POC is {off:.3g} off Bayes' rule"
+        gained = pos + (1.0 - pos) * (1.0 - missed)
+        assert abs(learnt.pos - gained) <= TOLERANCE, f"pos: {learnt.pos:.12g}, not {gained:.12g}"
+        _test_sum(learnt)
+    nowhere = belief.copy()
+    nowhere.update([Looked((-1, size), np.ones(1))])
+    off = float(np.abs(nowhere.poc() - poc).max())
+    assert off <= TOLERANCE, "update: a look off the grid changes the belief"
+    belief.update(looks)
+
+
+def _test_expectation(belief: TargetBelief, horizon: int, rng: np.random.Generator) -> None:
+    """Test that what looks are expected to find is what the POS gains once they are done."""
+    size, forecast, ahead = belief.forecast.scenario.grid_size, belief.forecast, belief.copy()
+    before = belief.poc()
+    steps = np.sort(rng.integers(0, horizon, 6))
+    cells = [(int(col), int(row)) for col, row in rng.integers(0, size, (6, 2))]
+    pods = rng.uniform(0.0, 1.0, (6, 1))
+    columns = np.array([forecast.column(cell) for cell in cells])
+    expected = belief.expect(LooksToCome(steps, columns, pods), horizon, 1.0)
+    for h in range(horizon):
+        ahead.update([Looked(cells[q], pods[q]) for q in np.flatnonzero(steps == h)])
+        ahead.advance()
+    gained = (ahead.pos - belief.pos) / (1.0 - belief.pos)
+    assert abs(expected.finds - gained) <= TOLERANCE, (
+        f"expect: {expected.finds:.12g} finds, and {gained:.12g} once the looks are done"
+    )
+    left = float(expected.left.sum())
+    assert abs(left + gained - 1.0) <= TOLERANCE, f"expect: left sums to {left:.12g}"
+    assert np.array_equal(belief.poc(), before), "expect: it changes the belief"
+
+
+def _test_futures(belief: TargetBelief, horizon: int, rng: np.random.Generator) -> None:
+    """Test that futures begin where the belief is, and that one generator draws the same."""
+    seed = int(rng.integers(1 << 30))
+    drawn = [belief.futures(FUTURES, horizon, np.random.default_rng(seed)) for _ in range(2)]
+    cells, persons = drawn[0]
+    assert cells.shape == (horizon + 1, FUTURES), f"futures: shape {cells.shape}"
+    assert (persons == 0).all(), "futures: a person that is none"
+    assert np.array_equal(cells, drawn[1].cells), "futures: the same generator draws others"
+    off = float(np.abs(_shares(belief, cells[0]) - belief.poc()).max())
+    assert off <= SAMPLED, f"futures: a cell's share is {off:.3g} off its POC at the start"
+
+
+def _shares(belief: TargetBelief, columns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return which share of these columns is in each cell of the grid, (G, G)."""
+    side, size = belief.forecast.side, belief.forecast.scenario.grid_size
+    counts = np.bincount(columns, minlength=side**2).reshape(side, side) / len(columns)
+    margin = (side - size) // 2
+    inner: NDArray[np.float64] = counts[margin : margin + size, margin : margin + size]
+    return inner
+
+
+def _test_copy(belief: TargetBelief) -> None:
+    """Test that a copy goes on by itself."""
+    poc, pos, step = belief.poc(), belief.pos, belief.step
+    twin = belief.copy()
+    assert np.array_equal(twin.poc(), poc) and twin.pos == pos, "copy: another belief"
+    size = len(poc)
+    row, col = divmod(int(poc.argmax()), size)
+    twin.update([Looked((col, row), np.full(1, 0.5))])
+    twin.advance()
+    same = np.array_equal(belief.poc(), poc) and belief.pos == pos and belief.step == step
+    assert same, "copy: it changes the belief that it was copied from"

@@ -1,0 +1,73 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The beliefs keep what planners rely on, and what one does not keep is named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pytest
+
+from dsse_ros.belief.belief import Belief
+from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.conformance.belief import belief_test
+from dsse_ros.scenario.rules import profile
+from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.step.looks import Looked
+from dsse_ros.targets.registry import TARGET_MODELS
+
+SCENARIO = Scenario(grid_size=11, timestep_limit=40, pre_search_minutes=1.0, vector=(0.3, 0.2))
+
+
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
+@pytest.mark.parametrize("model", TARGET_MODELS)
+def test_the_beliefs_of_the_package_keep_their_promises(rules: str, model: str) -> None:
+    chosen = profile(rules).override(person_motion=model)
+    belief_test(forecast_for(SCENARIO, chosen, horizon=4, drift_samples=8).belief())
+
+
+class _Forgetful(Belief):
+    def update(self, looks: Sequence[Looked]) -> None:
+        super().update(looks[:1])
+
+
+class _Shared(Belief):
+    def copy(self) -> Belief:
+        return self
+
+
+class _Sure(Belief):
+    def poc(self) -> Any:
+        return super().poc() * 1.001
+
+
+class _Late(Belief):
+    def expect(self, looks: Any, horizon: int, gamma: float) -> Any:
+        return super().expect(looks, horizon, 0.99)
+
+
+class _Fixed(Belief):
+    def reset(self) -> None:
+        if not hasattr(self, "_begun"):
+            self._begun = True
+            super().reset()
+        self.step, self.pos = 0, 0.0
+
+
+BAD: dict[str, tuple[Callable[[Any], Belief], str]] = {
+    "forgets a look": (_Forgetful, "expect: |off Bayes' rule"),
+    "shares its copies": (_Shared, "expect|update|copy"),
+    "sums to more": (_Sure, "sum to 1.001"),
+    "expects too little": (_Late, "expect: "),
+    "does not start anew": (_Fixed, "reset"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_belief_that_breaks_a_promise_is_found_out(name: str) -> None:
+    make, why = BAD[name]
+    forecast: Any = forecast_for(SCENARIO, profile("paper"), horizon=4)
+    with pytest.raises(AssertionError, match=why) as error:
+        belief_test(make(forecast))
+    assert "\n" not in str(error.value)
