@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.draws import draw_unit
 from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.compiled.streaming import ALIGNMENT, LANES
 from dsse_ros.step.collisions import collide, next_stamp, occupy
@@ -28,13 +27,12 @@ from dsse_ros.step.coverage_kernels import put_back, reward_if_all_covered, visi
 from dsse_ros.step.ensemble_kernels import (
     SeaEnsemble,
     ensemble_step,
-    probability_in,
     put_on_tracks,
     write_present,
 )
+from dsse_ros.step.look_kernels import NO_FINDS, look, reward_find, reward_search
 from dsse_ros.targets.person_kernels import draw_own_drift, persons_step, scatter_persons
 from dsse_ros.targets.sea_map import (
-    cell_probability,
     disperse,
     drift_per_step,
     is_inside,
@@ -197,65 +195,6 @@ def reset_world(
         scatter_persons(c, w, area, persons, cells)
     for _ in range(c.pre_search_steps + c.reset_sea_steps):
         sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle)
-
-
-NO_FINDS = np.uint64(0)
-
-
-@inlined
-def probability_of(c, w, gauss, area, ensemble, x, y):
-    """Return the probability of the cell (x, y), 0 outside the grid and the area."""
-    if ensemble is not None:
-        return probability_in(c, w, ensemble, x, y)
-    return cell_probability(c, w, gauss, area, x, y)
-
-
-@inlined
-def look(c, w, d, persons, offsets, pods, first, last):
-    """Do the looks first..last - 1 of a drone where it is.
-
-    Returns:
-        How many persons they have found, and a bit for each look that has found any.
-    """
-    finds, bits, bit = 0, NO_FINDS, np.uint64(1)
-    for k in range(first, last):
-        x, y = d.x + offsets[k, 0], d.y + offsets[k, 1]
-        for p in range(len(persons)):
-            person = persons[p]
-            gone = person.found and not c.found_persons_stay
-            if gone or person.x != x or person.y != y:
-                continue
-            chance = pods[k, p]
-            if chance >= 1.0 or draw_unit(w) < chance:
-                person.found = True
-                finds += 1
-                bits |= bit
-            if c.one_find_per_search:
-                break
-        bit <<= np.uint64(1)
-    return finds, bits
-
-
-@inlined
-def reward_find(c, w, finds):
-    """Return the reward for finding this many persons."""
-    return finds * (c.find + c.find_bonus * (1.0 - w.t / c.timestep_limit))
-
-
-@inlined
-def reward_search(c, w, gauss, area, ensemble, d, offsets, first, last):
-    """Return the reward of a search that has found nobody: of the probability that it looked at."""
-    probability = 0.0
-    for k in range(first, last):
-        x, y = d.x + offsets[k, 0], d.y + offsets[k, 1]
-        if c.leave_flies_on:
-            # A drone outside to the west or north sees the cell that a negative index names.
-            x, y = (x + c.grid_size if x < 0 else x), (y + c.grid_size if y < 0 else y)
-        probability += probability_of(c, w, gauss, area, ensemble, x, y)
-    enough = probability > c.search_min_probability or (
-        c.search_min_inclusive and probability == c.search_min_probability
-    )
-    return probability * c.search_scale if enough else c.search_below
 
 
 @part
