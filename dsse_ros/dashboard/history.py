@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search import HOLD
+from dsse_ros.step.looks import Looks
 
 _STEP_BYTES = 600
 """Of a step beside its report: states, rewards, numbers, objects."""
@@ -220,22 +221,27 @@ class SearchHistory:
         """Whether no drone is in flight any more."""
         return bool(self._states) and bool((self._states[-1] != DroneState.FLYING).all())
 
-    def paths(self, search: int | None, since: int = 0) -> Iterator[list[int]]:
-        """Return for each place from `since` on: step, then col, row and flags of each drone.
+    def paths(self, looks: Looks | None, since: int = 0) -> Iterator[list[int]]:
+        """Return for each place from `since` on what the map draws of the step.
+
+        These are the step, col, row and flags of each drone, and col and row of each cell that was
+        looked at. The flags are the `DroneState`, and 16 if the drone has found a person in this
+        step.
 
         Args:
-            search: Number of the action search; None where each cell that is entered counts.
+            looks: What the drones look at; None where each cell that is entered counts.
             since: First place.
-
-        The flags are the `DroneState`, 8 if the drone has searched its cell and 16 if it has found
-        a person in this step.
         """
         for i in range(since, len(self.steps)):
             row = self._rows[i]
-            searched = row["action"] != HOLD if search is None else row["action"] == search
-            flags = self._states[i] | searched << 3 | (row["found"] != 0) << 4
-            cells = np.stack([row["col"], row["row"], flags.astype(np.int16)], axis=1)
-            yield [self.steps[i], *cells.ravel().tolist()]
+            flags = self._states[i] | (row["found"] != 0) << 4
+            drones = np.stack([row["col"], row["row"], flags.astype(np.int16)], axis=1)
+            cells = drones[:, :2].astype(np.int64)
+            if looks is None:
+                looked = cells[row["action"] != HOLD]
+            else:
+                _, _, looked = looks.at(row["action"], cells)
+            yield [self.steps[i], *drones.ravel().tolist(), *looked.ravel().tolist()]
 
 
 def _states(before: NDArray[np.uint8], report: NDArray[Any], completed: bool) -> NDArray[np.uint8]:

@@ -10,7 +10,7 @@ const THEMES = {
   dark: { sea: "#0d1117", line: "#ffffff16", ink: "#f3f4f6", halo: "#0d1117cc", edge: "#9ca3af" },
 };
 const FLYING = 0, FINDER = 1, LOST = 3, OUT_OF_TIME = 4;
-const STATE = 7, SEARCHED = 8, FOUND = 16;
+const STATE = 7, FOUND = 16;
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export default {
@@ -160,8 +160,7 @@ export default {
       const times = this.past.times, grid = this.frame.grid, changed = new Set();
       for (let k = this.past.count; k < count; k++) {
         const row = this.rows[k];
-        for (let j = 1; j < row.length; j += 3) {
-          if (!(row[j + 2] & SEARCHED)) continue;
+        for (let j = 1 + 3 * this.frame.names.length; j < row.length; j += 2) {
           const key = row[j + 1] * grid + row[j];
           times.set(key, (times.get(key) || 0) + 1);
           changed.add(key);

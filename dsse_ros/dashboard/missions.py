@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dsse_ros.dashboard.history import MapImages, SearchHistory
 from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_image import map_png
+from dsse_ros.step.looks import Looks, looks_of, own_cell_looks
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_report import mission_report_from_message
@@ -54,6 +55,14 @@ class Vehicle:
     place: tuple[float, float] | None = None
 
 
+def _looks_of(info: AgentsInfo) -> Looks | None:
+    """Return what the drones look at, None where each cell that is entered counts."""
+    if info.definition is None:
+        return own_cell_looks(len(info.agents), info.actions)
+    rules = info.definition.rules
+    return None if rules.covers else looks_of(info.definition.scenario.resolve(rules), rules)
+
+
 class Mission:
     """The mission of one simulation.
 
@@ -92,6 +101,7 @@ class Mission:
         self.trouble: dict[str, str] = {}
         self.heard = 0
         self._infos: dict[int, AgentsInfo] = {}
+        self._looked: tuple[AgentsInfo, Looks | None] | None = None
         self._early_pos: deque[tuple[int, int, int, float]] = deque(maxlen=_EARLY)
         self._read: Mapping[str, Callable[[Any], None]] = {
             "agents": self._on_agents,
@@ -116,6 +126,16 @@ class Mission:
     def title(self) -> str:
         """What it is called."""
         return self.namespace or "/"
+
+    @property
+    def looks(self) -> Looks | None:
+        """What the drones look at; None where each cell that is entered counts, or if not known."""
+        info = self.info
+        if info is None:
+            return None
+        if self._looked is None or self._looked[0] is not info:
+            self._looked = info, _looks_of(info)
+        return self._looked[1]
 
     @property
     def info(self) -> AgentsInfo | None:

@@ -125,7 +125,7 @@ class PageView:
             "grid": info.grid_size,
             "names": info.agents,
             "first": first,
-            "rows": [] if first == len(history) else list(history.paths(_search_of(info), first)),
+            "rows": [] if first == len(history) else list(history.paths(mission.looks, first)),
             "shown": history.steps[i],
             "vehicles": vehicles,
         }
@@ -291,13 +291,6 @@ def _outcome(states: Any) -> str:
     if (states == DroneState.OVER).any():
         return "search over: all covered"
     return "search over: all drones lost"
-
-
-def _search_of(info: Any) -> int | None:
-    """Return the number of the action search, -1 where there is none, None where moves search."""
-    if info.definition is not None and info.definition.rules.covers:
-        return None
-    return info.actions.index("search") if "search" in info.actions else -1
 
 
 def _data_url(png: bytes) -> str:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -130,6 +130,16 @@ def looks_of(scenario: ResolvedScenario, rules: Rules) -> Looks:
         np.array([look.pods for look in rows], float).reshape(-1, scenario.person_amount),
         alarms,
     )
+
+
+def own_cell_looks(num_drones: int, actions: Sequence[str]) -> Looks:
+    """Return the looks of drones of which only their actions are known: a search sees its cell."""
+    first = np.cumsum([0, *(name == "search" for name in actions)])[np.newaxis]
+    count = int(first[0, -1])
+    return Looks(
+        np.zeros(num_drones, np.int64), first, np.zeros((count, 2), np.int64), np.ones((count, 1)),
+        np.zeros((1, len(actions))),
+    )  # fmt: skip
 
 
 def searches_of(scenario: ResolvedScenario, rules: Rules, cells: Iterable[Cell]) -> list[Looked]:

@@ -19,7 +19,7 @@ from dsse_ros.dashboard.history import DroneState, MapImages
 from dsse_ros.dashboard.inbox import Inbox, Received
 from dsse_ros.dashboard.missions import Mission, Missions
 
-SEARCHED, FOUND, STATE = 8, 16, 7
+FOUND, STATE = 16, 7
 FIELDS = {"grid_size": 7, "num_drones": 3, "sigma": 2.0, "timestep_limit": 25}
 
 
@@ -52,15 +52,14 @@ def test_every_step_can_be_looked_at_again(played: Played, steps: list[Step]) ->
     history = mission.history
     assert history is not None and history.steps == [step.number for step in steps]
     assert history.done == played.mission.done
-    search = played.env.rules.actions.index("search")
     earned = np.zeros(3)
-    for i, (step, path) in enumerate(zip(steps, history.paths(search), strict=True)):
+    for i, (step, path) in enumerate(zip(steps, history.paths(mission.looks), strict=True)):
         earned = earned + step.rewards
         number, *flat = path
-        cells = np.array(flat).reshape(-1, 3)
+        cells, looked = np.array(flat[:9]).reshape(-1, 3), np.array(flat[9:]).reshape(-1, 2)
         assert number == step.number == history.steps[history.index(step.number)]
         np.testing.assert_array_equal(cells[:, :2], step.cells)
-        np.testing.assert_array_equal((cells[:, 2] & SEARCHED) > 0, step.searched)
+        np.testing.assert_array_equal(looked, step.cells[np.asarray(step.searched)])
         np.testing.assert_array_equal((cells[:, 2] & FOUND) > 0, step.found)
         np.testing.assert_array_equal((cells[:, 2] & STATE) == DroneState.FLYING, step.flying)
         np.testing.assert_allclose(history.rewards(i), earned)
@@ -115,7 +114,7 @@ def test_missed_steps_come_with_the_report_of_the_mission(data: Any) -> None:
     receive(partly, "mission_report", played.mission_report)
     assert whole.history is not None and partly.history is not None
     assert partly.history.steps == whole.history.steps
-    assert list(partly.history.paths(4)) == list(whole.history.paths(4))
+    assert list(partly.history.paths(partly.looks)) == list(whole.history.paths(whole.looks))
     for i in range(len(steps)):
         np.testing.assert_array_equal(partly.history.rewards(i), whole.history.rewards(i))
 
