@@ -106,6 +106,7 @@ class Followed(NamedTuple):
         area: Of `kernels.Sea`.
         worlds: (B,) of `kernels.WORLDS`, after the step.
         drones: (B, N) of `kernels.DRONES`, after the step.
+        finds: (B, N) of `kernels.Crew`, after the step.
         kinds: (N,) of `kernels.Crew`.
         looks: (K, A + 1) of `kernels.Crew`.
         offsets: (L, 2) of `kernels.Crew`.
@@ -118,6 +119,7 @@ class Followed(NamedTuple):
     area: NDArray[np.bool_] | None
     worlds: NDArray[np.void]
     drones: NDArray[np.void]
+    finds: NDArray[np.uint64]
     kinds: NDArray[np.int64]
     looks: NDArray[np.int64]
     offsets: NDArray[np.int64]
@@ -187,7 +189,7 @@ class Scratch(NamedTuple):
 # Called as `kernels.step_worlds`: with the fields of the tuples.
 @kernel
 def follow_worlds(
-    constants, area, worlds, drones, kinds, looks, offsets, actions, live, done,
+    constants, area, worlds, drones, finds, kinds, looks, offsets, actions, live, done,
     start, pods, class_of, chances, tables, directions, apart, first_step,
     beliefs, missing, unfound, pos,
     scratch, numbers, hazard, seen, rows,
@@ -211,7 +213,7 @@ def follow_worlds(
         slot = (first_step + step) % len(directions)
         if c.time_out_acts or step < c.timestep_limit + c.time_out_grace:
             failed, count = list_looks(
-                c, drones[b], kinds, looks, offsets, actions[b], live[b], seen, rows
+                c, drones[b], finds[b], kinds, looks, offsets, actions[b], live[b], seen, rows
             )
             pos[b] = learn(
                 c, constants, beliefs[b], class_of, missing[b], unfound[b], apart[slot],

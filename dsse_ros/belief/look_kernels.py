@@ -11,12 +11,13 @@ from dsse_ros.compiled.jit import part
 
 
 @part
-def list_looks(c, drones, kinds, looks, offsets, actions, live, seen, rows):
+def list_looks(c, drones, finds, kinds, looks, offsets, actions, live, seen, rows):
     """Write what the drones of a world looked at: first what found nobody, then the finds.
 
     Args:
         c: The constants.
         drones: (N,) of `kernels.DRONES`, after the step.
+        finds: (N,) of `kernels.Crew`.
         kinds: (N,) of `kernels.Crew`.
         looks: (K, A + 1) of `kernels.Crew`.
         offsets: (L, 2) of `kernels.Crew`.
@@ -36,8 +37,8 @@ def list_looks(c, drones, kinds, looks, offsets, actions, live, seen, rows):
             d = drones[n]
             first, last = looks[kinds[n], actions[n]], looks[kinds[n], actions[n] + 1]
             for k in range(first, last):
-                found = np.int64((d.finds >> np.uint64(k - first)) & np.uint64(1))
-                if found == turn:
+                found = d.found and (finds[n] >> np.uint64(k - first)) & np.uint64(1) > 0
+                if found == (turn == 1):
                     seen[count, 0], seen[count, 1] = d.x + offsets[k, 0], d.y + offsets[k, 1]
                     rows[count] = k
                     count += 1

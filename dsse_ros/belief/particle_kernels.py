@@ -170,7 +170,7 @@ def write_poc(constants, area, cells, weights, class_of, missing, scale, out):
 
 @kernel
 def follow_particles(
-    constants, area, worlds, drones, kinds, looks, offsets, actions, live, done,
+    constants, area, worlds, drones, finds, kinds, looks, offsets, actions, live, done,
     cells, prior, pods, class_of, first_step,
     weights, missing, unfound, pos,
     numbers, hazard, seen, rows,
@@ -183,6 +183,7 @@ def follow_particles(
         area: Likewise.
         worlds: Likewise.
         drones: Likewise.
+        finds: Likewise.
         kinds: Likewise.
         looks: Likewise.
         offsets: Likewise.
@@ -222,7 +223,7 @@ def follow_particles(
             continue
         now = cells[min(first_step + step, len(cells) - 1)]
         failed, count = list_looks(
-            c, drones[b], kinds, looks, offsets, actions[b], live[b], seen, rows
+            c, drones[b], finds[b], kinds, looks, offsets, actions[b], live[b], seen, rows
         )
         pos[b] = learn(
             c, now, of_world, prior, class_of, missing[b], unfound[b], pos[b], numbers, hazard,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
@@ -28,7 +29,7 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         if faults.has_battery:
             further["battery"] = result.conditions["battery"]
     if mission.env.world.looks.several:
-        further["finds"] = mission.env.world.drones["finds"][0]
+        further["finds"] = np.where(result.found, mission.env.world.finds[0], 0)
     return make_step_report(
         frame,
         run_id=run_id,

@@ -137,7 +137,9 @@ class _Group:
             return [self]
         drones = world.drones[members]
         gone = drones["terminated"] | drones["truncated"]
-        parts = [gone, drones["x"], drones["y"], drones["finds"].astype(np.int64)]
+        parts = [gone, drones["x"], drones["y"], drones["found"]]
+        if world.looks.several:
+            parts.append(np.where(drones["found"], world.finds[members], 0).astype(np.int64))
         if world.faults is not None:
             conditions = world.faults.conditions[members]
             names = ("seen_x", "seen_y", "status", "applied", "battery")

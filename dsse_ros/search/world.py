@@ -70,6 +70,7 @@ class World:
         rewards: (B, N) float64 of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool since the last reset, views on `drones`; when drones
             end together, each has one of them at the end.
+        finds: (B, N) uint64, see `kernels.Crew`.
         found: (B, N) bool, whether the drone found a person in the last step, a view on `drones`.
 
     Raises:
@@ -95,6 +96,7 @@ class World:
         self.constants = constants_of(resolved, rules, auto_reset=auto_reset)
         self.worlds = np.zeros(num_worlds, kernels.WORLDS)
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
+        self.finds = np.zeros(self.drones.shape, np.uint64)
         self.coverage = Coverage(resolved, rules, num_worlds) if rules.covers else None
         persons = 0 if rules.covers else resolved.person_amount
         self.persons = np.zeros((num_worlds, persons), PERSONS)
@@ -133,7 +135,7 @@ class World:
             None if self.ensemble is None else self.ensemble.arrays,
         )  # fmt: skip
         self._crew = kernels.Crew(
-            self.starts, self.drones, self.persons,
+            self.starts, self.drones, self.finds, self.persons,
             self.looks.kind, self.looks.first, self.looks.offsets, self.looks.pods,
         )  # fmt: skip
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
@@ -439,8 +441,8 @@ class World:
             {"found_person": found} for found in of_world["found"][drones].tolist()
         ]
         if self.looks.several:
-            for info, finds in zip(infos, of_world["finds"][drones].tolist(), strict=True):
-                info["finds"] = finds
+            for info, finds in zip(infos, self.finds[world, drones].tolist(), strict=True):
+                info["finds"] = finds if info["found_person"] else 0
         return infos
 
     def coverage_metrics(self) -> dict[str, NDArray[np.float64]]:
@@ -455,6 +457,7 @@ class World:
             "worlds": self.worlds,
             "starts": self.starts,
             "drones": self.drones,
+            **({"finds": self.finds} if self.looks.several else {}),
             "persons": self.persons,
             **({} if covered is None else {"left": covered.left, "coverage": covered.records}),
             **({} if self.ensemble is None else {"track": self.ensemble.track}),

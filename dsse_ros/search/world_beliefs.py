@@ -120,7 +120,7 @@ class WorldBeliefs:
         world = self._world
         actions = self._actions if world.faults is None else world.faults.applied
         return Followed(
-            world.constants, world.area, world.worlds, world.drones, world.looks.kind,
+            world.constants, world.area, world.worlds, world.drones, world.finds, world.looks.kind,
             world.looks.first, world.looks.offsets, actions, self._live, self._done,
         )  # fmt: skip
 

@@ -14,6 +14,7 @@ from dsse_ros.scenario.area import runs_of
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, ResolvedScenario
+from dsse_ros.step.looks import looks_of, moves_look
 from dsse_ros.targets.registry import MOTIONS, has_own_drift
 
 MAX_ACTIONS = 16
@@ -54,6 +55,7 @@ _DERIVED: Mapping[str, tuple[Any, Callable[[ResolvedScenario, Rules], Any]]] = {
     "leave_flies_on": ("?", lambda _, rules: rules.leave_policy == "fly_on"),
     "drift_remainder_dropped": ("?", lambda _, rules: rules.drift_remainder == "dropped"),
     "drift_remainder_less_one": ("?", lambda _, rules: rules.drift_remainder == "less_one"),
+    "moves_look": ("?", lambda scenario, rules: moves_look(looks_of(scenario, rules), rules)),
     "motion": ("i8", lambda _, rules: _motion(rules)),
     "own_drift": ("?", lambda _, rules: has_own_drift(rules.person_motion)),
 }

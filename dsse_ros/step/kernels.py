@@ -30,7 +30,7 @@ from dsse_ros.step.ensemble_kernels import (
     put_on_tracks,
     write_present,
 )
-from dsse_ros.step.look_kernels import NO_FINDS, look, reward_find, reward_search
+from dsse_ros.step.look_kernels import look, reward_find, reward_search
 from dsse_ros.targets.person_kernels import draw_own_drift, persons_step, scatter_persons
 from dsse_ros.targets.sea_map import (
     disperse,
@@ -72,7 +72,6 @@ DRONES = np.dtype(
         ("y", "i8"),
         ("episode_return", "f8"),  # sum of rewards, before collisions replaced any
         ("reward", "f8"),  # of the last step
-        ("finds", "u8"),  # a bit for each look of the last step that has found a person
         ("alive", "?"),  # in the search; without a flag and not alive: withdrawn
         ("terminated", "?"),  # since the last reset
         ("truncated", "?"),
@@ -113,6 +112,8 @@ class Crew(NamedTuple):
     Attributes:
         starts: (B, N, 2) int64, cells of the drones at reset.
         drones: (B, N) of `DRONES`.
+        finds: (B, N) uint64, of a drone that has found a person in the last step a bit for each
+            look that has; of another one it says nothing.
         persons: (B, P) of `PERSONS`.
         kinds: (N,) of `looks.Looks.kind`.
         looks: (K, A + 1) of `looks.Looks.first`.
@@ -122,6 +123,7 @@ class Crew(NamedTuple):
 
     starts: NDArray[np.int64]
     drones: NDArray[np.void]
+    finds: NDArray[np.uint64]
     persons: NDArray[np.void]
     kinds: NDArray[np.int64]
     looks: NDArray[np.int64]
@@ -176,7 +178,6 @@ def reset_world(
         d = drones[n]
         d.x, d.y = starts[n, 0], starts[n, 1]
         d.episode_return = d.reward = 0.0
-        d.finds = 0
         d.alive = True
         d.terminated = d.truncated = d.found = False
     if coverage is not None:
@@ -199,7 +200,7 @@ def reset_world(
 
 @part
 def step_drones(
-    c, w, drones, persons, kinds, looks, offsets, pods, gauss, area, coverage, ensemble, b,
+    c, w, drones, finds, persons, kinds, looks, offsets, pods, gauss, area, coverage, ensemble, b,
     occupied, actions,
 ):  # fmt: skip
     """Do the actions in index order against the map of the last observation.
@@ -216,6 +217,7 @@ def step_drones(
     out_of_time = w.t >= c.timestep_limit + c.time_out_grace
     idle = out_of_time and not c.time_out_acts
     moves_x, moves_y = c.dx, c.dy
+    alike, moves_look = len(looks) == 1, c.moves_look and coverage is None
     stamp = next_stamp(occupied)
     shared = eventful = False
     for n in range(len(drones)):
@@ -223,11 +225,10 @@ def step_drones(
         if not d.alive:
             d.reward = 0.0
             d.found = False
-            d.finds = NO_FINDS
             # One that was withdrawn has no flag yet.
             eventful |= not (d.terminated or d.truncated)
             continue
-        reward, found, bits, terminated = move_reward, False, NO_FINDS, d.terminated
+        reward, found, terminated = move_reward, False, d.terminated
         if 0 <= action < num_actions and not idle:
             searches = coverage is None and action == search_action
             if not searches:
@@ -241,13 +242,15 @@ def step_drones(
                 elif coverage is not None:
                     reward = visit(c, w, coverage, b, x, y)
                 terminated = leave_flags and not inside
-            if coverage is None:
-                first, last = looks[kinds[n], action], looks[kinds[n], action + 1]
-                finds = 0
+            if searches or moves_look:
+                kind = 0 if alike else kinds[n]
+                first, last = looks[kind, action], looks[kind, action + 1]
+                count = 0
                 if last > first:
-                    finds, bits = look(c, w, d, persons, offsets, pods, first, last)
-                if finds > 0:
-                    reward, found = reward_find(c, w, finds), True
+                    count, bits = look(c, w, d, persons, offsets, pods, first, last)
+                if count > 0:
+                    finds[n] = bits
+                    reward, found = reward_find(c, w, count), True
                     if ends_together:
                         for m in range(len(drones)):
                             drones[m].terminated = True
@@ -260,7 +263,6 @@ def step_drones(
         d.reward = reward
         d.episode_return += reward
         d.found = found
-        d.finds = bits
         d.terminated = terminated
         eventful |= found or terminated or d.truncated
         if collisions and not d.aloft and (ends_together or not terminated):
@@ -301,7 +303,7 @@ def update_flags(c, w, drones, persons, coverage):
 
 @part
 def step_world(
-    c, w, drones, persons, kinds, looks, offsets, pods, gauss, tails, area, runs, coverage,
+    c, w, drones, finds, persons, kinds, looks, offsets, pods, gauss, tails, area, runs, coverage,
     ensemble, b, occupied, circle, actions,
 ):  # fmt: skip
     """Advance one world: drones in index order, then the sea, then collisions."""
@@ -314,8 +316,8 @@ def step_world(
             persons[p].found = False
     unchanged = not w.done and w.num_missing == len(persons)
     shared, eventful = step_drones(
-        c, w, drones, persons, kinds, looks, offsets, pods, gauss, area, coverage, ensemble, b,
-        occupied, actions,
+        c, w, drones, finds, persons, kinds, looks, offsets, pods, gauss, area, coverage, ensemble,
+        b, occupied, actions,
     )  # fmt: skip
     w.t += 1
     if coverage is None:
@@ -355,7 +357,7 @@ def write_observed(c, w, gauss, area, coverage, ensemble, b, circle, span, strea
 @kernel
 def step_worlds(
     constants, worlds, gauss, tails, area, runs, coverage, ensemble,
-    starts, drones, persons, kinds, looks, offsets, pods,
+    starts, drones, finds, persons, kinds, looks, offsets, pods,
     occupied, circle, cells, span,
     actions, maps, first, last,
 ):  # fmt: skip
@@ -377,7 +379,7 @@ def step_worlds(
             )  # fmt: skip
         else:
             step_world(
-                c, w, drones[b], persons[b], kinds, looks, offsets, pods, gauss[table],
+                c, w, drones[b], finds[b], persons[b], kinds, looks, offsets, pods, gauss[table],
                 tails[table], area, runs, coverage, ensemble, b, occupied, circle, actions[b],
             )  # fmt: skip
         if maps.shape[1] > 0:
@@ -389,7 +391,7 @@ def step_worlds(
 @kernel
 def reset_worlds(
     constants, worlds, gauss, tails, area, runs, coverage, ensemble,
-    starts, drones, persons, kinds, looks, offsets, pods,
+    starts, drones, finds, persons, kinds, looks, offsets, pods,
     occupied, circle, cells, span,
     maps, which,
 ):  # fmt: skip

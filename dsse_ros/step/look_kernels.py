@@ -16,8 +16,6 @@ from dsse_ros.compiled.jit import inlined
 from dsse_ros.step.ensemble_kernels import probability_in
 from dsse_ros.targets.sea_map import cell_probability
 
-NO_FINDS = np.uint64(0)
-
 
 @inlined
 def probability_of(c, w, gauss, area, ensemble, x, y):
@@ -34,7 +32,7 @@ def look(c, w, d, persons, offsets, pods, first, last):
     Returns:
         How many persons they have found, and a bit for each look that has found any.
     """
-    finds, bits, bit = 0, NO_FINDS, np.uint64(1)
+    finds, bits, bit = 0, np.uint64(0), np.uint64(1)
     for k in range(first, last):
         x, y = d.x + offsets[k, 0], d.y + offsets[k, 1]
         for p in range(len(persons)):

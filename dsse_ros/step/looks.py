@@ -132,6 +132,12 @@ def looks_of(scenario: ResolvedScenario, rules: Rules) -> Looks:
     )
 
 
+def moves_look(looks: Looks, rules: Rules) -> bool:
+    """Return whether an action other than a search looks at anything."""
+    others = np.arange(looks.counts.shape[1]) != rules.action_set.search
+    return bool((looks.counts[:, others] > 0).any())
+
+
 def own_cell_looks(num_drones: int, actions: Sequence[str]) -> Looks:
     """Return the looks of drones of which only their actions are known: a search sees its cell."""
     first = np.cumsum([0, *(name == "search" for name in actions)])[np.newaxis]

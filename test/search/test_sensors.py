@@ -55,7 +55,7 @@ def test_a_move_finds_who_is_ahead_and_says_which_look_did() -> None:
         (world.persons["x"][:, 0] == 7 + k) & (world.persons["y"][:, 0] == 6) for k in range(3)
     ]
     batch.step(np.full((3000, 1), right, np.int8))
-    finds = world.drones["finds"][:, 0]
+    finds = np.where(world.found, world.finds, 0)[:, 0]
     assert any(near.any() for near in there)
     for k, near in enumerate(there):
         assert ((finds[near] == 0) | (finds[near] == 1 << k)).all()
@@ -111,6 +111,7 @@ def test_every_planner_flies_it(planner: str) -> None:
 
 def test_pictures_reports_and_logs_count_its_looks(tmp_path: Path) -> None:
     mission = Mission(parallel_env(rules="v2", render_mode="rgb_array", **FIELDS), seed=2)
+    world = mission.env.world
     scenario, frame = mission.env.scenario, GridFrame(12, 130.0, -24.0, -46.0, 0.0, 120.0)
     right = mission.env.rules.actions.index("right")
     log = MissionLog(tmp_path / "log.csv", frame, faults=True)
@@ -127,7 +128,7 @@ def test_pictures_reports_and_logs_count_its_looks(tmp_path: Path) -> None:
     report = step_report_from_message(
         step_report_message(frame, step_report_of(mission, frame, 1), Time())
     )
-    assert (finds_of(report) == mission.env.world.drones["finds"][0]).all()
+    assert (finds_of(report) == np.where(world.found, world.finds, 0)[0]).all()
     (record,) = read_csv(tmp_path / "log.csv")
     assert (effort(with_search(record, mission.env.rules, scenario)) == seen).all()
 
