@@ -483,7 +483,7 @@ def test_every_profile_has_its_row_and_its_column() -> None:
 
 
 def test_the_golden_traces_are_as_many_as_stated() -> None:
-    stated = table(RULES, "How they are held to the packages", "What")
+    stated = table(RULES, "Tests against the packages", "What")
     for version in ("v1", "v2"):
         data = ROOT / "test" / "oracles" / "data"
         with np.load(data / f"{version}_maps.npz") as stored:
