@@ -95,7 +95,7 @@ lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 
-coverage: $(VENV)/.compiled $(VENV)/.quality ## Measure which branches of the search, mission, msg_adapters, flight and bridge are tested
+coverage: $(VENV)/.compiled $(VENV)/.quality ## Measure which branches the tests take, package by package
 	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_COVERAGE) --cov
 
 mutants: $(VENV)/.test $(VENV)/.quality ## Test the tests of fence, upload and commands by changing those: MUTANTS='name ...'
@@ -110,7 +110,7 @@ docs: $(VENV)/.docs ## Build the documentation site in docs/_build; a warning is
 	@$(BIN)/sphinx-build -q --fail-on-warning --keep-going --conf-dir docs . docs/_build
 	@echo docs/_build/index.html
 
-docs-check: ## Run the commands of README and docs in a scratch clone, for an hour: DOCS='page ...'
+docs-check: ## Run the commands of README and docs in a scratch clone, half an hour or more: DOCS='page ...'
 	@$(PYTHON) docs/check.py $(DOCS)
 
 bench: $(VENV)/.test ## Measure beside the published packages and a C baseline: BENCH=--quick
