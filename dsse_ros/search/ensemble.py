@@ -37,6 +37,7 @@ class WorldEnsemble:
     ) -> None:
         self._scenario = self._placed = scenario
         self._rules = rules
+        self._values: dict[str, Any] = {}
         self.tracks = tracks
         self.track = np.zeros(shape, np.int64)
 
@@ -78,6 +79,9 @@ class WorldEnsemble:
             replaced: Of `World.placed`.
         """
         values = {name: replaced[name] for name in DECIDES_TRACKS if name in replaced}
+        if values == self._values:
+            return False
+        self._values = values
         self._placed = self._scenario.override(**values).resolve(self._rules)
         before, self.tracks = self.tracks, self._tracks()
         return self.tracks is not before

@@ -28,19 +28,25 @@ FIELDS: dict[str, Any] = {
 SEED = 3
 
 
-def test_topics_diagnostics_record_and_environment_agree(rig: Rig, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "persons"),
+    [("sea", {}), ("drift", {"person_motion": "constant_drift", "particles": 700})],
+)
+def test_topics_diagnostics_record_and_environment_agree(
+    name: str, persons: dict[str, Any], rig: Rig, tmp_path: Path
+) -> None:
     record = tmp_path / "mission.csv"
     given = {
-        **FIELDS, "person_initial_position": [3, 1], "vector": [0.1, 0.2],
+        **FIELDS, **persons, "person_initial_position": [3, 1], "vector": [0.1, 0.2],
         "drones_positions": [0, 0, 4, 4],
     }  # fmt: skip
     sim = rig.sim(
         {**given, "seed": SEED, "publish_belief": True, "record_file": str(record)},
-        namespace="/sea",
+        namespace=f"/{name}",
     )
-    images = rig.listen(Image, "/sea/belief", LATCHED)
-    grids = rig.listen(OccupancyGrid, "/sea/belief_grid", LATCHED)
-    env = parallel_env(observe="belief", **FIELDS)
+    images = rig.listen(Image, f"/{name}/belief", LATCHED)
+    grids = rig.listen(OccupancyGrid, f"/{name}/belief_grid", LATCHED)
+    env = parallel_env(observe="belief", **FIELDS, **persons)
     env.reset(seed=SEED)
     wanted = [(0.0, env.probability)]
     while sim.flying:
@@ -62,7 +68,7 @@ def test_topics_diagnostics_record_and_environment_agree(rig: Rig, tmp_path: Pat
 
     def shown() -> str | None:
         for status in rig.first(DiagnosticArray, "/diagnostics", RELIABLE).status:
-            if status.name == "sea/dsse_sim":
+            if status.name == f"{name}/dsse_sim":
                 return {pair.key: pair.value for pair in status.values}["pos"]
         return None
 

@@ -23,7 +23,7 @@ from dsse_ros.search import (
     profile,
     vector_env,
 )
-from dsse_ros.targets.registry import MOTIONS
+from dsse_ros.targets.registry import TARGET_MODELS
 
 RULES = tuple(PROFILES)
 
@@ -91,7 +91,7 @@ OTHERS: dict[str, tuple[Any, ...]] = {
     "task": ("cover",),
     "cover_min_probability": (0.05,),
     "reset_sea_steps": (1,),
-    "person_motion": tuple(name for name in MOTIONS if name != "window"),
+    "person_motion": tuple(name for name in TARGET_MODELS if name != "window"),
     "person_scatter": (2,),
     "grid_size": (7,),
     "vector": ((0.5, 0.25),),
