@@ -198,7 +198,7 @@ def _mavlink() -> tuple[Take, list[bytes]]:
     from dsse_ros.flight.commands import ControllerSettings
     from dsse_ros.flight.vehicle_controller import VehicleController
     from dsse_ros.mavlink.codec import Codec
-    from dsse_ros.mavlink.mission_messages import Address
+    from dsse_ros.mavlink.messages import Address
 
     ours, vehicle = Address(245, 191), Address(7, 1)
     settings = ControllerSettings(autopilot="ardupilot")

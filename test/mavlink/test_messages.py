@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.vehicle_controller import VehicleController
 from dsse_ros.mavlink.codec import Codec
-from dsse_ros.mavlink.mission_messages import Address
+from dsse_ros.mavlink.messages import Address
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 ONLY_POSITION, NO_POSITION = 0x0DF8, 0x0DFF
