@@ -232,10 +232,6 @@ def test_a_message_of_another_message_set_is_skipped() -> None:
     ("message", "kind", "fields"),
     [
         (HEARTBEAT, "HEARTBEAT", {"type": 18, "autopilot": 8, "system_status": 4}),
-            Heartbeat(18, 8, 0, 0, 4, 3),
-            "HEARTBEAT",
-            {"type": 18, "autopilot": 8, "system_status": 4},
-        ),
         (
             command_long(VEHICLE, 176, 1.0, 4.0),
             "COMMAND_LONG",
