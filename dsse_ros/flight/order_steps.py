@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.commands import ARM_DISARM, OrderFailedError, TakenOverError
+from dsse_ros.flight.item_messages import mission_messages
 from dsse_ros.flight.setpoints import offset_m
 from dsse_ros.flight.transfer import Failed
 from dsse_ros.flight.upload import VerifiedUpload
-from msg_adapters.mavlink_items import mission_messages
 from msg_adapters.mission_items import MissionItem
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.commands import MISSION_START, OrderFailedError
+from dsse_ros.flight.item_messages import mission_messages
 from dsse_ros.flight.order_steps import (
     STANDING_MPS,
     allow_present_mode,
@@ -36,7 +37,6 @@ from dsse_ros.flight.order_steps import (
 )
 from dsse_ros.flight.vehicle_controller import Order, VehicleController
 from dsse_ros.mavlink.messages import MissionSetCurrent
-from msg_adapters.mavlink_items import mission_messages
 from msg_adapters.mission_items import MissionItem
 
 NAV_TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.item_messages import INTEGER_FRAMES
 from dsse_ros.flight.transfer import Done, Failed, Timeouts, Transfer
 from dsse_ros.mavlink.messages import (
     MISSION_FAULTS,
@@ -24,7 +25,6 @@ from dsse_ros.mavlink.messages import (
     MissionRequestInt,
     MissionRequestList,
 )
-from msg_adapters.mavlink_items import INTEGER_FRAMES
 
 _FINAL_RESULTS = MISSION_FAULTS | {mavlink.MAV_MISSION_OPERATION_CANCELLED}
 """Results after which a vehicle waits for no more items."""

@@ -15,6 +15,7 @@ from autopilot.wire import mavlink
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.flight.item_messages import item_message
 from dsse_ros.mavlink.codec import Codec
 from dsse_ros.mavlink.messages import (
     Address,
@@ -26,7 +27,6 @@ from dsse_ros.mavlink.messages import (
     StatusText,
     command_long,
 )
-from msg_adapters.mavlink_items import item_message
 from msg_adapters.mission_items import FRAME_MISSION, MissionItem
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mission_strategies import ITEMS, MISSIONS
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from msg_adapters.mavlink_items import item_message, mission_messages
+from dsse_ros.flight.item_messages import item_message, mission_messages
 from msg_adapters.mission_items import FRAME_MISSION, MissionItem
 
 DEGREES = st.tuples(st.floats(-90, 90), st.floats(-180, 180))
