@@ -284,6 +284,12 @@ def test_a_setpoint_that_is_not_allowed_is_refused_by_name(
         codec().encode(SetPositionTarget(VEHICLE, lat_deg, lon_deg, 10.0))
 
 
+def test_a_message_stays_as_it_is_when_it_is_encoded() -> None:
+    before = vars(HEARTBEAT).copy()
+    codec().encode(HEARTBEAT)
+    assert vars(HEARTBEAT) == before
+
+
 def test_frames_are_numbered() -> None:
     ours = codec()
     numbers = [ours.encode(HEARTBEAT)[4] for _ in range(300)]
