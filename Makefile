@@ -35,8 +35,8 @@ OF_TESTS := viz,area,geotiff,movie,onnx,test,sitl,routes,record,dashboard,browse
 TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py scenario.py) test/view/test_rendering.py \
 	$(addprefix test/search/test_,conformance.py oracles.py snapshot.py vector_env.py withdraw.py world.py) \
 	test/planners/test_planners.py \
-	$(addprefix test/msg_adapters/test_,geodesy.py mavlink_items.py occupancy.py poses.py) \
-	$(addprefix test/mavlink/test_,codec.py mission_messages.py) test/flight/test_upload.py \
+	$(addprefix test/msg_adapters/test_,geodesy.py occupancy.py poses.py) \
+	$(addprefix test/mavlink/test_,codec.py messages.py) test/flight/test_upload.py test/flight/test_item_messages.py \
 	test/mission/test_mission.py
 
 # Folders of tests without DDS; those marked slow are left out of them.

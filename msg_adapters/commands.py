@@ -151,23 +151,6 @@ def parse_joint_action(
     return Accepted(tuple(chosen))
 
 
-def drone_terminated(drone_name: str) -> Rejected:
-    """Return the refusal of a command to a drone that is out of the search."""
-    return Rejected(
-        "drone_terminated", f"{drone_name}: a command is not allowed; the drone is terminated"
-    )
-
-
-def action_message(action: int) -> Int8:
-    """Return a `cmd_action` with an action number."""
-    return Int8(data=int(action))
-
-
-def action_name_message(name: str) -> String:
-    """Return a `cmd_action_name`."""
-    return String(data=name)
-
-
 def joint_action_message(
     step: int, actions: Sequence[int], mission: int | None = None
 ) -> Int32MultiArray:

@@ -99,22 +99,6 @@ class Keys:
             self.refuse(key, "a finite number")
         return float(value)
 
-    def numbers(self, key: str, length: int, *, null: float | None = None) -> list[float]:
-        """Return a list of finite numbers of this length.
-
-        Args:
-            key: The key.
-            length: How many there must be.
-            null: What null stands for; None if it may not occur.
-        """
-        values = self.entries(key, length)
-        if null is not None:
-            values = [null if value is None else value for value in values]
-        for value in values:
-            if value is not null and not _is_finite(value):
-                self.refuse(key, f"a list of {length} finite numbers")
-        return [float(value) for value in values]
-
     def refuse(self, key: str, wanted: str) -> NoReturn:
         """Raise the error that says what was wanted instead of the value of a key."""
         value = shown(self._document[key])

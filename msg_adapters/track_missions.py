@@ -132,25 +132,6 @@ def track_mission(
     return Mission(home, tuple(items()))
 
 
-def track_items(
-    frame: GridFrame,
-    cells: ArrayLike,
-    *,
-    home: tuple[float, float, float] | None = None,
-    hold_s: float = 0.0,
-    acceptance_radius_m: float = 0.0,
-) -> list[MissionItem]:
-    """Return a track as a mission for ArduPilot, a waypoint per cell: see `track_mission`."""
-    mission = track_mission(
-        frame,
-        cells,
-        home=None if home is None else Home(*home),
-        hold_s=hold_s,
-        acceptance_radius_m=acceptance_radius_m,
-    )
-    return mission.numbered("ardupilot")
-
-
 def acceptance_radius_m(frame: GridFrame, most_m: float) -> float:
     """Return the distance from a cell's centre at which a vehicle is there, in no other cell."""
     return min(most_m, frame.cell_size_m / 2)

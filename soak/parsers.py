@@ -159,35 +159,6 @@ def _observations() -> tuple[Take, list[bytes]]:
     return take, [*own[:3], bytes([1]) + serialize_message(grid)]
 
 
-def _mission_files() -> tuple[Take, list[bytes]]:
-    from msg_adapters.plan_files import parse_plan
-    from msg_adapters.waypoint_files import parse_qgc_wpl
-
-    def take(data: bytes) -> None:
-        text = data[1:].decode("utf-8", "replace")
-        parse = parse_plan if data[:1] == b"p" else parse_qgc_wpl
-        try:
-            parse(text)
-        except ValueError as error:
-            _on_one_line(error)
-
-    line = "0\t1\t0\t16\t0\t0\t0\t0\t-24.00000000\t-46.00000000\t0.00000000\t1\n"
-    item = {
-        "type": "SimpleItem", "command": 16, "frame": 3, "autoContinue": True, "doJumpId": 1,
-        "params": [0, 0, 0, None, -24.0, -46.0, 100.0],
-    }  # fmt: skip
-    plan = {
-        "fileType": "Plan", "version": 1, "groundStation": "QGroundControl",
-        "geoFence": {"version": 2, "circles": [], "polygons": []},
-        "rallyPoints": {"version": 2, "points": []},
-        "mission": {
-            "version": 2, "firmwareType": 3, "vehicleType": 2, "cruiseSpeed": 15, "hoverSpeed": 5,
-            "plannedHomePosition": [-24.0, -46.0, 0.0], "items": [item],
-        },
-    }  # fmt: skip
-    return take, [b"wQGC WPL 110\n" + 2 * line.encode(), b"p" + json.dumps(plan).encode()]
-
-
 def _mavlink() -> tuple[Take, list[bytes]]:
     import random
 
@@ -198,7 +169,7 @@ def _mavlink() -> tuple[Take, list[bytes]]:
     from dsse_ros.flight.commands import ControllerSettings
     from dsse_ros.flight.vehicle_controller import VehicleController
     from dsse_ros.mavlink.codec import Codec
-    from dsse_ros.mavlink.mission_messages import Address
+    from dsse_ros.mavlink.messages import Address
 
     ours, vehicle = Address(245, 191), Address(7, 1)
     settings = ControllerSettings(autopilot="ardupilot")
@@ -349,11 +320,6 @@ PARSERS = {
         "agents, maps and reports",
         _observations,
         ("msg_adapters.agents", "msg_adapters.step_report", "msg_adapters.json_keys"),
-    ),
-    "mission_files": Parser(
-        "mission files",
-        _mission_files,
-        ("msg_adapters.plan_files", "msg_adapters.waypoint_files", "msg_adapters.mission_items"),
     ),
     "mavlink": Parser(
         "MAVLink bytes", _mavlink, ("dsse_ros.mavlink.codec", "dsse_ros.flight.vehicle_controller")

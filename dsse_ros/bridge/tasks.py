@@ -10,10 +10,8 @@ from typing import Protocol
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission, GoTo, Search
-from dsse_ros.mavlink.mission_messages import WireItem
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
-from msg_adapters.mavlink_items import mission_fields
 from msg_adapters.mission_items import NAV_WAYPOINT, Mission
 from msg_adapters.result import Accepted, Rejected, Result
 from msg_adapters.track_missions import Leg, acceptance_radius_m
@@ -80,6 +78,5 @@ def mission_task(
         items = tuple(
             replace(item, param2=0.0) if item.command == NAV_WAYPOINT else item for item in items
         )
-    wire_items = tuple(WireItem(**fields) for fields in mission_fields(items))
-    hold_item = len(wire_items) - 2 if holds_over_home else -1
-    return Accepted(FlyMission(wire_items, hold_item=hold_item))
+    hold_item = len(items) - 2 if holds_over_home else -1
+    return Accepted(FlyMission(tuple(items), hold_item=hold_item))

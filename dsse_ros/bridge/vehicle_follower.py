@@ -323,7 +323,7 @@ class VehicleFollower:
         if not isinstance(task, FlyMission) or task.hold_item < 0 or not state.has_position:
             return False
         item = task.items[task.hold_item]
-        away = offset_m((state.lat_deg, state.lon_deg), (item.x * 1e-7, item.y * 1e-7))
+        away = offset_m((state.lat_deg, state.lon_deg), (item.lat_deg, item.lon_deg))
         return state.item_current == task.hold_item and math.hypot(*away) <= _OVER_HOME_M
 
     def _is_finished(self, state: VehicleState) -> bool:

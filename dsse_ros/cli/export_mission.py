@@ -24,7 +24,7 @@ from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.compiler import prepared_env
 from msg_adapters.frames import scenario_frame
-from msg_adapters.mission_files import Home
+from msg_adapters.mission_items import Home
 
 LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
 """Parameters of the flight that are options of the same name."""

@@ -203,10 +203,6 @@ class SearchHistory:
         """Return the stamp of the step at a place."""
         return self._stamps[i]
 
-    def step_at(self, stamp_ns: int) -> int:
-        """Return the number of the last step that is not later than a stamp."""
-        return self.steps[max(bisect_right(self._stamps, stamp_ns) - 1, 0)]
-
     def map_at(self, maps: MapImages, i: int) -> tuple[int, bytes] | None:
         """Return stamp and image of the map at a place, or of the last one before."""
         return maps.at(self._stamps[i], self._stamps[0])

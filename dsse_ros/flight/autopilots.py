@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -61,7 +62,7 @@ class Autopilot:
         item_modes: Modes that mission items bring about, by their MAV_CMD.
         disarmed_modes: Modes that it enters by itself while it is disarmed.
         disarming_s: Time after disarming in which it may fall back into any mode.
-        messages: Numbers of the messages that are needed from it, by their types.
+        messages: Types of the messages that are needed from it.
         position_is_checked: Whether its pre-arm check covers its position estimate. If not,
             EKF_STATUS_REPORT has to report a good estimate.
         texts_prove_failsafe: Whether a STATUSTEXT about a failsafe is sent only if one is active.
@@ -100,7 +101,7 @@ class Autopilot:
     item_modes: Mapping[int, str] = field(default_factory=dict)
     disarmed_modes: frozenset[str] = _NO_MODES
     disarming_s: float = 0.0
-    messages: Mapping[type, int]
+    messages: tuple[Any, ...]
     position_is_checked: bool
     texts_prove_failsafe: bool
     acts_when_critical: bool
@@ -182,13 +183,7 @@ def _enum_name(enum: str, number: int) -> str:
     return str(number) if entry is None else entry.name.removeprefix(f"{enum}_")
 
 
-_MESSAGES: dict[type, int] = {
-    GlobalPosition: mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-    GpsRaw: mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
-    SysStatus: mavlink.MAVLINK_MSG_ID_SYS_STATUS,
-    ExtendedSysState: mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
-    MissionCurrent: mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
-}
+_MESSAGES = (GlobalPosition, GpsRaw, SysStatus, ExtendedSysState, MissionCurrent)
 
 ARDUPILOT = Autopilot(
     name="ardupilot",
@@ -206,11 +201,7 @@ ARDUPILOT = Autopilot(
     mission_mode="AUTO",
     boot_modes=frozenset({"STABILIZE"}),
     landed_modes=frozenset({"RTL", "LAND", "AUTO"}),
-    messages={
-        **_MESSAGES,
-        EkfStatus: mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
-        PositionTarget: mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
-    },
+    messages=(*_MESSAGES, EkfStatus, PositionTarget),
     position_is_checked=False,
     texts_prove_failsafe=True,
     acts_when_critical=False,
@@ -269,7 +260,7 @@ PX4 = Autopilot(
     },
     disarmed_modes=frozenset({"HOLD"}),
     disarming_s=3.0,
-    messages={**_MESSAGES, BatteryStatus: mavlink.MAVLINK_MSG_ID_BATTERY_STATUS},
+    messages=(*_MESSAGES, BatteryStatus),
     # At rest its EKF_STATUS_REPORT always has CONST_POS_MODE.
     position_is_checked=True,
     # It sends the same texts as a mere warning.

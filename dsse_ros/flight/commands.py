@@ -18,12 +18,13 @@ from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.messages import (
+    Address,
     CommandAck,
     CommandLong,
     MissionSetCurrent,
     Outgoing,
+    command_long,
 )
-from dsse_ros.mavlink.mission_messages import Address
 
 DO_SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 DO_CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
@@ -285,7 +286,7 @@ class CommandSender:
 
     def send_long(self, number: int, purpose: str, *parameters: float, takes_s: float = 0.0) -> str:
         """Send a COMMAND_LONG as `send` does."""
-        command = CommandLong(self._situation.target, number, *parameters)
+        command = command_long(self._situation.target, number, *parameters)
         return self.send(command, purpose, takes_s=takes_s)
 
     def watch_arming(self) -> None:
@@ -323,4 +324,4 @@ class CommandSender:
             self._speed_tries -= 1
             self._speed_due_s = situation.now + situation.settings.command_s
             speed = (_GROUND_SPEED, situation.settings.speed_mps, _THROTTLE_UNCHANGED)
-            situation.out.append(CommandLong(situation.target, DO_CHANGE_SPEED, *speed))
+            situation.out.append(command_long(situation.target, DO_CHANGE_SPEED, *speed))

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.commands import ARM_DISARM, OrderFailedError, TakenOverError
+from dsse_ros.flight.item_messages import mission_messages
 from dsse_ros.flight.setpoints import offset_m
 from dsse_ros.flight.transfer import Failed
 from dsse_ros.flight.upload import VerifiedUpload
-from dsse_ros.mavlink.mission_messages import WireItem
+from msg_adapters.mission_items import MissionItem
 
 if TYPE_CHECKING:
     from dsse_ros.flight.vehicle_controller import VehicleController
@@ -144,13 +145,13 @@ def come_down(controller: VehicleController, mode: str, reason: str) -> Iterator
         yield reason
 
 
-def upload(controller: VehicleController, items: tuple[WireItem, ...]) -> Iterator[str]:
+def upload(controller: VehicleController, items: tuple[MissionItem, ...]) -> Iterator[str]:
     """Upload a mission and read it back."""
     situation = controller.situation
     while controller.exchange is not None and controller.exchange.result is None:
         yield "waiting for the end of another upload"
     exchange = VerifiedUpload(
-        items,
+        mission_messages(items, situation.target),
         situation.target,
         controller.source,
         autopilot=situation.autopilot,
@@ -167,7 +168,7 @@ def upload(controller: VehicleController, items: tuple[WireItem, ...]) -> Iterat
     situation.state = replace(situation.state, item_current=-1, item_reached=-1, mission_over=False)
 
 
-def follow_mission(controller: VehicleController, items: tuple[WireItem, ...]) -> Iterator[str]:
+def follow_mission(controller: VehicleController, items: tuple[MissionItem, ...]) -> Iterator[str]:
     """Watch a mission that has been started, to its end."""
     last = len(items) - 1
     comes_down = items[last].command in (NAV_RETURN_TO_LAUNCH, NAV_LAND)
@@ -200,7 +201,7 @@ def follow_mission(controller: VehicleController, items: tuple[WireItem, ...]) -
 
 
 def mission_modes(
-    controller: VehicleController, items: tuple[WireItem, ...], *, whole: bool = False
+    controller: VehicleController, items: tuple[MissionItem, ...], *, whole: bool = False
 ) -> frozenset[str]:
     """Return the modes that come about by flying the mission, now or to its end."""
     autopilot, state = controller.situation.autopilot, controller.state

@@ -16,6 +16,7 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.commands import MISSION_START, OrderFailedError
+from dsse_ros.flight.item_messages import mission_messages
 from dsse_ros.flight.order_steps import (
     STANDING_MPS,
     allow_present_mode,
@@ -36,7 +37,7 @@ from dsse_ros.flight.order_steps import (
 )
 from dsse_ros.flight.vehicle_controller import Order, VehicleController
 from dsse_ros.mavlink.messages import MissionSetCurrent
-from dsse_ros.mavlink.mission_messages import WireItem
+from msg_adapters.mission_items import MissionItem
 
 NAV_TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF
 
@@ -266,10 +267,10 @@ class FlyMission(Order):
         hold_item: Number of an item over home in which it may be ordered to land; -1 for none.
 
     Raises:
-        ValueError: If it is empty or not numbered from 0.
+        ValueError: If it is empty, or a value does not fit MAVLink's message.
     """
 
-    items: tuple[WireItem, ...]
+    items: tuple[MissionItem, ...]
     arm: bool = True
     from_modes: tuple[str, ...] = ()
     hold_item: int = -1
@@ -277,9 +278,7 @@ class FlyMission(Order):
     def __post_init__(self) -> None:
         if not self.items:
             raise ValueError("items: none is not allowed; at least one")
-        for index, item in enumerate(self.items):
-            if item.seq != index:
-                raise ValueError(f"items[{index}].seq: {item.seq} is not allowed; {index} is")
+        mission_messages(self.items)
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
@@ -296,7 +295,7 @@ class FlyMission(Order):
         controller.setpoints.stop()
         yield from upload(controller, self.items)
         while controller.state.item_current != first:
-            command = MissionSetCurrent(controller.situation.target, first)
+            command = MissionSetCurrent(*controller.situation.target, first)
             yield controller.commands.send(command, "going back to the first item")
         # A short one may be over before its mode is seen.
         while not controller.state.armed or (

@@ -15,16 +15,19 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import ClassVar, Protocol, get_args
 
-from dsse_ros.mavlink.mission_messages import (
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from dsse_ros.mavlink.messages import (
     MISSION_FAULTS,
+    MISSION_RESULTS,
     Address,
     MissionAck,
+    MissionItemInt,
     MissionMessage,
-    MissionResult,
-    WireItem,
 )
 
 _MESSAGES = get_args(MissionMessage)
+_CANCELLED = mavlink.MAV_MISSION_OPERATION_CANCELLED
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class Done:
         items: The mission as it was sent to the vehicle, or read from it.
     """
 
-    items: tuple[WireItem, ...] = ()
+    items: tuple[MissionItemInt, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -201,7 +204,7 @@ class Transfer(ABC):
         expected = Address(*self.target) if self.target.component else (self.target.system,)
         if not isinstance(sender, tuple) or sender[: len(expected)] != expected:
             return self._ignore("wrong_sender")
-        system, component = message.target
+        system, component = message.target_system, message.target_component
         if system not in (0, self.source.system) or component not in (0, self.source.component):
             return self._ignore("wrong_target")
         if message.mission_type != self.mission_type:
@@ -281,7 +284,7 @@ class Transfer(ABC):
         return []
 
     def _cancellation(self) -> MissionAck:
-        return MissionAck(self.target, MissionResult.OPERATION_CANCELLED, self.mission_type)
+        return MissionAck(*self.target, _CANCELLED, self.mission_type)
 
     def _refused(self, ack: MissionAck, now: float) -> list[MissionMessage]:
         """Process a refusal of the first message: the vehicle may only be busy."""
@@ -293,10 +296,7 @@ class Transfer(ABC):
         return []
 
     def _refusal(self, ack: MissionAck) -> Failed:
-        try:
-            result = MissionResult(ack.type).name
-        except ValueError:
-            result = "unknown"
+        result = MISSION_RESULTS.get(ack.type, "unknown")
         return Failed(
             "refused",
             f"the vehicle refused the {self.name}: {result} ({ack.type})",

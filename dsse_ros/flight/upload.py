@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.item_messages import INTEGER_FRAMES
 from dsse_ros.flight.transfer import Done, Failed, Timeouts, Transfer
-from dsse_ros.mavlink.mission_messages import (
+from dsse_ros.mavlink.messages import (
     MISSION_FAULTS,
     Address,
     MissionAck,
@@ -23,22 +24,14 @@ from dsse_ros.mavlink.mission_messages import (
     MissionRequest,
     MissionRequestInt,
     MissionRequestList,
-    MissionResult,
-    WireItem,
 )
 
-_FINAL_RESULTS = MISSION_FAULTS | {MissionResult.OPERATION_CANCELLED}
+_FINAL_RESULTS = MISSION_FAULTS | {mavlink.MAV_MISSION_OPERATION_CANCELLED}
 """Results after which a vehicle waits for no more items."""
 _RETRIED = ("mismatch", "stalled")
 """Codes of a failed verification after which the mission is uploaded again."""
 _FRAME_MISSION = mavlink.MAV_FRAME_MISSION
 _NAV_RETURN_TO_LAUNCH = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
-_FRAMES = {
-    mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
-    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
-}
-"""Integer frames by the equivalent ones that autopilots return instead."""
 _MAX_DEGREES = 1
 """1e-7 degrees, which are lost when they are stored as floating point."""
 _MAX_ALTITUDE_M = 0.02
@@ -61,8 +54,8 @@ class Upload(Transfer):
         timeouts: Timeouts and retries.
 
     Raises:
-        ValueError: If items are not numbered from 0, are of another type, or would be executed
-            at once instead of stored.
+        ValueError: If items have another target or type, are not numbered from 0, or would be
+            executed at once instead of stored.
     """
 
     name = "upload"
@@ -70,7 +63,7 @@ class Upload(Transfer):
 
     def __init__(
         self,
-        items: Sequence[WireItem],
+        items: Sequence[MissionItemInt],
         target: Address,
         source: Address,
         *,
@@ -84,13 +77,14 @@ class Upload(Transfer):
         self._requested: set[int] = set()
         self._vehicle_ended = False
         for index, item in enumerate(self._items):
-            if item.seq != index:
-                raise ValueError(f"items[{index}].seq: {item.seq} is not allowed; {index} is")
-            if item.mission_type != mission_type:
-                raise ValueError(
-                    f"items[{index}].mission_type: {item.mission_type} is not allowed; "
-                    f"{mission_type} is"
-                )
+            for name, wanted in (
+                ("target_system", target.system),
+                ("target_component", target.component),
+                ("seq", index),
+                ("mission_type", mission_type),
+            ):
+                if (value := getattr(item, name)) != wanted:
+                    raise ValueError(f"items[{index}].{name}: {value} is not allowed; {wanted} is")
             # ArduPilot takes 2 and 3 for a command to fly there.
             if item.current not in (0, 1):
                 raise ValueError(f"items[{index}].current: {item.current} is not allowed; 0 or 1")
@@ -98,7 +92,7 @@ class Upload(Transfer):
     def _begin(self, now: float) -> list[MissionMessage]:
         self._requested.clear()
         self._vehicle_ended = False
-        count = MissionCount(self.target, len(self._items), self.mission_type)
+        count = MissionCount(*self.target, len(self._items), self.mission_type)
         return self._send(count, self.timeouts.reply_s, now)
 
     def _take(self, message: MissionMessage, now: float) -> list[MissionMessage]:
@@ -109,7 +103,7 @@ class Upload(Transfer):
         return self._ignore("unexpected")
 
     def _take_ack(self, ack: MissionAck, now: float) -> list[MissionMessage]:
-        if ack.type == MissionResult.ACCEPTED:
+        if ack.type == mavlink.MAV_MISSION_ACCEPTED:
             if self._all_requested:
                 return self._settle(Done(self._items), now, [])
             done, total = len(self._requested), len(self._items)
@@ -120,11 +114,11 @@ class Upload(Transfer):
             return self._fail(self._refusal(ack), now)
         if not self._requested:
             return self._refused(ack, now)
-        if ack.type == MissionResult.OPERATION_CANCELLED:
+        if ack.type == mavlink.MAV_MISSION_OPERATION_CANCELLED:
             return self._fail_attempt("cancelled_by_vehicle", "cancelled by the vehicle", now)
         # Vehicles send a NACK for an item that arrives twice and continue. But once they have all,
         # a NACK may mean that they no longer wait for any.
-        if self._all_requested and ack.type != MissionResult.INVALID_SEQUENCE:
+        if self._all_requested and ack.type != mavlink.MAV_MISSION_INVALID_SEQUENCE:
             self._retries_left = min(self._retries_left, 1)
         return self._ignore("ignored_nack")
 
@@ -182,7 +176,7 @@ class Upload(Transfer):
     def _item(self, seq: int) -> list[MissionMessage]:
         if not 0 <= seq < len(self._items):
             return self._ignore("unexpected")
-        return [MissionItemInt(self.target, self._items[seq])]
+        return [self._items[seq]]
 
 
 class Download(Transfer):
@@ -196,11 +190,11 @@ class Download(Transfer):
     changes_vehicle = False
 
     _count: int | None = None
-    _items: tuple[WireItem, ...] = ()
+    _items: tuple[MissionItemInt, ...] = ()
 
     def _begin(self, now: float) -> list[MissionMessage]:
         self._count, self._items = None, ()
-        request = MissionRequestList(self.target, self.mission_type)
+        request = MissionRequestList(*self.target, self.mission_type)
         return self._send(request, self.timeouts.reply_s, now)
 
     def _take(self, message: MissionMessage, now: float) -> list[MissionMessage]:
@@ -208,11 +202,11 @@ class Download(Transfer):
             self._count = message.count
             return self._go_on(now)
         if isinstance(message, MissionItemInt) and self._count is not None:
-            if message.item.seq != len(self._items):
+            if message.seq != len(self._items):
                 return self._ignore("out_of_sequence")
-            self._items += (message.item,)
+            self._items += (message,)
             return self._go_on(now)
-        if isinstance(message, MissionAck) and message.type != MissionResult.ACCEPTED:
+        if isinstance(message, MissionAck) and message.type != mavlink.MAV_MISSION_ACCEPTED:
             if self._count is None:
                 return self._refused(message, now)
             if message.type in MISSION_FAULTS:
@@ -229,9 +223,11 @@ class Download(Transfer):
     def _go_on(self, now: float) -> list[MissionMessage]:
         seq = len(self._items)
         if seq == self._count:
-            acknowledgement = MissionAck(self.target, MissionResult.ACCEPTED, self.mission_type)
+            acknowledgement = MissionAck(
+                *self.target, mavlink.MAV_MISSION_ACCEPTED, self.mission_type
+            )
             return self._settle(Done(self._items), now, [acknowledgement])
-        request = MissionRequestInt(self.target, seq, self.mission_type)
+        request = MissionRequestInt(*self.target, seq, self.mission_type)
         return self._send(request, self.timeouts.item_s, now, pause_s=self._pause_s())
 
     def _pause_s(self) -> float:
@@ -260,7 +256,7 @@ class VerifiedUpload:
 
     def __init__(
         self,
-        items: Sequence[WireItem],
+        items: Sequence[MissionItemInt],
         target: Address,
         source: Address,
         *,
@@ -353,7 +349,7 @@ class VerifiedUpload:
 
 
 def difference(
-    sent: Sequence[WireItem], read: Sequence[WireItem], autopilot: Autopilot
+    sent: Sequence[MissionItemInt], read: Sequence[MissionItemInt], autopilot: Autopilot
 ) -> str | None:
     """Return what differs between two missions in one line, or None if they agree.
 
@@ -377,7 +373,7 @@ def difference(
 
 
 def _pairs(
-    sent: WireItem, read: WireItem, autopilot: Autopilot
+    sent: MissionItemInt, read: MissionItemInt, autopilot: Autopilot
 ) -> list[tuple[str, float, float, float]]:
     """Return name, value sent, value read and greatest difference of the fields to compare."""
     pairs: list[tuple[str, float, float, float]] = [
@@ -389,7 +385,8 @@ def _pairs(
         if not math.isnan(value):
             pairs.append((name, value, getattr(read, name), autopilot.parameter_tolerance))
     if sent.frame != _FRAME_MISSION and sent.command != _NAV_RETURN_TO_LAUNCH:
-        frames = _FRAMES.get(sent.frame, sent.frame), _FRAMES.get(read.frame, read.frame)
+        # Autopilots return either of two equivalent frames.
+        frames = (INTEGER_FRAMES.get(frame, frame) for frame in (sent.frame, read.frame))
         pairs += [
             ("frame", *frames, 0),
             ("x", sent.x, read.x, _MAX_DEGREES),

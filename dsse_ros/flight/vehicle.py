@@ -30,8 +30,7 @@ from dsse_ros.flight.vehicle_controller import (
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.codec import Codec
 from dsse_ros.mavlink.link import parse_connection
-from dsse_ros.mavlink.messages import Heartbeat, Outgoing, StatusText
-from dsse_ros.mavlink.mission_messages import Address
+from dsse_ros.mavlink.messages import Address, Heartbeat, Outgoing, StatusText
 from dsse_ros.mavlink.signing import SigningClock, read_key
 
 _HEARTBEAT_S = 1.0
@@ -43,9 +42,10 @@ CLOSE_S = 6.0
 _HAND_OVER_S = 4.0
 """Of this, until the vehicle is seen to hold."""
 _MAX_TEXTS = 100
+_MAVLINK_VERSION = 3
 _OURS = Heartbeat(
     mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0,
-    mavlink.MAV_STATE_ACTIVE,
+    mavlink.MAV_STATE_ACTIVE, _MAVLINK_VERSION,
 )  # fmt: skip
 
 

@@ -27,14 +27,15 @@ from dsse_ros.flight.setpoints import SetpointStreamer
 from dsse_ros.flight.transfer import Exchange
 from dsse_ros.flight.vehicle_state import MessageRequests, VehicleState, observe, without_link
 from dsse_ros.mavlink.messages import (
+    Address,
     CommandAck,
     Heartbeat,
     Incoming,
+    MissionMessage,
     Outgoing,
     SetPositionTarget,
     StatusText,
 )
-from dsse_ros.mavlink.mission_messages import Address, MissionMessage
 
 Status = Literal["idle", "under_way", "done", "failed", "taken_over", "failsafe", "silent"]
 
@@ -221,7 +222,7 @@ class VehicleController:
                 self.modes.watch(before)
             case StatusText(severity, text) if severity <= _CONCERNING:
                 situation.note_text(text)
-            case CommandAck(_, _, system, component):
+            case CommandAck(target_system=system, target_component=component):
                 if system in (0, self.source.system) and component in (0, self.source.component):
                     self.commands.acknowledged(message)
             case message if isinstance(message, _MISSION_MESSAGES) and self.exchange is not None:

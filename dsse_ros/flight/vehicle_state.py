@@ -12,10 +12,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.mavlink.messages import (
     NO_POSITION,
+    Address,
     BatteryStatus,
     CommandLong,
     EkfStatus,
-    Event,
     ExtendedSysState,
     GlobalPosition,
     GpsRaw,
@@ -27,9 +27,9 @@ from dsse_ros.mavlink.messages import (
     PositionTarget,
     StatusText,
     SysStatus,
+    command_long,
 )
-from dsse_ros.mavlink.mission_messages import Address
-from dsse_ros.mavlink.px4_events import SUMMARY, failed_check
+from dsse_ros.mavlink.px4_events import SUMMARY, EventMessage, failed_check
 
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE
@@ -86,7 +86,6 @@ _MISSION_COMPLETE = mavlink.MISSION_STATE_COMPLETE
 
 SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 REQUEST_MESSAGE = mavlink.MAV_CMD_REQUEST_MESSAGE
-_HOME_POSITION = mavlink.MAVLINK_MSG_ID_HOME_POSITION
 _RATE_HZ = 1.0
 _MISSED = 3
 _GRACE_S = 1.0
@@ -193,30 +192,30 @@ def observe(
             return _heartbeat(state, message, now, autopilot)
         case GlobalPosition():
             return _position(state, message, now)
-        case GpsRaw(fix, alt_mm, alt_ellipsoid_mm):
+        case GpsRaw(fix_type=fix, alt=alt_mm, alt_ellipsoid=alt_ellipsoid_mm):
             known = fix > _NO_FIX and alt_ellipsoid_mm != 0
             geoid_m = (alt_ellipsoid_mm - alt_mm) * 1e-3 if known else math.nan
             return replace(state, geoid_m=geoid_m)
         case SysStatus():
             return _sys_status(state, message, autopilot)
-        case BatteryStatus(charge):
+        case BatteryStatus(charge_state=charge):
             return _failsafe(replace(state, _battery_low=charge in _BATTERY_FAILSAFE))
-        case EkfStatus(flags):
+        case EkfStatus(flags=flags):
             good = bool(flags & _POSITION_GOOD) and not flags & _POSITION_CONSTANT
             return _ready(replace(state, _position_good=good), good and state._checks_passed)
-        case ExtendedSysState(landed):
+        case ExtendedSysState(landed_state=landed):
             return _flying(replace(state, _landed_state=landed))
-        case HomePosition(lat, lon, alt):
+        case HomePosition(latitude=lat, longitude=lon, altitude=alt):
             return replace(state, home=(lat * 1e-7, lon * 1e-7, alt * 1e-3))
         case PositionTarget():
             return replace(state, target=_target(state, message), target_s=now)
-        case MissionCurrent(seq, mission_state):
+        case MissionCurrent(seq=seq, mission_state=mission_state):
             return replace(state, item_current=seq, mission_over=mission_state == _MISSION_COMPLETE)
-        case MissionItemReached(seq):
+        case MissionItemReached(seq=seq):
             return replace(state, item_reached=seq)
         case StatusText(_, text):
             return _status_text(state, text, now, autopilot)
-        case Event():
+        case EventMessage():
             return _event(state, message)
     return state
 
@@ -332,7 +331,7 @@ def _status_text(state: VehicleState, text: str, now: float, autopilot: Autopilo
     return state
 
 
-def _event(state: VehicleState, event: Event) -> VehicleState:
+def _event(state: VehicleState, event: EventMessage) -> VehicleState:
     complaints = dict(state._complaints)
     if event.id == SUMMARY:
         complaints = {
@@ -356,13 +355,13 @@ class MessageRequests:
 
     def __init__(self, target: Address, autopilot: Autopilot, position_hz: float) -> None:
         self._target = target
-        self._numbers = autopilot.messages
-        self._rates_hz = dict.fromkeys(self._numbers, _RATE_HZ)
+        self._kinds = autopilot.messages
+        self._rates_hz = dict.fromkeys(self._kinds, _RATE_HZ)
         for kind in (GlobalPosition, PositionTarget):
             if kind in self._rates_hz:
                 self._rates_hz[kind] = position_hz
-        self._received_s = dict.fromkeys(self._numbers, -math.inf)
-        self._requested_s = dict.fromkeys([*self._numbers, HomePosition], -math.inf)
+        self._received_s = dict.fromkeys(self._kinds, -math.inf)
+        self._requested_s = dict.fromkeys([*self._kinds, HomePosition], -math.inf)
         self._has_home = False
         self._asked_s = math.inf
 
@@ -388,8 +387,8 @@ class MessageRequests:
             self._asked_s = now
         elif now - self._asked_s > _ASK_AGAIN_S:
             self._asked_s = now
-            requests.append(CommandLong(self._target, RUN_PREARM_CHECKS))
-        for kind, number in self._numbers.items():
+            requests.append(command_long(self._target, RUN_PREARM_CHECKS))
+        for kind in self._kinds:
             rate_hz = self._rates_hz[kind]
             late = now - self._received_s[kind] > _MISSED / rate_hz + _GRACE_S
             # It reports its target only while it has one.
@@ -397,9 +396,9 @@ class MessageRequests:
             wanted = has_setpoint or kind is not PositionTarget or not requested
             if late and wanted and now - self._requested_s[kind] > _REQUEST_AGAIN_S:
                 self._requested_s[kind] = now
-                parameters = (float(number), round(1e6 / rate_hz))
-                requests.append(CommandLong(self._target, SET_MESSAGE_INTERVAL, *parameters))
+                parameters = (float(kind.id), round(1e6 / rate_hz))
+                requests.append(command_long(self._target, SET_MESSAGE_INTERVAL, *parameters))
         if not self._has_home and now - self._requested_s[HomePosition] > _REQUEST_AGAIN_S:
             self._requested_s[HomePosition] = now
-            requests.append(CommandLong(self._target, REQUEST_MESSAGE, float(_HOME_POSITION)))
+            requests.append(command_long(self._target, REQUEST_MESSAGE, float(HomePosition.id)))
         return requests

@@ -8,6 +8,7 @@ pymavlink's environment variables select.
 
 from __future__ import annotations
 
+import copy
 import re
 from collections import Counter
 from dataclasses import dataclass, field
@@ -15,15 +16,14 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.mavlink.messages import (
-    INCOMING_NAMES,
+    INCOMING,
+    Address,
     Incoming,
     Outgoing,
+    SetPositionTarget,
     StatusText,
     is_valid,
-    read,
-    write,
 )
-from dsse_ros.mavlink.mission_messages import Address
 from dsse_ros.mavlink.px4_events import EventMessage
 from dsse_ros.mavlink.signing import SigningClock
 
@@ -34,10 +34,9 @@ _CHECKSUM = 2
 _SIGNATURE = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN
 _SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 _STALE_S = 0.5
-mavlink.mavlink_map.setdefault(EventMessage.id, EventMessage)
-_INCOMING_NUMBERS = frozenset(
-    number for number, kind in mavlink.mavlink_map.items() if kind.msgname in INCOMING_NAMES
-)
+mavlink.mavlink_map[EventMessage.id] = EventMessage
+_STATUS_TEXT = mavlink.MAVLink_statustext_message
+_INCOMING_NUMBERS = frozenset(kind.id for kind in INCOMING)
 
 _CHUNK_LENGTH = 50
 _CHUNK_WAIT_S = 2.0
@@ -89,8 +88,11 @@ class Codec:
         Raises:
             ValueError: If a coordinate is not allowed.
         """
-        name, fields = write(message)
-        generated = getattr(mavlink, f"MAVLink_{name.lower()}_message")(**fields)
+        if isinstance(message, SetPositionTarget):
+            generated = message.message()
+        else:
+            # Packing changes a message, and vehicles in other threads may share it.
+            generated = copy.copy(message)
         mav = self._mav
         if self._signing:
             mav.signing.timestamp = self._clock.now()
@@ -126,7 +128,7 @@ class Codec:
             good = 0 < length <= end - at and _is_frame(buffer, at, length)
             if good:
                 message = self._take(buffer[at : at + length])
-                if isinstance(message, StatusText):
+                if isinstance(message, _STATUS_TEXT):
                     messages += self._texts.take(message, now)
                 elif message is not None:
                     messages.append(message)
@@ -151,7 +153,7 @@ class Codec:
             self._clock.used(self._mav.signing.timestamp)
             self._clock.close()
 
-    def _take(self, frame: bytes) -> Incoming | None:
+    def _take(self, frame: bytes) -> mavlink.MAVLink_message | None:
         """Return the message in a frame with a valid checksum, None if it is dropped."""
         old = frame[0] != _V2
         system, component = (frame[3], frame[4]) if old else (frame[5], frame[6])
@@ -165,8 +167,7 @@ class Codec:
             self.trouble = "its messages are not signed"
             return self._drop("unsigned")
         try:
-            generated = self._mav.decode(bytearray(frame))
-            message = read(generated.get_type(), vars(generated))
+            message = self._mav.decode(bytearray(frame))
         except mavlink.MAVError:
             if not self._signing:
                 return self._drop("bad_data")
@@ -174,8 +175,6 @@ class Codec:
             return self._drop("forged")
         except Exception:
             # Generated code raises many types on malformed fields.
-            return self._drop("bad_data")
-        if message is None:
             return self._drop("bad_data")
         if self._signing:
             self._clock.used(self._mav.signing.timestamp)
@@ -187,7 +186,7 @@ class Codec:
         self.counts["accepted"] += 1
         return message
 
-    def _drop(self, why: str) -> Incoming | None:
+    def _drop(self, why: str) -> mavlink.MAVLink_message | None:
         self.counts[why] += 1
         return None
 
@@ -240,7 +239,7 @@ class StatusTexts:
     def __init__(self) -> None:
         self._unfinished: dict[int, _Text] = {}
 
-    def take(self, chunk: StatusText, now: float) -> list[StatusText]:
+    def take(self, chunk: mavlink.MAVLink_statustext_message, now: float) -> list[StatusText]:
         """Return the texts that this chunk completes, or that make room for its own."""
         if chunk.id == 0:
             return [StatusText(chunk.severity, chunk.text.rstrip())]

@@ -1,27 +1,18 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""MAVLink's messages from and to a vehicle as plain values, and whether their values are valid.
+"""MAVLink's messages from and to a vehicle: pymavlink's classes by short names, and their checks.
 
-Names and units of the fields are MAVLink's: https://mavlink.io/en/messages/common.html. The
-messages of the mission protocol are in `mission_messages`.
+Names and units of the fields are MAVLink's: https://mavlink.io/en/messages/common.html.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.mavlink.mission_messages import (
-    MISSION_NAMES,
-    Address,
-    MissionMessage,
-    message_fields,
-    message_name,
-    read_message,
-)
+from dsse_ros.mavlink.px4_events import EventMessage
 
 NO_POSITION = (
     mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
@@ -31,155 +22,62 @@ NO_POSITION = (
 """Bits of PositionTarget.type_mask for a target without a position."""
 MAX_ALT_M = 100_000.0
 """Greatest valid altitude, and depth, relative to the sea or home."""
+MISSION_RESULTS: dict[int, str] = {
+    number: entry.name.removeprefix("MAV_MISSION_")
+    for number, entry in mavlink.enums["MAV_MISSION_RESULT"].items()
+    if not entry.name.endswith("_ENUM_END")
+}
+"""Names of MissionAck.type."""
+MISSION_FAULTS = frozenset(
+    range(mavlink.MAV_MISSION_UNSUPPORTED_FRAME, mavlink.MAV_MISSION_INVALID_PARAM7 + 1)
+)
+"""Results that concern the mission itself: the same mission would be refused again."""
+
+Heartbeat = mavlink.MAVLink_heartbeat_message
+SysStatus = mavlink.MAVLink_sys_status_message
+BatteryStatus = mavlink.MAVLink_battery_status_message
+EkfStatus = mavlink.MAVLink_ekf_status_report_message
+GlobalPosition = mavlink.MAVLink_global_position_int_message
+GpsRaw = mavlink.MAVLink_gps_raw_int_message
+HomePosition = mavlink.MAVLink_home_position_message
+ExtendedSysState = mavlink.MAVLink_extended_sys_state_message
+PositionTarget = mavlink.MAVLink_position_target_global_int_message
+MissionCurrent = mavlink.MAVLink_mission_current_message
+MissionItemReached = mavlink.MAVLink_mission_item_reached_message
+CommandAck = mavlink.MAVLink_command_ack_message
+CommandLong = mavlink.MAVLink_command_long_message
+MissionSetCurrent = mavlink.MAVLink_mission_set_current_message
+MissionRequestList = mavlink.MAVLink_mission_request_list_message
+MissionCount = mavlink.MAVLink_mission_count_message
+MissionRequestInt = mavlink.MAVLink_mission_request_int_message
+MissionRequest = mavlink.MAVLink_mission_request_message
+"""Deprecated, but what ArduPilot sends; the reply is the same."""
+MissionItemInt = mavlink.MAVLink_mission_item_int_message
+MissionAck = mavlink.MAVLink_mission_ack_message
 
 
-@dataclass(frozen=True)
-class Heartbeat:
-    """HEARTBEAT."""
+class Address(NamedTuple):
+    """MAVLink's system and component id, of a sender or a target."""
 
-    type: int
-    autopilot: int
-    base_mode: int
-    custom_mode: int
-    system_status: int
+    system: int
+    component: int
 
 
-@dataclass(frozen=True)
-class SysStatus:
-    """SYS_STATUS."""
+class StatusText(NamedTuple):
+    """A status text joined from its STATUSTEXT messages.
 
-    onboard_control_sensors_health: int
-    battery_remaining: int
-    onboard_control_sensors_enabled: int = 0
-
-
-@dataclass(frozen=True)
-class BatteryStatus:
-    """BATTERY_STATUS."""
-
-    charge_state: int = 0
-
-
-@dataclass(frozen=True)
-class EkfStatus:
-    """EKF_STATUS_REPORT of ArduPilot."""
-
-    flags: int
-
-
-@dataclass(frozen=True)
-class GlobalPosition:
-    """GLOBAL_POSITION_INT."""
-
-    time_boot_ms: int
-    lat: int
-    lon: int
-    alt: int
-    relative_alt: int
-    vx: int
-    vy: int
-    vz: int
-    hdg: int
-
-
-@dataclass(frozen=True)
-class GpsRaw:
-    """GPS_RAW_INT: altitudes in mm; without MAVLink 2 the one above the ellipsoid is 0."""
-
-    fix_type: int
-    alt: int
-    alt_ellipsoid: int = 0
-
-
-@dataclass(frozen=True)
-class HomePosition:
-    """HOME_POSITION."""
-
-    latitude: int
-    longitude: int
-    altitude: int
-
-
-@dataclass(frozen=True)
-class ExtendedSysState:
-    """EXTENDED_SYS_STATE."""
-
-    landed_state: int
-
-
-@dataclass(frozen=True)
-class PositionTarget:
-    """POSITION_TARGET_GLOBAL_INT: the position to which the vehicle flies."""
-
-    coordinate_frame: int
-    type_mask: int
-    lat_int: int
-    lon_int: int
-    alt: float
-
-
-@dataclass(frozen=True)
-class MissionCurrent:
-    """MISSION_CURRENT."""
-
-    seq: int
-    mission_state: int = 0
-
-
-@dataclass(frozen=True)
-class MissionItemReached:
-    """MISSION_ITEM_REACHED."""
-
-    seq: int
-
-
-@dataclass(frozen=True)
-class StatusText:
-    """STATUSTEXT; severity is a MAV_SEVERITY, lower is worse; the others are for `StatusTexts`."""
+    Attributes:
+        severity: MAV_SEVERITY, lower is worse.
+        text: The whole text.
+    """
 
     severity: int
     text: str
-    id: int = 0
-    chunk_seq: int = 0
-
-
-@dataclass(frozen=True)
-class Event:
-    """EVENT; log_levels has the external one in its lower half, lower is worse."""
-
-    id: int
-    log_levels: int
-    arguments: bytes
-
-
-@dataclass(frozen=True)
-class CommandAck:
-    """COMMAND_ACK."""
-
-    command: int
-    result: int
-    target_system: int = 0
-    target_component: int = 0
-
-
-@dataclass(frozen=True)
-class CommandLong:
-    """COMMAND_LONG; parameters that are not given are 0."""
-
-    target: Address
-    command: int
-    param1: float = 0.0
-    param2: float = 0.0
-    param3: float = 0.0
-    param4: float = 0.0
-    param5: float = 0.0
-    param6: float = 0.0
-    param7: float = 0.0
 
 
 @dataclass(frozen=True)
 class SetPositionTarget:
-    """SET_POSITION_TARGET_GLOBAL_INT: a position, and the velocity to pass it with.
+    """A position, and the velocity to pass it with, before it is SET_POSITION_TARGET_GLOBAL_INT.
 
     Attributes:
         target: The vehicle's autopilot.
@@ -197,56 +95,62 @@ class SetPositionTarget:
     velocity_mps: tuple[float, float] | None = None
     above_sea: bool = False
 
+    def message(self) -> mavlink.MAVLink_message:
+        """Return it as MAVLink has it.
 
-@dataclass(frozen=True)
-class MissionSetCurrent:
-    """MISSION_SET_CURRENT."""
+        Raises:
+            ValueError: If a coordinate is not allowed.
+        """
+        return mavlink.MAVLink_set_position_target_global_int_message(
+            0,
+            *self.target,
+            _ABOVE_SEA if self.above_sea else _ABOVE_HOME,
+            _POSITION if self.velocity_mps is None else _POSITION & ~_NO_VELOCITY,
+            _degrees_e7("lat_deg", self.lat_deg),
+            _degrees_e7("lon_deg", self.lon_deg),
+            self.alt_m,
+            *(self.velocity_mps or (0.0, 0.0)),
+            *(0.0,) * 6,
+        )
 
-    target: Address
-    seq: int
 
-
-Incoming = (
-    Heartbeat
-    | SysStatus
-    | BatteryStatus
-    | EkfStatus
-    | GlobalPosition
-    | GpsRaw
-    | HomePosition
-    | ExtendedSysState
-    | PositionTarget
-    | MissionCurrent
-    | MissionItemReached
-    | StatusText
-    | Event
-    | CommandAck
-    | MissionMessage
+MissionMessage = (
+    MissionRequestList
+    | MissionCount
+    | MissionRequestInt
+    | MissionRequest
+    | MissionItemInt
+    | MissionAck
 )
+"""A message of the mission protocol: https://mavlink.io/en/services/mission.html."""
+INCOMING: tuple[Any, ...] = (
+    Heartbeat,
+    SysStatus,
+    BatteryStatus,
+    EkfStatus,
+    GlobalPosition,
+    GpsRaw,
+    HomePosition,
+    ExtendedSysState,
+    PositionTarget,
+    MissionCurrent,
+    MissionItemReached,
+    mavlink.MAVLink_statustext_message,
+    EventMessage,
+    CommandAck,
+    MissionRequestList,
+    MissionCount,
+    MissionRequestInt,
+    MissionRequest,
+    MissionItemInt,
+    MissionAck,
+)
+"""Types of the messages from a vehicle; no other needs to be decoded."""
+Incoming = mavlink.MAVLink_message | StatusText
 """A message from a vehicle."""
-
 Outgoing = Heartbeat | CommandLong | SetPositionTarget | MissionSetCurrent | MissionMessage
 """A message to a vehicle."""
 
-_KINDS: dict[str, type] = {
-    "HEARTBEAT": Heartbeat,
-    "SYS_STATUS": SysStatus,
-    "BATTERY_STATUS": BatteryStatus,
-    "EKF_STATUS_REPORT": EkfStatus,
-    "GLOBAL_POSITION_INT": GlobalPosition,
-    "GPS_RAW_INT": GpsRaw,
-    "HOME_POSITION": HomePosition,
-    "EXTENDED_SYS_STATE": ExtendedSysState,
-    "POSITION_TARGET_GLOBAL_INT": PositionTarget,
-    "MISSION_CURRENT": MissionCurrent,
-    "MISSION_ITEM_REACHED": MissionItemReached,
-    "STATUSTEXT": StatusText,
-    "EVENT": Event,
-    "COMMAND_ACK": CommandAck,
-}
-_FIELDS = {kind: tuple(field.name for field in fields(kind)) for kind in _KINDS.values()}
-
-_MAVLINK_VERSION = 3
 _ABOVE_SEA = mavlink.MAV_FRAME_GLOBAL_INT
 _ABOVE_HOME = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 _NO_VELOCITY = (
@@ -262,65 +166,23 @@ _POSITION = (
     | mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 )
-
-INCOMING_NAMES = frozenset(_KINDS) | MISSION_NAMES
-"""MAVLink's names of the incoming messages; no other needs to be decoded."""
+_PARAMETERS = 7
 
 
-def read(name: str, values: Mapping[str, Any]) -> Incoming | None:
-    """Return the message of a MAVLink name and fields, None for one that is not an `Incoming`.
-
-    Args:
-        name: As pymavlink's `get_type` gives it.
-        values: Its fields by name; those that are not known here are ignored.
-    """
-    kind = _KINDS.get(name)
-    if kind is None:
-        return read_message(name, values)
-    try:
-        # A missing field of MAVLink 2 has the default of its class.
-        return kind(**{key: values[key] for key in _FIELDS[kind] if key in values})
-    except TypeError:
-        return None
+def command_long(target: Address, command: int, *parameters: float) -> mavlink.MAVLink_message:
+    """Return a COMMAND_LONG; parameters that are not given are 0."""
+    missing = (0.0,) * (_PARAMETERS - len(parameters))
+    return CommandLong(*target, command, 0, *parameters, *missing)
 
 
-def write(message: Outgoing) -> tuple[str, dict[str, Any]]:
-    """Return MAVLink's name and fields of a message to a vehicle, its target included.
-
-    Raises:
-        ValueError: If a coordinate of a setpoint is not allowed.
-    """
-    if isinstance(message, Heartbeat):
-        return "HEARTBEAT", {**vars(message), "mavlink_version": _MAVLINK_VERSION}
-    target = {"target_system": message.target.system, "target_component": message.target.component}
-    if isinstance(message, MissionSetCurrent):
-        return "MISSION_SET_CURRENT", {**target, "seq": message.seq}
-    if isinstance(message, CommandLong):
-        own = {key: value for key, value in vars(message).items() if key != "target"}
-        return "COMMAND_LONG", {**target, "confirmation": 0, **own}
-    if isinstance(message, SetPositionTarget):
-        return "SET_POSITION_TARGET_GLOBAL_INT", {
-            **target,
-            "time_boot_ms": 0,
-            "coordinate_frame": _ABOVE_SEA if message.above_sea else _ABOVE_HOME,
-            "type_mask": _POSITION if message.velocity_mps is None else _POSITION & ~_NO_VELOCITY,
-            "lat_int": _degrees_e7("lat_deg", message.lat_deg),
-            "lon_int": _degrees_e7("lon_deg", message.lon_deg),
-            "alt": message.alt_m,
-            **dict(zip(("vx", "vy"), message.velocity_mps or (0.0, 0.0), strict=True)),
-            **dict.fromkeys(("vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0),
-        }
-    return message_name(message), message_fields(message)
-
-
-def is_valid(message: Incoming) -> bool:
+def is_valid(message: mavlink.MAVLink_message) -> bool:
     """Return whether the coordinates in a message, if it has any, are on Earth and finite."""
     match message:
-        case GlobalPosition(_, lat, lon, alt, relative_alt):
+        case GlobalPosition(lat=lat, lon=lon, alt=alt, relative_alt=relative_alt):
             return _is_position(lat, lon, alt * 1e-3) and abs(relative_alt * 1e-3) <= MAX_ALT_M
-        case HomePosition(lat, lon, alt):
+        case HomePosition(latitude=lat, longitude=lon, altitude=alt):
             return _is_position(lat, lon, alt * 1e-3)
-        case PositionTarget(_, type_mask, lat, lon, alt_m):
+        case PositionTarget(type_mask=type_mask, lat_int=lat, lon_int=lon, alt=alt_m):
             return bool(type_mask & NO_POSITION) or _is_position(lat, lon, alt_m)
     return True
 

@@ -15,8 +15,6 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.mavlink.messages import Event
-
 _COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1 << 24
 _FNV_BASIS, _FNV_PRIME = 0x811C9DC5, 0x01000193
 _ALL_MODES = 0xFFFFFFFF
@@ -117,7 +115,7 @@ _TEXTS: Mapping[int, str] = {
 """Of the checks that a multicopter may fail, in PX4 1.17's `HealthAndArmingChecks`."""
 
 
-def failed_check(event: Event) -> str:
+def failed_check(event: EventMessage) -> str:
     """Return which arming check has failed in HOLD, empty if that is not what an event is about."""
     modes = int.from_bytes(event.arguments[:4], "little")
     # Those that no mode needs are reported as warnings of all.

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.fields import FieldError, check_all, field
 from msg_adapters.frames import GridFrame
-from msg_adapters.mission_files import Home, Mission, plan_text, qgc_wpl, track_mission
-from msg_adapters.mission_items import FIRMWARES
+from msg_adapters.mission_items import FIRMWARES, Home, Mission
+from msg_adapters.plan_files import plan_text
 from msg_adapters.separation import level_cells
-from msg_adapters.track_missions import acceptance_radius_m
+from msg_adapters.track_missions import acceptance_radius_m, track_mission
 from msg_adapters.tracks import without_repeats
+from msg_adapters.waypoint_files import qgc_wpl
 
 Track = tuple[NDArray[Any], NDArray[np.bool_]]
 """(K, 2) of (col, row), and (K,) flags of the cells that were searched rather than moved to."""

@@ -23,7 +23,7 @@ from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.status import Health, Level
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.mission.step_scheduler import Timing
-from dsse_ros.runtime.qos import LATCHED, RELIABLE, REPORTS, SENSOR, Endpoints
+from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
 from dsse_ros.search import SearchDefinition
 from dsse_ros.step.fault_kernels import HOME, LOST
 from dsse_ros.targets import sea_map
@@ -104,9 +104,9 @@ class MissionPublishers:
             self._belief_grid = self._publisher(OccupancyGrid, "belief_grid", LATCHED)
             self._belief_image = self._publisher(Image, "belief", LATCHED)
         self._drones = self._publisher(PoseArray, "drones", LATCHED)
-        self._report = self._publisher(PointCloud2, "step_report", REPORTS)
+        self._report = self._publisher(PointCloud2, "step_report", COMPLETE)
         self._mission_report = self._publisher(PointCloud2, "mission_report", LATCHED)
-        self._pos = self._publisher(Float64MultiArray, "probability_of_success", REPORTS)
+        self._pos = self._publisher(Float64MultiArray, "probability_of_success", COMPLETE)
         self._agents = self._publisher(String, "agents", LATCHED)
         self._markers = self._publisher(MarkerArray, "markers", LATCHED)
         self._clock = self._publisher(Clock, "/clock", RELIABLE) if publish_clock else None

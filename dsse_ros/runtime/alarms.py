@@ -17,11 +17,6 @@ class Alarm:
         self._period_s: float | None = None
         self.due_s = math.inf
 
-    @property
-    def is_set(self) -> bool:
-        """Whether it will ring."""
-        return self.due_s < math.inf
-
     def set(self, delay_s: float) -> None:
         """Ring once after this time, instead of what was set before."""
         self._period_s = None

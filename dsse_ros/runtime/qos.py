@@ -26,16 +26,11 @@ LATCHED = QoSProfile(
 )
 """Late joiners get the last message."""
 
-REPORTS = QoSProfile(
-    depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
-"""Of the publishers of step reports and POS: a listener that must see each step may fall behind or
-come late by that many, the whole of most missions."""
-
 COMPLETE = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-"""For a listener that must not have a latched message overtaken by the next."""
+"""Of step reports and POS: a listener that must see each step may fall behind or come late by that
+many, the whole of most missions."""
 
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """Odometry, clock and diagnostics."""

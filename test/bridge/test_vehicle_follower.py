@@ -41,7 +41,7 @@ from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import search_missions
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
-from msg_adapters.mission_files import Home
+from msg_adapters.mission_items import Home
 from msg_adapters.result import Accepted, Rejected
 from msg_adapters.track_missions import Leg
 

@@ -8,11 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mission_reader
 import pytest
 
 from dsse_ros.cli.export_mission import play
 from dsse_ros.search import Scenario, SearchEnv, profile
-from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
 from msg_adapters.mission_items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,10 +45,10 @@ def test_every_drone_gets_a_mission_with_all_its_searches(tmp_path: Path) -> Non
     cells, searched, found = play(env, "greedy", 2)
     assert found and printed.startswith(f"found after {len(cells) - 1} steps; 6 files")
     for i in range(3):
-        items = parse_qgc_wpl((tmp_path / f"drone{i}.waypoints").read_text())
-        plan = parse_plan((tmp_path / f"drone{i}.plan").read_text())
-        assert plan.firmware == "ardupilot" and len(plan.mission.items) == len(items) - 1
-        assert [item.command for item in items[1:]] == [item.command for item in plan.mission.items]
+        items = mission_reader.waypoints((tmp_path / f"drone{i}.waypoints").read_text())
+        plan = mission_reader.plan((tmp_path / f"drone{i}.plan").read_text())
+        assert len(plan.items) == len(items) - 1
+        assert [item.command for item in items[1:]] == [item.command for item in plan.items]
         assert items[1].command == NAV_TAKEOFF and items[-1].command == NAV_RETURN_TO_LAUNCH
         inner = items[2:-1]
         assert {item.command for item in inner} == {NAV_WAYPOINT}
@@ -65,9 +65,9 @@ def test_the_flight_is_as_asked_for(tmp_path: Path) -> None:
         "--scenario", "sitl", "--out", tmp_path, "--autopilot", "px4", "--search-altitude", "20",
         "--search-hold", "2.5", "--home=-24.05,-46.18,3", "--drones", "1",
     )  # fmt: skip
-    plan = parse_plan((tmp_path / "drone0.plan").read_text())
-    items = parse_qgc_wpl((tmp_path / "drone0.waypoints").read_text())
-    assert plan.firmware == "px4" and plan.mission.home == (-24.05, -46.18, 3.0)
+    plan = mission_reader.plan((tmp_path / "drone0.plan").read_text())
+    items = mission_reader.waypoints((tmp_path / "drone0.waypoints").read_text())
+    assert plan.home == (-24.05, -46.18, 3.0)
     assert items[0].command == NAV_TAKEOFF
     assert {item.alt_m for item in items[:-1]} <= {20.0, 120.0}
     assert sorted(tmp_path.iterdir()) == [tmp_path / "drone0.plan", tmp_path / "drone0.waypoints"]

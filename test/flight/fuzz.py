@@ -33,15 +33,15 @@ from dsse_ros.flight.orders import (
 )
 from dsse_ros.flight.vehicle_controller import VehicleController
 from dsse_ros.mavlink.codec import Codec
-from dsse_ros.mavlink.messages import INCOMING_NAMES
-from dsse_ros.mavlink.mission_messages import Address, WireItem
+from dsse_ros.mavlink.messages import INCOMING, Address
+from msg_adapters.mission_items import MissionItem
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 AUTOPILOTS = (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4)
 _ALL = list(mavlink.mavlink_map.values())
-_INCOMING = [kind for kind in _ALL if kind.msgname in INCOMING_NAMES]
+_INCOMING = [kind for kind in _ALL if kind in INCOMING]
 _ITEMS = tuple(
-    WireItem(seq, 6, command, x=-240000000 + 100 * seq, y=-463000000, z=20.0)
+    MissionItem(command, lat_deg=-24.0 + 1e-5 * seq, lon_deg=-46.3, alt_m=20.0)
     for seq, command in enumerate((16, 22, 16, 20))
 )
 _ORDERS: tuple[Order, ...] = (

@@ -12,7 +12,7 @@ from itertools import count
 from mission_vehicle import VEHICLE, MissionVehicle
 
 from dsse_ros.flight.transfer import Done, Exchange, Failed
-from dsse_ros.mavlink.mission_messages import Address, MissionMessage
+from dsse_ros.mavlink.messages import Address, MissionMessage
 
 OURSELVES = Address(245, 191)
 
@@ -88,7 +88,7 @@ class World:
                 heapq.heappush(self._in_transit, (arrival, next(self._order), message))
 
     def _deliver(self, message: MissionMessage, exchange: Exchange) -> None:
-        if message.target == VEHICLE:
+        if (message.target_system, message.target_component) == VEHICLE:
             self.send(self.vehicle.receive(message, OURSELVES, self.now))
         else:
             self.send(exchange.receive(message, VEHICLE, self.now))

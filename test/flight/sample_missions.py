@@ -6,14 +6,16 @@ from __future__ import annotations
 
 import math
 
-from dsse_ros.mavlink.mission_messages import WireItem
+from message_values import item_int
+
+from dsse_ros.mavlink.messages import MissionItemInt
 
 
-def mission(number: int, count: int = 20) -> tuple[WireItem, ...]:
+def mission(number: int, count: int = 20) -> tuple[MissionItemInt, ...]:
     """Return home, waypoints and the return."""
     assert count >= 2
     waypoints = (
-        WireItem(
+        item_int(
             seq=seq,
             frame=6,
             command=16,
@@ -26,5 +28,5 @@ def mission(number: int, count: int = 20) -> tuple[WireItem, ...]:
         )
         for seq in range(1, count - 1)
     )
-    home = WireItem(seq=0, frame=5, command=16, current=1, x=-240_400_000, y=-461_700_000 + number)
-    return (home, *waypoints, WireItem(seq=count - 1, frame=2, command=20))
+    home = item_int(seq=0, frame=5, command=16, current=1, x=-240_400_000, y=-461_700_000 + number)
+    return (home, *waypoints, item_int(seq=count - 1, frame=2, command=20))

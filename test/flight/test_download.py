@@ -2,22 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Downloads, message by message."""
 
-import dataclasses
-
 import pytest
 from lossy_world import OURSELVES, Channel, World
-from mission_vehicle import VEHICLE, VEHICLES
+from message_values import changed, contents
+from mission_vehicle import VEHICLE, VEHICLES, addressed
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sample_missions import mission
 
 from dsse_ros.flight.transfer import Done, Failed, Timeouts
 from dsse_ros.flight.upload import Download
-from dsse_ros.mavlink.mission_messages import (
+from dsse_ros.mavlink.messages import (
     MissionAck,
     MissionCount,
-    MissionItemInt,
     MissionRequestInt,
     MissionRequestList,
-    MissionResult,
 )
 
 ITEMS = mission(1, 3)
@@ -35,7 +33,7 @@ def holding(autopilot, items):
 
 
 def item(seq):
-    return MissionItemInt(OURSELVES, ITEMS[seq])
+    return addressed(ITEMS[seq], OURSELVES)
 
 
 @pytest.mark.parametrize("autopilot", VEHICLES)
@@ -44,7 +42,7 @@ def test_a_mission_is_read_as_it_is_held(autopilot, count):
     items = mission(1, count)
     result = World(holding(autopilot, items), Channel(), seed=0).run(download())
     assert isinstance(result, Done)
-    assert result.items == items
+    assert contents(result.items) == contents(items)
 
 
 @pytest.mark.parametrize("autopilot", VEHICLES)
@@ -54,23 +52,23 @@ def test_an_empty_mission_is_read_as_such(autopilot):
 
 def test_items_are_requested_in_their_order_and_the_end_is_acknowledged():
     exchange = download()
-    assert exchange.start(0.0) == [MissionRequestList(VEHICLE)]
-    sent = exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, 0.1)
+    assert exchange.start(0.0) == [MissionRequestList(*VEHICLE)]
+    sent = exchange.receive(MissionCount(*OURSELVES, 3), VEHICLE, 0.1)
     for seq in range(3):
-        assert sent == [MissionRequestInt(VEHICLE, seq)]
+        assert sent == [MissionRequestInt(*VEHICLE, seq)]
         sent = exchange.receive(item(seq), VEHICLE, 0.2)
-    assert sent == [MissionAck(VEHICLE, MissionResult.ACCEPTED)]
-    assert exchange.result == Done(ITEMS) and exchange.deadline is None
+    assert sent == [MissionAck(*VEHICLE, mavlink.MAV_MISSION_ACCEPTED)]
+    assert contents(exchange.result.items) == contents(ITEMS) and exchange.deadline is None
 
 
 def test_an_item_out_of_sequence_is_ignored_and_the_right_one_requested_again():
     exchange = download()
     exchange.start(0.0)
-    exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, 0.0)
+    exchange.receive(MissionCount(*OURSELVES, 3), VEHICLE, 0.0)
     for seq in (1, 2):
         assert exchange.receive(item(seq), VEHICLE, 0.1) == []
     assert exchange.counts["out_of_sequence"] == 2
-    assert exchange.tick(TIMEOUTS.item_s) == [MissionRequestInt(VEHICLE, 0)]
+    assert exchange.tick(TIMEOUTS.item_s) == [MissionRequestInt(*VEHICLE, 0)]
 
 
 def test_an_aborted_download_starts_again_and_more_slowly():
@@ -78,14 +76,14 @@ def test_an_aborted_download_starts_again_and_more_slowly():
     exchange.start(0.0)
     now, pauses = 0.0, []
     for _ in range(4):
-        sent = exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, now)
+        sent = exchange.receive(MissionCount(*OURSELVES, 3), VEHICLE, now)
         if not sent:
             pauses.append(exchange.deadline - now)
             sent = exchange.tick(exchange.deadline)
-        assert sent == [MissionRequestInt(VEHICLE, 0)]
-        sent = exchange.receive(MissionAck(OURSELVES, MissionResult.ERROR), VEHICLE, now)
+        assert sent == [MissionRequestInt(*VEHICLE, 0)]
+        sent = exchange.receive(MissionAck(*OURSELVES, mavlink.MAV_MISSION_ERROR), VEHICLE, now)
         if exchange.result is None:
-            assert sent == [MissionRequestList(VEHICLE)]
+            assert sent == [MissionRequestList(*VEHICLE)]
     assert pauses == pytest.approx([TIMEOUTS.settle_s / k for k in (4, 2, 1)])
     assert exchange.result == Failed("stalled", "download: aborted by the vehicle")
 
@@ -93,8 +91,8 @@ def test_an_aborted_download_starts_again_and_more_slowly():
 def test_a_cancelled_download_sends_a_cancellation_and_ends():
     exchange = download()
     exchange.start(0.0)
-    exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, 0.1)
-    cancelled = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED)
+    exchange.receive(MissionCount(*OURSELVES, 3), VEHICLE, 0.1)
+    cancelled = MissionAck(*VEHICLE, mavlink.MAV_MISSION_OPERATION_CANCELLED)
     assert exchange.cancel(0.2) == [cancelled]
     assert exchange.result.code == "cancelled" and not exchange.result.changed
 
@@ -102,8 +100,8 @@ def test_a_cancelled_download_sends_a_cancellation_and_ends():
 def test_a_vehicle_that_does_not_support_the_type_of_mission_ends_the_download():
     exchange = download(mission_type=2)
     exchange.start(0.0)
-    unsupported = MissionResult.UNSUPPORTED
-    exchange.receive(MissionAck(OURSELVES, unsupported, 2), VEHICLE, 0.1)
+    unsupported = mavlink.MAV_MISSION_UNSUPPORTED
+    exchange.receive(MissionAck(*OURSELVES, unsupported, 2), VEHICLE, 0.1)
     reason = f"the vehicle refused the download: UNSUPPORTED ({int(unsupported)})"
     assert exchange.result == Failed("refused", reason, ack=unsupported)
 
@@ -111,10 +109,10 @@ def test_a_vehicle_that_does_not_support_the_type_of_mission_ends_the_download()
 def test_a_fault_of_the_mission_ends_a_download_under_way():
     exchange = download()
     exchange.start(0.0)
-    exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, 0.1)
-    fault = MissionResult.INVALID_PARAM7
-    cancelled = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED)
-    assert exchange.receive(MissionAck(OURSELVES, fault), VEHICLE, 0.2) == [cancelled]
+    exchange.receive(MissionCount(*OURSELVES, 3), VEHICLE, 0.1)
+    fault = mavlink.MAV_MISSION_INVALID_PARAM7
+    cancelled = MissionAck(*VEHICLE, mavlink.MAV_MISSION_OPERATION_CANCELLED)
+    assert exchange.receive(MissionAck(*OURSELVES, fault), VEHICLE, 0.2) == [cancelled]
     reason = f"the vehicle refused the download: INVALID_PARAM7 ({int(fault)})"
     assert exchange.result == Failed("refused", reason, ack=fault)
 
@@ -122,11 +120,11 @@ def test_a_fault_of_the_mission_ends_a_download_under_way():
 def test_a_download_that_gets_no_further_says_how_far_it_came():
     exchange = download(timeouts=Timeouts(upload_retries=0))
     exchange.start(0.0)
-    exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, 0.0)
+    exchange.receive(MissionCount(*OURSELVES, 3), VEHICLE, 0.0)
     exchange.receive(item(0), VEHICLE, 0.1)
     requests = 1
     while exchange.result is None:
-        requests += exchange.tick(exchange.deadline) == [MissionRequestInt(VEHICLE, 1)]
+        requests += exchange.tick(exchange.deadline) == [MissionRequestInt(*VEHICLE, 1)]
     assert exchange.result == Failed("stalled", "download: stalled after 1 of 3 items")
     assert requests == TIMEOUTS.retries + 1
 
@@ -134,21 +132,21 @@ def test_a_download_that_gets_no_further_says_how_far_it_came():
 def test_what_no_download_waits_for_is_counted_and_changes_nothing():
     exchange = download()
     exchange.start(0.0)
-    accepted = MissionAck(OURSELVES, MissionResult.ACCEPTED)
-    for message in (accepted, item(0), MissionRequestInt(OURSELVES, 0)):
+    accepted = MissionAck(*OURSELVES, mavlink.MAV_MISSION_ACCEPTED)
+    for message in (accepted, item(0), MissionRequestInt(*OURSELVES, 0)):
         assert exchange.receive(message, VEHICLE, 0.1) == []
-    exchange.receive(MissionCount(OURSELVES, 3), VEHICLE, 0.1)
-    for message in (accepted, MissionCount(OURSELVES, 2)):
+    exchange.receive(MissionCount(*OURSELVES, 3), VEHICLE, 0.1)
+    for message in (accepted, MissionCount(*OURSELVES, 2)):
         assert exchange.receive(message, VEHICLE, 0.2) == []
     assert exchange.counts["unexpected"] == 5 and exchange.result is None
 
 
 def test_every_message_of_a_download_is_of_its_type_of_mission():
     exchange = download(mission_type=1)
-    assert exchange.start(0.0) == [MissionRequestList(VEHICLE, 1)]
-    asked = exchange.receive(MissionCount(OURSELVES, 1, 1), VEHICLE, 0.1)
-    assert asked == [MissionRequestInt(VEHICLE, 0, 1)]
-    of_fence = MissionItemInt(OURSELVES, dataclasses.replace(ITEMS[0], mission_type=1))
+    assert exchange.start(0.0) == [MissionRequestList(*VEHICLE, 1)]
+    asked = exchange.receive(MissionCount(*OURSELVES, 1, 1), VEHICLE, 0.1)
+    assert asked == [MissionRequestInt(*VEHICLE, 0, 1)]
+    of_fence = changed(item(0), mission_type=1)
     assert exchange.receive(of_fence, VEHICLE, 0.2) == [
-        MissionAck(VEHICLE, MissionResult.ACCEPTED, 1)
+        MissionAck(*VEHICLE, mavlink.MAV_MISSION_ACCEPTED, 1)
     ]

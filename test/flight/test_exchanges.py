@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 from lossy_world import OURSELVES
-from mission_vehicle import VEHICLE
+from message_values import changed
+from mission_vehicle import VEHICLE, addressed
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import ARDUPILOT, PX4
 from dsse_ros.flight.transfer import Exchange, Timeouts
 from dsse_ros.flight.upload import Download, Upload, VerifiedUpload
-from dsse_ros.mavlink.mission_messages import (
+from dsse_ros.mavlink.messages import (
     Address,
     MissionAck,
     MissionCount,
@@ -23,7 +24,6 @@ from dsse_ros.mavlink.mission_messages import (
     MissionRequest,
     MissionRequestInt,
     MissionRequestList,
-    WireItem,
 )
 
 ITEMS = mission(1, 4)
@@ -46,17 +46,13 @@ SEQS = st.integers(0, 5) | st.integers(0, 65535)
 def messages(target=OURSELVES, mission_type=0):
     """Messages of the protocol, sensible or not, that a vehicle may send."""
     return st.one_of(
-        st.builds(MissionCount, st.just(target), SEQS, st.just(mission_type)),
-        st.builds(MissionRequest, st.just(target), SEQS, st.just(mission_type)),
-        st.builds(MissionRequestInt, st.just(target), SEQS, st.just(mission_type)),
-        st.builds(MissionAck, st.just(target), st.integers(0, 20), st.just(mission_type)),
-        st.builds(MissionRequestList, st.just(target), st.just(mission_type)),
-        st.builds(
-            MissionItemInt,
-            st.just(target),
-            st.sampled_from(ITEMS).map(
-                lambda item: WireItem(**{**vars(item), "mission_type": mission_type})
-            ),
+        st.builds(MissionCount, *map(st.just, target), SEQS, st.just(mission_type)),
+        st.builds(MissionRequest, *map(st.just, target), SEQS, st.just(mission_type)),
+        st.builds(MissionRequestInt, *map(st.just, target), SEQS, st.just(mission_type)),
+        st.builds(MissionAck, *map(st.just, target), st.integers(0, 20), st.just(mission_type)),
+        st.builds(MissionRequestList, *map(st.just, target), st.just(mission_type)),
+        st.sampled_from(ITEMS).map(
+            lambda item: changed(addressed(item, target), mission_type=mission_type)
         ),
     )
 
@@ -79,9 +75,9 @@ class AnyExchange(RuleBasedStateMachine):
         self.check(self.exchange.start(self.now))
 
     def check(self, sent) -> None:
-        assert all(message.target == VEHICLE for message in sent)
+        assert all((m.target_system, m.target_component) == VEHICLE for m in sent)
         assert all(message.mission_type == 0 for message in sent)
-        items = [message.item for message in sent if isinstance(message, MissionItemInt)]
+        items = [message for message in sent if isinstance(message, MissionItemInt)]
         assert all(item is ITEMS[item.seq] for item in items)
         assert not (items and self.cancelled), "an item was sent after the cancellation"
         if self.ended is not None:
@@ -167,10 +163,10 @@ def test_an_exchange_ends_whatever_the_vehicle_sends(name, seed, gap_s):
         exchange.tick(now)
         message = draw.choice(
             [
-                MissionRequest(OURSELVES, draw.randrange(5)),
-                MissionCount(OURSELVES, draw.randrange(5)),
-                MissionItemInt(OURSELVES, draw.choice(ITEMS)),
-                MissionAck(OURSELVES, draw.choice([1, 13, 14])),
+                MissionRequest(*OURSELVES, draw.randrange(5)),
+                MissionCount(*OURSELVES, draw.randrange(5)),
+                addressed(draw.choice(ITEMS), OURSELVES),
+                MissionAck(*OURSELVES, draw.choice([1, 13, 14])),
             ]
         )
         exchange.receive(message, VEHICLE, now)
@@ -191,11 +187,11 @@ def test_an_exchange_ends_without_a_reply(name):
 def test_any_component_of_the_vehicle_is_a_sender_if_none_is_named():
     exchange = Download(Address(1, 0), OURSELVES)
     exchange.start(0.0)
-    assert exchange.receive(MissionCount(OURSELVES, 1), Address(1, 77), 0.0)
+    assert exchange.receive(MissionCount(*OURSELVES, 1), Address(1, 77), 0.0)
     assert exchange.counts["wrong_sender"] == 0
 
 
 def test_a_broadcast_is_for_us():
     exchange = Download(VEHICLE, OURSELVES)
     exchange.start(0.0)
-    assert exchange.receive(MissionCount(Address(0, 0), 1), VEHICLE, 0.0)
+    assert exchange.receive(MissionCount(0, 0, 1), VEHICLE, 0.0)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from dsse_ros.flight.orders import FlyMission, GoTo, Order, Search, TakeOff
-from dsse_ros.mavlink.mission_messages import WireItem
+from msg_adapters.mission_items import MissionItem
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ from dsse_ros.mavlink.mission_messages import WireItem
         (lambda: Search(0.0, 0.0, 10.0, 5.0, -1.0, 5.0), "hold_s"),
         (lambda: Search(91.0, 0.0, 10.0, 5.0, 1.0, 5.0), "lat_deg"),
         (lambda: FlyMission(()), "items"),
-        (lambda: FlyMission((WireItem(1, 6, 16),)), "items"),
+        (lambda: FlyMission((MissionItem(16, lat_deg=math.nan),)), "latitude"),
     ],
 )
 def test_an_order_that_makes_no_sense_is_refused(make: Callable[[], Order], name: str) -> None:

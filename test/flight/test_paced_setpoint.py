@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.flight.setpoints import PacedSetpoint
-from dsse_ros.mavlink.messages import SetPositionTarget
-from dsse_ros.mavlink.mission_messages import Address
+from dsse_ros.mavlink.messages import Address, SetPositionTarget
 
 METRE_DEG = 1 / 111_195.0
 START, START_S = (0.0, 179.999), 100.0

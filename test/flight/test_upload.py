@@ -2,28 +2,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """Uploads, message by message."""
 
-import dataclasses
-
 import pytest
 from lossy_world import OURSELVES, Channel, World
+from message_values import changed
 from mission_vehicle import VEHICLE, VEHICLES, ArduPilot
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import AUTOPILOTS, PX4
 from dsse_ros.flight.transfer import Done, Failed, Timeouts
 from dsse_ros.flight.upload import Upload, difference
-from dsse_ros.mavlink.mission_messages import (
+from dsse_ros.mavlink.messages import (
     Address,
     MissionAck,
     MissionCount,
-    MissionItemInt,
     MissionRequest,
     MissionRequestInt,
-    MissionResult,
 )
 
 ITEMS = mission(1, 3)
-CANCELLED = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED)
+ACCEPTED, ERROR = mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_ERROR
+DENIED = mavlink.MAV_MISSION_DENIED
+INVALID_SEQUENCE = mavlink.MAV_MISSION_INVALID_SEQUENCE
+CANCELLED = MissionAck(*VEHICLE, mavlink.MAV_MISSION_OPERATION_CANCELLED)
 TIMEOUTS = Timeouts()
 
 
@@ -32,17 +33,17 @@ def upload(items=ITEMS, *, autopilot="ardupilot", **options):
 
 
 def request(seq):
-    return MissionRequest(OURSELVES, seq)
+    return MissionRequest(*OURSELVES, seq)
 
 
 def ack(result):
-    return MissionAck(OURSELVES, result)
+    return MissionAck(*OURSELVES, result)
 
 
 def serve_all(exchange, now=0.0):
     for item in ITEMS:
         sent = exchange.receive(request(item.seq), VEHICLE, now)
-        assert sent == [MissionItemInt(VEHICLE, item)]
+        assert sent == [item]
 
 
 @pytest.mark.parametrize("autopilot", VEHICLES)
@@ -63,9 +64,9 @@ def test_an_empty_mission_clears_the_vehicle(autopilot):
 @pytest.mark.parametrize("kind", [MissionRequest, MissionRequestInt])
 def test_the_deprecated_request_gets_the_same_reply(kind):
     exchange = upload()
-    assert exchange.start(0.0) == [MissionCount(VEHICLE, 3)]
-    sent = exchange.receive(kind(OURSELVES, 0), VEHICLE, 0.1)
-    assert sent == [MissionItemInt(VEHICLE, ITEMS[0])]
+    assert exchange.start(0.0) == [MissionCount(*VEHICLE, 3)]
+    sent = exchange.receive(kind(*OURSELVES, 0), VEHICLE, 0.1)
+    assert sent == [ITEMS[0]]
 
 
 def test_an_item_requested_again_is_sent_again():
@@ -73,7 +74,7 @@ def test_an_item_requested_again_is_sent_again():
     exchange.start(0.0)
     for seq in (0, 1, 1, 0, 2, 1):
         sent = exchange.receive(request(seq), VEHICLE, 0.1)
-        assert sent == [MissionItemInt(VEHICLE, ITEMS[seq])]
+        assert sent == [ITEMS[seq]]
 
 
 def test_an_unanswered_message_is_sent_again_in_its_own_time():
@@ -81,10 +82,10 @@ def test_an_unanswered_message_is_sent_again_in_its_own_time():
     exchange.start(0.0)
     assert exchange.deadline == TIMEOUTS.reply_s
     assert exchange.tick(1.4) == []
-    assert exchange.tick(1.5) == [MissionCount(VEHICLE, 3)]
+    assert exchange.tick(1.5) == [MissionCount(*VEHICLE, 3)]
     exchange.receive(request(0), VEHICLE, 2.0)
     assert exchange.deadline == 2.0 + TIMEOUTS.item_s
-    assert exchange.tick(2.25) == [MissionItemInt(VEHICLE, ITEMS[0])]
+    assert exchange.tick(2.25) == [ITEMS[0]]
 
 
 @pytest.mark.parametrize("requested", [0, 1, 2])
@@ -104,7 +105,7 @@ def test_the_whole_upload_starts_again_as_often_as_allowed():
     sent = exchange.start(0.0)
     now = 0.0
     for _ in range(3):
-        assert sent == [MissionCount(VEHICLE, 3)]
+        assert sent == [MissionCount(*VEHICLE, 3)]
         exchange.receive(ack(0), VEHICLE, now)
         now = exchange.deadline
         sent = exchange.tick(now)
@@ -123,10 +124,10 @@ def test_a_fault_of_the_mission_ends_the_upload_at_once(result):
 
 
 def test_a_bad_latitude_is_refused_by_the_vehicle_with_its_reason():
-    bad = dataclasses.replace(ITEMS[1], x=100 * 10**7)
+    bad = changed(ITEMS[1], x=100 * 10**7)
     world = World(ArduPilot(), Channel(), seed=0)
     result = world.run(upload((ITEMS[0], bad, ITEMS[2])))
-    assert result.ack == MissionResult.INVALID_PARAM5_X
+    assert result.ack == mavlink.MAV_MISSION_INVALID_PARAM5_X
     assert "INVALID_PARAM5_X (10)" in result.reason
 
 
@@ -134,7 +135,11 @@ def test_a_nack_of_an_item_that_arrives_twice_does_not_stop_an_upload():
     exchange = upload()
     exchange.start(0.0)
     exchange.receive(request(0), VEHICLE, 0.1)
-    for result in (MissionResult.INVALID_SEQUENCE, MissionResult.ERROR, MissionResult.DENIED):
+    for result in (
+        INVALID_SEQUENCE,
+        ERROR,
+        DENIED,
+    ):
         assert exchange.receive(ack(result), VEHICLE, 0.1) == []
     assert exchange.counts["ignored_nack"] == 3
     serve_all(exchange, 0.2)
@@ -147,11 +152,11 @@ def test_the_count_is_sent_to_a_busy_vehicle_until_its_own_timeout():
     exchange = upload()
     sent, now = exchange.start(0.0), 0.0
     while exchange.result is None:
-        if sent == [MissionCount(VEHICLE, 3)]:
-            exchange.receive(ack(MissionResult.DENIED), VEHICLE, now)
+        if sent == [MissionCount(*VEHICLE, 3)]:
+            exchange.receive(ack(DENIED), VEHICLE, now)
         now = exchange.deadline
         sent = exchange.tick(now)
-    assert exchange.result.code == "refused" and exchange.result.ack == MissionResult.DENIED
+    assert exchange.result.code == "refused" and exchange.result.ack == DENIED
     assert now > TIMEOUTS.stall_s
 
 
@@ -160,7 +165,7 @@ def test_a_dead_link_is_reported_after_all_retries():
     now, count = 0.0, len(exchange.start(0.0))
     while exchange.result is None:
         now = exchange.deadline
-        count += exchange.tick(now) == [MissionCount(VEHICLE, 3)]
+        count += exchange.tick(now) == [MissionCount(*VEHICLE, 3)]
     assert exchange.result.code == "no_reply" and exchange.result.changed
     assert count == TIMEOUTS.retries + 1
 
@@ -182,7 +187,7 @@ def test_a_nack_after_the_last_item_shortens_the_wait():
     exchange = upload(timeouts=Timeouts(upload_retries=0))
     exchange.start(0.0)
     serve_all(exchange)
-    exchange.receive(ack(MissionResult.ERROR), VEHICLE, 0.1)
+    exchange.receive(ack(ERROR), VEHICLE, 0.1)
     now = 0.0
     while exchange.result is None:
         now = exchange.deadline
@@ -204,7 +209,7 @@ def test_a_vehicle_that_cancels_gets_the_mission_again_as_often_as_allowed():
     exchange = upload(timeouts=Timeouts(upload_retries=0))
     exchange.start(0.0)
     exchange.receive(request(0), VEHICLE, 0.1)
-    exchange.receive(ack(MissionResult.OPERATION_CANCELLED), VEHICLE, 0.2)
+    exchange.receive(ack(mavlink.MAV_MISSION_OPERATION_CANCELLED), VEHICLE, 0.2)
     assert exchange.deadline == 0.2 + TIMEOUTS.settle_s
     exchange.tick(exchange.deadline)
     reason = "upload: cancelled by the vehicle"
@@ -215,7 +220,7 @@ def test_a_nack_before_the_last_item_does_not_shorten_the_wait():
     exchange = upload(timeouts=Timeouts(upload_retries=0))
     exchange.start(0.0)
     exchange.receive(request(0), VEHICLE, 0.0)
-    exchange.receive(ack(MissionResult.ERROR), VEHICLE, 0.1)
+    exchange.receive(ack(ERROR), VEHICLE, 0.1)
     now = 0.0
     while exchange.tick(now) != [CANCELLED]:
         now = exchange.deadline
@@ -223,14 +228,14 @@ def test_a_nack_before_the_last_item_does_not_shorten_the_wait():
 
 
 def test_every_message_of_an_upload_is_of_its_type_of_mission():
-    items = tuple(dataclasses.replace(item, mission_type=1) for item in ITEMS)
+    items = tuple(changed(item, mission_type=1) for item in ITEMS)
     exchange = upload(items, autopilot="px4", mission_type=1, timeouts=Timeouts(settle_s=0.5))
-    assert exchange.start(0.0) == [MissionCount(VEHICLE, 3, 1)]
-    asked = MissionRequest(OURSELVES, 0, 1)
-    assert exchange.receive(asked, VEHICLE, 0.1) == [MissionItemInt(VEHICLE, items[0])]
-    assert exchange.receive(MissionCount(OURSELVES, 3, 1), VEHICLE, 0.1) == []
+    assert exchange.start(0.0) == [MissionCount(*VEHICLE, 3, 1)]
+    asked = MissionRequest(*OURSELVES, 0, 1)
+    assert exchange.receive(asked, VEHICLE, 0.1) == [items[0]]
+    assert exchange.receive(MissionCount(*OURSELVES, 3, 1), VEHICLE, 0.1) == []
     assert exchange.counts["unexpected"] == 1
-    cancelled = MissionAck(VEHICLE, MissionResult.OPERATION_CANCELLED, 1)
+    cancelled = MissionAck(*VEHICLE, mavlink.MAV_MISSION_OPERATION_CANCELLED, 1)
     assert exchange.cancel(0.2) == [cancelled]
     assert exchange.deadline == 0.2 + 2 * 0.5
 
@@ -271,11 +276,11 @@ def test_a_late_fault_of_the_vehicle_shortens_the_wait_after_a_cancellation_once
     exchange.start(0.0)
     exchange.receive(request(0), VEHICLE, 0.1)
     exchange.cancel(0.2)
-    for result in (MissionResult.ACCEPTED, MissionResult.INVALID_SEQUENCE):
+    for result in (ACCEPTED, INVALID_SEQUENCE):
         assert exchange.receive(ack(result), VEHICLE, 0.3) == []
         assert exchange.deadline == 0.2 + TIMEOUTS.stall_s
     for now in (0.4, 0.9):
-        assert exchange.receive(ack(MissionResult.OPERATION_CANCELLED), VEHICLE, now) == []
+        assert exchange.receive(ack(mavlink.MAV_MISSION_OPERATION_CANCELLED), VEHICLE, now) == []
         assert exchange.deadline == 0.4 + TIMEOUTS.settle_s
     assert exchange.counts["late"] == 4
     exchange.tick(0.4 + TIMEOUTS.settle_s)
@@ -328,8 +333,10 @@ def test_an_upload_starts_once():
     [
         (ITEMS[1:], r"items\[0\].seq"),
         ((*ITEMS, ITEMS[0]), r"items\[3\].seq"),
-        ((dataclasses.replace(ITEMS[0], mission_type=1),), r"items\[0\].mission_type"),
-        ((dataclasses.replace(ITEMS[0], current=2),), r"items\[0\].current"),
+        ((changed(ITEMS[0], target_system=2),), r"items\[0\].target_system"),
+        ((changed(ITEMS[0], target_component=0),), r"items\[0\].target_component"),
+        ((changed(ITEMS[0], mission_type=1),), r"items\[0\].mission_type"),
+        ((changed(ITEMS[0], current=2),), r"items\[0\].current"),
     ],
 )
 def test_items_that_would_not_be_stored_as_meant_are_refused(items, field):

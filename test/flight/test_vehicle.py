@@ -22,7 +22,7 @@ from pace import Pace
 from dsse_ros.flight import vehicle as vehicle_module
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
-from dsse_ros.mavlink.mission_messages import WireItem
+from msg_adapters.mission_items import FRAME_GLOBAL, FRAME_MISSION, MissionItem
 
 pytestmark = pytest.mark.slow
 
@@ -53,18 +53,18 @@ def vehicle_of(autopilot: Running, name: Any = "ardupilot", **options: Any) -> I
     assert vehicle.counts["errors"] == 0
 
 
-def a_mission(name: str) -> tuple[WireItem, ...]:
-    x, y = round(NEAR[0] * 1e7), round(NEAR[1] * 1e7)
-    home = WireItem(0, 0, 16, 1, x=round(HOME[0] * 1e7), y=round(HOME[1] * 1e7))
-    rest = [
-        (6, 22, x, y, 10.0),
-        (6, 16, x, y, 10.0),
-        (6, 16, x + 1000, y, 15.0),
-        (2, 20, 0, 0, 0.0),
-    ]
-    first = [home] if name == "ardupilot" else []
-    items = enumerate(rest, len(first))
-    return (*first, *(WireItem(k, f, c, x=x, y=y, z=z) for k, (f, c, x, y, z) in items))
+def a_mission(name: str) -> tuple[MissionItem, ...]:
+    def item(command: int, place: tuple[float, float], alt_m: float) -> MissionItem:
+        return MissionItem(command, lat_deg=place[0], lon_deg=place[1], alt_m=alt_m)
+
+    home = MissionItem(16, FRAME_GLOBAL, lat_deg=HOME[0], lon_deg=HOME[1])
+    return (
+        *([home] if name == "ardupilot" else []),
+        item(22, NEAR, 10.0),
+        item(16, NEAR, 10.0),
+        item(16, (NEAR[0] + 1e-4, NEAR[1]), 15.0),
+        MissionItem(20, FRAME_MISSION),
+    )
 
 
 @pytest.mark.parametrize(

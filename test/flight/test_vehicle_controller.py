@@ -23,6 +23,7 @@ from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search,
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_controller import VehicleController
 from dsse_ros.mavlink.messages import (
+    Address,
     CommandAck,
     CommandLong,
     GlobalPosition,
@@ -31,7 +32,7 @@ from dsse_ros.mavlink.messages import (
     SetPositionTarget,
     StatusText,
 )
-from dsse_ros.mavlink.mission_messages import Address
+from msg_adapters.mission_items import FRAME_MISSION, MissionItem
 
 AUTOPILOTS = ("ardupilot", "px4")
 ARM, TAKEOFF, SET_MODE, CHANGE_SPEED, START, INTERVAL = 400, 22, 176, 178, 300, 511
@@ -178,7 +179,7 @@ def test_an_acknowledgement_alone_proves_nothing(autopilot: str) -> None:
     for tick in range(600):
         now = tick * 0.1
         if tick % 10 == 0:
-            sent += controller.receive(Heartbeat(2, kind, 1, mode, 3), now)
+            sent += controller.receive(Heartbeat(2, kind, 1, mode, 3, 3), now)
         for message in sent:
             if isinstance(message, CommandLong):
                 controller.receive(CommandAck(message.command, ACCEPTED), now)
@@ -360,7 +361,7 @@ def test_a_mission_that_fails_to_get_across_is_not_flown(autopilot: str) -> None
     flight.wait(10.0)
     bad = list(mission(flight, (40.0, 0.0, 20.0)))
     # No autopilot knows this command.
-    bad[-1] = type(bad[-1])(len(bad) - 1, 2, 31999)
+    bad[-1] = MissionItem(31999, FRAME_MISSION)
     assert flight.fly(FlyMission(tuple(bad))).status == "failed"
     assert "refused" in flight.outcome.reason
     flight.wait(20.0)
@@ -837,7 +838,7 @@ def test_no_message_makes_the_controller_raise_or_end_an_order() -> None:
     controller = VehicleController(VEHICLE, OURSELVES, ControllerSettings())
     controller.give(GoTo(0.0, 0.0, 10.0, 5.0), 0.0)
     for mode, status, base in itertools.product((0, 4, 2**32 - 1), range(0, 256, 51), (0, 255)):
-        controller.receive(Heartbeat(2, 3, base, mode, status), 1.0)
+        controller.receive(Heartbeat(2, 3, base, mode, status, 3), 1.0)
         controller.tick(1.0)
         assert controller.outcome.status != "done"
 

@@ -5,17 +5,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
-from typing import Any, get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from message_values import with_fields
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle_state import VehicleState, observe, without_link
 from dsse_ros.mavlink.messages import (
+    INCOMING,
     BatteryStatus,
     EkfStatus,
     ExtendedSysState,
@@ -29,14 +29,32 @@ from dsse_ros.mavlink.messages import (
     StatusText,
     SysStatus,
 )
+from dsse_ros.mavlink.px4_events import EventMessage
 
-GUIDED = Heartbeat(2, 3, 1, 4, 3)
-ARMED = Heartbeat(2, 3, 129, 4, 4)
+GUIDED = Heartbeat(2, 3, 1, 4, 3, 3)
+ARMED = Heartbeat(2, 3, 129, 4, 4, 3)
 READY = 1 << 28
 HERE = GlobalPosition(5000, -240000000, -463000000, 130_000, 120_000, 300, 400, -50, 9000)
-PLAIN = [kind for kind in get_args(Incoming) if not hasattr(kind, "target")]
 NUMBERS = st.integers(-(2**31), 2**32 - 1)
-VALUES: dict[Any, Any] = {"str": st.text(max_size=50), "bytes": st.binary(max_size=40)}
+UNUSED = (0.0,) * 8
+
+
+def sys_status(health: int, remaining: int, enabled: int = 0) -> SysStatus:
+    return with_fields(
+        SysStatus,
+        onboard_control_sensors_health=health,
+        battery_remaining=remaining,
+        onboard_control_sensors_enabled=enabled,
+    )
+
+
+def battery(state: str) -> BatteryStatus:
+    number = getattr(mavlink, f"MAV_BATTERY_CHARGE_STATE_{state}")
+    return with_fields(BatteryStatus, charge_state=number)
+
+
+def ekf(flags: int) -> EkfStatus:
+    return with_fields(EkfStatus, flags=flags)
 
 
 def after(*messages: Incoming, autopilot: str = "ardupilot") -> VehicleState:
@@ -79,8 +97,8 @@ def test_an_unknown_position_is_none() -> None:
 )
 def test_ready_takes_a_position_and_the_checks(flags: int, health: int, ready: bool) -> None:
     for messages in (
-        (EkfStatus(flags), SysStatus(health, 90)),
-        (SysStatus(health, 90), EkfStatus(flags)),
+        (ekf(flags), sys_status(health, 90)),
+        (sys_status(health, 90), ekf(flags)),
     ):
         assert after(GUIDED, *messages).ready is ready
 
@@ -89,17 +107,17 @@ def test_ready_takes_a_position_and_the_checks(flags: int, health: int, ready: b
     ("landed", "flying"), [(1, False), (2, True), (3, True), (4, True), (0, True)]
 )
 def test_flying_is_its_landed_state(landed: int, flying: bool) -> None:
-    assert after(ARMED, ExtendedSysState(landed)).flying is flying
-    assert not after(GUIDED, ExtendedSysState(landed)).flying
+    assert after(ARMED, ExtendedSysState(0, landed)).flying is flying
+    assert not after(GUIDED, ExtendedSysState(0, landed)).flying
 
 
 @pytest.mark.parametrize(("remaining", "battery"), [(0, 0.0), (55, 0.55), (100, 1.0)])
 def test_the_battery_is_a_share(remaining: int, battery: float) -> None:
-    assert after(SysStatus(0, remaining)).battery == pytest.approx(battery)
+    assert after(sys_status(0, remaining)).battery == pytest.approx(battery)
 
 
 def test_a_battery_that_is_not_measured_is_not_known() -> None:
-    assert math.isnan(after(SysStatus(0, -1)).battery)
+    assert math.isnan(after(sys_status(0, -1)).battery)
 
 
 @pytest.mark.parametrize(
@@ -117,25 +135,31 @@ def test_a_battery_that_is_not_measured_is_not_known() -> None:
 )
 def test_a_failsafe_is_named_by_what_the_vehicle_reports(text: str, failsafe: str) -> None:
     assert after(ARMED, StatusText(4, text)).failsafe == failsafe
-    critical = Heartbeat(2, 3, 129, 6, 5)
+    critical = Heartbeat(2, 3, 129, 6, 5, 3)
     assert after(StatusText(4, text), critical).failsafe == (failsafe or "critical")
     assert after(StatusText(4, text), critical, ARMED).failsafe == ""
 
 
-CRITICAL = Heartbeat(2, 12, 129, 4 << 16 | 5 << 24, mavlink.MAV_STATE_CRITICAL)
-ACTIVE = Heartbeat(2, 12, 129, 4 << 16 | 5 << 24, mavlink.MAV_STATE_ACTIVE)
+CRITICAL = Heartbeat(2, 12, 129, 4 << 16 | 5 << 24, mavlink.MAV_STATE_CRITICAL, 3)
+ACTIVE = Heartbeat(2, 12, 129, 4 << 16 | 5 << 24, mavlink.MAV_STATE_ACTIVE, 3)
 
 
 def unwell(sensor: int) -> SysStatus:
-    return SysStatus(READY, 80, onboard_control_sensors_enabled=READY | sensor)
+    return sys_status(READY, 80, READY | sensor)
 
 
 @pytest.mark.parametrize(
     ("message", "failsafe"),
     [
-        (BatteryStatus(mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY), "battery"),
-        (BatteryStatus(mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL), "battery"),
-        (BatteryStatus(mavlink.MAV_BATTERY_CHARGE_STATE_LOW), "critical"),
+        (
+            battery("EMERGENCY"),
+            "battery",
+        ),
+        (
+            battery("CRITICAL"),
+            "battery",
+        ),
+        (battery("LOW"), "critical"),
         (unwell(mavlink.MAV_SYS_STATUS_SENSOR_GPS), "gps"),
         (unwell(mavlink.MAV_SYS_STATUS_AHRS), "ekf"),
         (unwell(mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS), "motors"),
@@ -153,10 +177,10 @@ def test_a_failsafe_of_px4_is_named_by_what_is_not_well(message: Incoming, fails
 
 
 def test_px4_is_ready_when_its_checks_are_passed_and_its_place_is_known() -> None:
-    checks = SysStatus(READY, 90)
+    checks = sys_status(READY, 90)
     assert after(HERE, checks, autopilot="px4").ready
     assert not after(checks, autopilot="px4").ready
-    assert not after(HERE, SysStatus(0, 90), autopilot="px4").ready
+    assert not after(HERE, sys_status(0, 90), autopilot="px4").ready
 
 
 def test_a_failsafe_that_is_cleared_is_none() -> None:
@@ -168,21 +192,21 @@ def test_a_failsafe_that_is_cleared_is_none() -> None:
 def test_progress_home_and_target_are_known() -> None:
     state = after(
         HERE,
-        MissionCurrent(4, 5),
+        MissionCurrent(4, mission_state=5),
         MissionItemReached(3),
-        HomePosition(-240000000, -463000000, 10_000),
-        PositionTarget(0, 3576, -240010000, -463000000, 140.0),
+        with_fields(HomePosition, latitude=-240000000, longitude=-463000000, altitude=10_000),
+        PositionTarget(0, 0, 3576, -240010000, -463000000, 140.0, *UNUSED),
     )
     assert (state.item_current, state.item_reached, state.mission_over) == (4, 3, True)
     assert state.home == pytest.approx((-24.0, -46.3, 10.0))
     assert state.target == pytest.approx((-24.001, -46.3, 140.0))
-    relative = after(HERE, PositionTarget(6, 3576, -240010000, -463000000, 130.0))
+    relative = after(HERE, PositionTarget(0, 6, 3576, -240010000, -463000000, 130.0, *UNUSED))
     assert relative.target == pytest.approx((-24.001, -46.3, 140.0))
-    assert after(HERE, PositionTarget(0, 7, 0, 0, 0.0)).target is None
+    assert after(HERE, PositionTarget(0, 0, 7, 0, 0, 0.0, *UNUSED)).target is None
 
 
 def test_without_a_link_it_is_neither_connected_nor_ready_but_last_seen_somewhere() -> None:
-    state = without_link(after(GUIDED, HERE, EkfStatus(831), SysStatus(READY, 50)))
+    state = without_link(after(GUIDED, HERE, ekf(831), sys_status(READY, 50)))
     assert not state.connected and not state.ready
     assert state.has_position and state.mode == "GUIDED"
 
@@ -190,9 +214,16 @@ def test_without_a_link_it_is_neither_connected_nor_ready_but_last_seen_somewher
 @given(st.data(), st.sampled_from(["ardupilot", "px4"]))
 def test_no_message_makes_it_raise(data: st.DataObject, autopilot: str) -> None:
     state = VehicleState()
-    for kind in data.draw(st.lists(st.sampled_from(PLAIN), max_size=20)):
-        values = {field.name: data.draw(VALUES.get(field.type, NUMBERS)) for field in fields(kind)}
-        state = observe(state, kind(**values), 1.0, AUTOPILOTS[autopilot])
+    kinds = [StatusText, *(kind for kind in INCOMING if kind.msgname != "STATUSTEXT")]
+    for kind in data.draw(st.lists(st.sampled_from(kinds), max_size=20)):
+        if kind is StatusText:
+            message = StatusText(data.draw(NUMBERS), data.draw(st.text(max_size=50)))
+        else:
+            values = {name: data.draw(NUMBERS) for name in kind.fieldnames}
+            if kind is EventMessage:
+                values["arguments"] = data.draw(st.binary(max_size=40))
+            message = kind(**values)
+        state = observe(state, message, 1.0, AUTOPILOTS[autopilot])
     assert isinstance(state.mode, str)
 
 

@@ -20,16 +20,17 @@ from dsse_ros.flight.vehicle_controller import Outcome, VehicleController
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.codec import Codec
 from dsse_ros.mavlink.messages import (
+    Address,
     CommandLong,
     Heartbeat,
     Incoming,
     Outgoing,
     SetPositionTarget,
 )
-from dsse_ros.mavlink.mission_messages import Address, WireItem
+from msg_adapters.mission_items import FRAME_MISSION, MissionItem
 
 VEHICLE, OURSELVES = Address(1, 1), Address(245, 191)
-HEARTBEAT = Heartbeat(18, 8, 0, 0, 4)
+HEARTBEAT = Heartbeat(18, 8, 0, 0, 4, 3)
 STEP_S = 0.05
 
 
@@ -187,19 +188,20 @@ class VirtualFlight:
 
 def mission(
     flight: VirtualFlight, *places: tuple[float, float, float], hold_s: float = 0.0
-) -> tuple[WireItem, ...]:
+) -> tuple[MissionItem, ...]:
     """Return a mission of places, north, east and up of home: take-off, waypoints, return."""
 
-    def item(command: int, north_m: float, east_m: float, up_m: float, **fields: Any) -> WireItem:
+    def item(
+        command: int, north_m: float, east_m: float, up_m: float, **fields: Any
+    ) -> MissionItem:
         lat_deg, lon_deg = flight.place(north_m, east_m)
-        place = {"x": round(lat_deg * 1e7), "y": round(lon_deg * 1e7), "z": up_m}
-        return WireItem(len(items), 6, command, **place, **fields)
+        return MissionItem(command, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=up_m, **fields)
 
-    items: list[WireItem] = []
+    items: list[MissionItem] = []
     if flight.vehicle.settings.autopilot == "ardupilot":
         items.append(item(16, 0.0, 0.0, 0.0))
     items.append(item(22, 0.0, 0.0, places[0][2]))
     for place in places:
         items.append(item(16, *place, param1=hold_s))
-    items.append(WireItem(len(items), 2, 20))
+    items.append(MissionItem(20, FRAME_MISSION))
     return tuple(items)

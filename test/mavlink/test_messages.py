@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.vehicle_controller import VehicleController
 from dsse_ros.mavlink.codec import Codec
-from dsse_ros.mavlink.mission_messages import Address
+from dsse_ros.mavlink.messages import MISSION_RESULTS, Address
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 ONLY_POSITION, NO_POSITION = 0x0DF8, 0x0DFF
@@ -95,3 +95,9 @@ def test_a_target_without_a_position_is_valid_with_any_coordinates() -> None:
     codec = Codec(OURSELVES, VEHICLE)
     data = frame("position_target_global_int", type_mask=NO_POSITION, alt=math.nan)
     assert len(codec.decode(data, 0.0, datagram=True)) == 1
+
+
+def test_results_of_a_transfer_have_the_names_of_the_protocol() -> None:
+    assert (MISSION_RESULTS[0], MISSION_RESULTS[14]) == ("ACCEPTED", "DENIED")
+    # The last number of the enumeration is a mark.
+    assert mavlink.MAV_MISSION_RESULT_ENUM_END not in MISSION_RESULTS

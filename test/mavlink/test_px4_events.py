@@ -10,8 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from dsse_ros.flight.autopilots import PX4
 from dsse_ros.flight.vehicle_state import VehicleState, observe
 from dsse_ros.mavlink.codec import Codec
-from dsse_ros.mavlink.messages import Event
-from dsse_ros.mavlink.mission_messages import Address
+from dsse_ros.mavlink.messages import Address
 from dsse_ros.mavlink.px4_events import EventMessage, event_number, failed_check
 
 # Payloads, the zeros at their ends left out.
@@ -24,14 +23,14 @@ GPS_FIX = "91bebc01488e000027000000447c007e0003"
 NO_PLACE = "73c29801488e000029000000333800000018"
 
 
-def received(payload: str) -> Event:
+def received(payload: str) -> EventMessage:
     """Return the event, over the link."""
     data = bytes.fromhex(payload).ljust(EventMessage.unpacker.size, b"\0")
     sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     message = mavlink.MAVLink_message(EventMessage.id, "EVENT")
     frame = message._pack(sender, EventMessage.crc_extra, data)
     (event,) = Codec(Address(245, 191), Address(1, 1)).decode(bytes(frame), 0.0, datagram=True)
-    assert isinstance(event, Event)
+    assert isinstance(event, EventMessage)
     return event
 
 

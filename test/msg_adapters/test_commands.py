@@ -299,14 +299,9 @@ def test_who_is_live_is_stated_for_each_drone():
 
 @given(st.integers(0, 4))
 def test_the_messages_of_planners_are_understood(number):
-    assert commands.parse_action(commands.action_message(number), ACTIONS) == Accepted(number)
-    named = commands.action_name_message(ACTIONS[number])
+    assert commands.parse_action(Int8(data=number), ACTIONS) == Accepted(number)
+    named = String(data=ACTIONS[number])
     assert commands.parse_action_name(named, ACTIONS) == Accepted(number)
-
-
-def test_a_command_to_a_terminated_drone_is_refused_by_its_name():
-    refused = commands.drone_terminated("drone3")
-    assert refused.code == "drone_terminated" and "drone3" in refused.reason
 
 
 @given(st.text() | st.binary() | st.integers() | st.floats() | st.lists(st.text()))

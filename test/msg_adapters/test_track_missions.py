@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.bridge.fence import Fence, check_mission
-from msg_adapters import mission_files
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import geodetic_to_map
 from msg_adapters.mission_items import (
@@ -23,7 +22,7 @@ from msg_adapters.mission_items import (
     Home,
 )
 from msg_adapters.result import Accepted
-from msg_adapters.track_missions import track_items, track_mission
+from msg_adapters.track_missions import track_mission
 from msg_adapters.tracks import corners, stops, without_repeats
 
 FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
@@ -135,14 +134,6 @@ def test_every_mission_in_the_area_is_inside_its_fence(cells, merge_legs):
     for firmware in ("ardupilot", "px4"):
         items = mission.numbered(firmware)
         assert check_mission(items, fence, firmware) == Accepted(tuple(items))
-
-
-def test_track_items_are_the_mission_for_ardupilot():
-    mission = track_mission(FRAME, STRAIGHT, hold_s=2.0, acceptance_radius_m=3.0)
-    items = track_items(FRAME, STRAIGHT, hold_s=2.0, acceptance_radius_m=3.0)
-    assert [item.command for item in items] == [16, 22, *[16] * 5, 20]
-    assert mission_files.qgc_wpl(items) == mission_files.qgc_wpl(mission.numbered("ardupilot"))
-    assert mission_files.track_items(FRAME, [(0, 0)], home=(-24.0, -46.3, 4.0))[0].alt_m == 4.0
 
 
 def test_an_empty_track_is_refused():

@@ -86,8 +86,6 @@ def all_messages():
     yield poses.pose_array(FRAME, CELLS, STAMP)
     yield poses.nav_sat_fix(FRAME, *map(np.float64, fix), STAMP, "drone0")
     yield from poses.transforms(FRAME, CELLS, NAMES, STAMP, np.array([0.5, 1.0]))
-    yield commands.action_message(np.int64(4))
-    yield commands.action_name_message("search")
     yield commands.joint_action_message(np.int64(3), np.array([0, -1]))
     yield commands.joint_action_message(np.int64(3), np.array([0, -1]), mission=np.int64(2))
     yield step_report.step_report_message(FRAME, report(), STAMP)

@@ -8,7 +8,8 @@ import os
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "msg_adapters")]
 
 from rig import ENVIRONMENT, rig_of_module  # noqa: E402, F401
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import mission_reader
 import pytest
 from bridge_rig import (
     RIGHT,
@@ -30,8 +31,6 @@ from rig import BEST_EFFORT, LATCHED, Rig, stamp_ns
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
-
-from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
 
 
 def call(rig: Rig, kind: Any, service: str, **request: Any) -> tuple[bool, str]:
@@ -357,7 +356,7 @@ def test_a_search_that_was_over_before_the_bridge_was_there_is_written_whole(rig
         fly(sim, UP)
     bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(rig.folder)})
     rig.until(lambda: "2 files in" in bridge.output, "the files")
-    items = parse_qgc_wpl((rig.folder / "drone0.waypoints").read_text())
+    items = mission_reader.waypoints((rig.folder / "drone0.waypoints").read_text())
     # Home, take-off, the first cell, the end of the leg, return.
     assert len(items) == 5
 
@@ -391,9 +390,9 @@ def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
         for suffix in (".plan", ".waypoints"):
             name = f"drone{i}{suffix}"
             assert (folder / name).read_text() == (rig.folder / "sim" / name).read_text()
-        items = parse_qgc_wpl((folder / f"drone{i}.waypoints").read_text())
-        plan = parse_plan((folder / f"drone{i}.plan").read_text())
-        assert len(items) == 1 + len(plan.mission.items)
+        items = mission_reader.waypoints((folder / f"drone{i}.waypoints").read_text())
+        plan = mission_reader.plan((folder / f"drone{i}.plan").read_text())
+        assert len(items) == 1 + len(plan.items)
         assert sorted({item.alt_m for item in items[1:-1]}) == ([30.0, 115.0] if i else [120.0])
 
 

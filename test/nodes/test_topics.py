@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
+import mission_reader
 import numpy as np
 import pymap3d
 import pytest
@@ -18,8 +19,6 @@ from rig import BEST_EFFORT, LATCHED, RELIABLE, Inbox, Rig, Sim, occupancy, stam
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, NavSatFix
 from visualization_msgs.msg import MarkerArray
-
-from msg_adapters.mission_files import parse_plan, parse_qgc_wpl
 
 LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
 ORIGIN = {"origin_lat": -24.04, "origin_lon": -46.17, "origin_alt": 3.5}
@@ -278,7 +277,7 @@ def test_an_exported_mission_is_the_track_of_each_drone(
     sim.set(merge_legs=merge_legs)
     assert sim.trigger("export_mission") == (True, f"4 tracks in {folder}")
     for i in range(4):
-        items = parse_qgc_wpl((folder / f"drone{i}.waypoints").read_text())
+        items = mission_reader.waypoints((folder / f"drone{i}.waypoints").read_text())
         flown = [item for item in items[1:] if item.command == WAYPOINT]
         assert len(flown) == lengths[i]
         x, y, z = pymap3d.geodetic2enu(
@@ -288,7 +287,7 @@ def test_an_exported_mission_is_the_track_of_each_drone(
         report = sim.report[i]
         assert (x, y) == pytest.approx((report["x"], report["y"]), abs=0.1)
         assert flown[-1].alt_m == ALTITUDE_M - 5.0 * i
-        plan = parse_plan((folder / f"drone{i}.plan").read_text()).mission
+        plan = mission_reader.plan((folder / f"drone{i}.plan").read_text())
         assert len(plan.items) == len(items) - 1
         # Three searches of one cell are one descent.
         low = [item.param1 for item in flown if item.alt_m == 30.0]
@@ -310,7 +309,7 @@ def test_an_export_of_what_is_planned_goes_to_the_goals_that_are_left(sim: Sim) 
     assert sim.trigger("export_mission")[0]
     sim.set(export_tracks="flown")
     for i, length in enumerate((6, 1, 1, 1)):
-        items = parse_qgc_wpl((folder / f"drone{i}.waypoints").read_text())
+        items = mission_reader.waypoints((folder / f"drone{i}.waypoints").read_text())
         assert [item.command for item in items[1:]].count(WAYPOINT) == length
 
 

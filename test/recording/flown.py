@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
+from std_msgs.msg import Int8
 
 from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
@@ -19,7 +20,7 @@ from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import BagWriter, Recorded
 from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
-from msg_adapters.commands import action_message, joint_action_message
+from msg_adapters.commands import joint_action_message
 from msg_adapters.frames import scenario_frame
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_message
@@ -92,7 +93,7 @@ class Flown:
 
     def action(self, drone: int, action: int) -> None:
         """Command one drone."""
-        message = self.publish(f"drone{drone}/cmd_action", action_message(action))
+        message = self.publish(f"drone{drone}/cmd_action", Int8(data=action))
         self.intake.action(drone, message)
 
     def step(self, missing: str = "search") -> None:

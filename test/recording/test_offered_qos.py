@@ -13,9 +13,9 @@ from rclpy.qos import (
 )
 
 from dsse_ros.recording.offered_qos import common, from_yaml, to_yaml
-from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, REPORTS, SENSOR
+from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, SENSOR
 
-PROFILES = [COMPLETE, LATCHED, RELIABLE, REPORTS, SENSOR, qos_profile_sensor_data]
+PROFILES = [COMPLETE, LATCHED, RELIABLE, SENSOR, qos_profile_sensor_data]
 
 # As rosbag2 0.26 (Jazzy) writes it for a publisher found by Fast DDS.
 OF_ROSBAG2 = """\
@@ -69,7 +69,7 @@ def test_a_subscription_gets_all_that_every_publisher_offers() -> None:
         assert made.depth == 5
         return made.reliability.name, made.durability.name
 
-    assert policies(LATCHED, REPORTS) == ("RELIABLE", "TRANSIENT_LOCAL")
+    assert policies(LATCHED, COMPLETE) == ("RELIABLE", "TRANSIENT_LOCAL")
     assert policies(LATCHED, RELIABLE) == ("RELIABLE", "VOLATILE")
     assert policies(LATCHED, SENSOR) == ("BEST_EFFORT", "VOLATILE")
     assert policies() == ("BEST_EFFORT", "VOLATILE")
