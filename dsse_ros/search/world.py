@@ -22,7 +22,6 @@ from dsse_ros.scenario.scenario import SPECS, Scenario
 from dsse_ros.search.coverage import Coverage
 from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.faults import Faults
-from dsse_ros.search.seeds import words_of_seeds
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.searchers.registry import DEFAULT
 from dsse_ros.step import kernels
@@ -38,6 +37,12 @@ SHARES = 4
 """Shares of the worlds for each thread: a thread that is done first takes one more."""
 SHARE_BYTES = 1 << 18
 """Drones of a share that is reported: what a core's own cache holds until then."""
+
+
+def word_of_seed(seed: int) -> np.uint64:
+    """Return the state that a seed, an integer >= 0, gives the generator of a world."""
+    word: np.uint64 = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
+    return word
 
 
 def _plain(value: Any) -> dict[str, Any]:
@@ -183,10 +188,10 @@ class World:
             self.worlds["rng"] = seed.generate_state(self.num_worlds, np.uint64)
         elif isinstance(seed, int | np.integer):
             seed = int(seed)
-            self.worlds["rng"] = words_of_seeds(range(seed, seed + self.num_worlds))
+            self.worlds["rng"] = [word_of_seed(seed + b) for b in range(self.num_worlds)]
         else:
             seeded = [b for b, number in enumerate(seed) if number is not None]
-            self.worlds["rng"][seeded] = words_of_seeds([n for n in seed if n is not None])
+            self.worlds["rng"][seeded] = [word_of_seed(n) for n in seed if n is not None]
 
     def place(
         self,

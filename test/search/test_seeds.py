@@ -19,7 +19,6 @@ from play_trace import digest
 
 from dsse_ros.scenario.rules import PROFILES
 from dsse_ros.search import Scenario, SearchEnv, World, parallel_env, profile
-from dsse_ros.search.seeds import words_of_seeds
 
 SEEDS = (0, 1, 7, 2026, 2**40)
 
@@ -138,10 +137,3 @@ def test_numpy_integers_are_seeds(seed: Any) -> None:
     env.reset(seed=seed)
     other.reset(seed=7)
     assert env.world.state_bytes() == other.world.state_bytes()
-
-
-@given(st.lists(st.integers(0, 2**64 - 1) | st.integers(0, 9), max_size=20), st.integers(0, 2**70))
-def test_seeds_of_many_worlds_are_those_of_numpy(seeds: list[int], large: int) -> None:
-    for numbers in (seeds, [*seeds, large], range(large, large + 3)):
-        words = [np.random.SeedSequence(n).generate_state(1, np.uint64)[0] for n in numbers]
-        assert words_of_seeds(numbers).tolist() == words
