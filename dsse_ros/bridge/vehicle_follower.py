@@ -307,7 +307,7 @@ class VehicleFollower:
                 custody.on(Event.FAILSAFE)
 
     def _has_failsafe(self, state: VehicleState, now_s: float) -> bool:
-        """Return whether a failsafe, or a lasting critical state, ends the flight with its drone."""
+        """Return whether a failsafe, or a lasting critical state, ends following the drone."""
         certain = self._acts_when_critical and state.failsafe != "critical"
         if self._given is None and not (certain and self.custody.airborne):
             return False
