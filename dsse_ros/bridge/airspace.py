@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps the vehicles of a search apart: which order may be given while others fly.
+"""Keeps the vehicles of a search apart: decides which orders are allowed while others fly.
 
-Each vehicle flies in a layer of its own. Where one leaves its layer, to take off, to search or to
-come down, the others stay away from the column below, or it waits for them.
+Each vehicle flies in its own layer. If one leaves its layer, to take off, to search or to come
+down, the others stay away from the column below, or it waits for them.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class Flyer:
     """A vehicle in the air, or about to be.
 
     Attributes:
-        name: Of its drone.
-        state: What it reports.
-        order: What it is doing; None if it stays where it is.
+        name: Name of its drone.
+        state: Its reported state.
+        order: The order that it is carrying out; None if it stays where it is.
         frame: The grid at its altitude.
         mission: Spaces of the mission that it flies, without climb and landing.
     """
@@ -47,17 +47,17 @@ class Flyer:
 
     @property
     def place(self) -> Point:
-        """Where it is."""
+        """Its position."""
         return place_of(self.frame, self.state.lat_deg, self.state.lon_deg)
 
     @property
     def home(self) -> Point:
-        """Where it takes off and lands; where it is if it has not reported that."""
+        """Where it takes off and lands; its position if it has not reported a home."""
         home = self.state.home
         return self.place if home is None else place_of(self.frame, *home[:2])
 
     def spaces(self, order: Order | None) -> list[Space]:
-        """Return the space that it takes with an order."""
+        """Return the space that it needs to carry out an order."""
         here, alt_m = self.place, self.state.alt_m
         layer_m = self.frame.alt_m
         match order:
@@ -86,14 +86,14 @@ class Flyer:
 
 
 def admit(order: Order, flyer: Flyer, others: Sequence[Flyer]) -> Order | str:
-    """Return the order to give in place of one, or why it has to wait.
+    """Return the order to give instead of the wanted one, or why that has to wait.
 
-    A search over a place where somebody else stays is flown without its descent.
+    A vehicle searches without descending above another vehicle that stays there.
 
     Args:
-        order: What the vehicle should do.
+        order: The wanted order.
         flyer: The vehicle.
-        others: Those that fly, or are about to.
+        others: The vehicles that fly, or are about to.
     """
     if not flyer.state.has_position:
         return order
@@ -115,7 +115,7 @@ def _blocking(flyer: Flyer, spaces: Sequence[Space], others: Sequence[Flyer]) ->
     limit_m = separation_m(flyer.frame)
     for other in others:
         if flyer.frame.alt_m == other.frame.alt_m:
-            # All are to fly at one altitude: nothing keeps them apart.
+            # The settings put them at one altitude, so layers cannot keep them apart.
             continue
         apart_m = math.dist(flyer.home, other.home)
         if may_meet(spaces, other.spaces(other.order), limit_m, apart_m):

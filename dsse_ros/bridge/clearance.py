@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle may do in view of the others and of the search."""
+"""Clearance of a vehicle: what the other vehicles and the search allow it to do."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ def _admit(order: Order) -> Order | str:
 
 @dataclass(frozen=True)
 class Clearance:
-    """What a vehicle may do in view of the others and of the search.
+    """What the other vehicles and the search allow a vehicle to do.
 
     Attributes:
-        search_alive: Whether the search is there; without it nothing takes off.
-        take_off: Why it must not take off yet, as others cannot; empty if it may.
-        home: Where to fly, at its altitude, before it comes down there; None to come down at once.
-        admit: Returns the order to give in place of one, or why it has to wait.
+        search_alive: Whether the search is running; without it no vehicle takes off.
+        take_off: Why the vehicle must not take off yet; empty if it may.
+        home: Place to fly to, at its altitude, before it comes down there; None to come down at
+            once.
+        admit: Returns the order to give instead of the wanted one, or why that has to wait.
     """
 
     search_alive: bool = True

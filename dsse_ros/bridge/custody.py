@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Who has a vehicle, and what may be sent to it: one table of states.
+"""Custody of a vehicle: who has it, and which orders the bridge may send to it.
 
-`NEXT` says which event leads from which state to which; an event that is not listed changes
-nothing. `MAY_ORDER` says which orders a state allows. Nothing else decides whether a vehicle is
-armed, takes off, moves or changes its mode. docs/flight.md prints both tables.
+`NEXT` maps each state and event to the next state; an event that is not listed changes nothing.
+`MAY_ORDER` lists the orders that a state allows. Nothing else decides whether a vehicle is armed,
+takes off, moves or changes its mode. docs/flight.md prints both tables.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from dsse_ros.flight.vehicle_controller import Order
 
 
 class Custody(Enum):
-    """Who has a vehicle; the value is its name on topics and in files."""
+    """Who has a vehicle; the value is the name of the state on topics and in files."""
 
     FREE = "free"
     """Nobody has cleared it to fly."""
     CLEARED = "cleared"
     """It is cleared to fly in one search, and on the ground."""
     FOLLOWING = "following"
-    """It flies what its drone does."""
+    """It follows its drone."""
     HELD = "held"
     """An operator holds it in the air."""
     RECALLED = "recalled"
-    """An operator has it return or land."""
+    """An operator has ordered it to return or land."""
     ENDING = "ending"
-    """Its search is over: it does what `at_end` says."""
+    """Its search is over: it carries out `at_end`."""
     TAKEN = "taken over"
     """A person has it, in the air or on the ground."""
     RELEASED = "released"
-    """A person has given it back while it was armed; it is not cleared."""
+    """A person has released it while it was armed; it is not cleared."""
     FAILSAFE = "failsafe"
     """A failsafe of its autopilot has it."""
     GROUNDED = "grounded"
@@ -51,7 +51,7 @@ class Custody(Enum):
 
 
 class Event(Enum):
-    """What changes who has a vehicle; the value says when it happens."""
+    """Events that change who has a vehicle; the value describes when each happens."""
 
     CLEAR = "it is cleared: `~/arm`, or by the parameter `arm`"
     LIFT_OFF = "its motors turn for the take-off"
@@ -72,14 +72,14 @@ _FLOWN: Mapping[Event, Custody] = {
     Event.TAKE_OVER: Custody.TAKEN,
     Event.FAILSAFE: Custody.FAILSAFE,
 }
-"""What takes any vehicle that the bridge flies."""
+"""Events that take away any vehicle that the bridge flies, or change what it does."""
 
 _ON_THE_GROUND: Mapping[Event, Custody] = {
     Event.HOLD: Custody.TAKEN,
     Event.COME_DOWN: Custody.TAKEN,
     Event.GROUND: Custody.TAKEN,
 }
-"""An operator keeps it there."""
+"""Orders of an operator that keep a vehicle on the ground."""
 
 NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
     Custody.FREE: {
@@ -124,7 +124,7 @@ NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
         **_ON_THE_GROUND,
     },
 }
-"""State and event to the next state."""
+"""The next state, by state and event."""
 
 MAY_ORDER: Mapping[Custody, tuple[type[Order], ...]] = {
     Custody.FREE: (),
@@ -138,10 +138,11 @@ MAY_ORDER: Mapping[Custody, tuple[type[Order], ...]] = {
     Custody.FAILSAFE: (),
     Custody.GROUNDED: (),
 }
-"""The orders that a state allows. Without one, nothing but heartbeats and requests is sent."""
+"""The orders that a state allows. If there are none, the bridge sends heartbeats and requests
+only."""
 
 AIRBORNE = frozenset({Custody.FOLLOWING, Custody.HELD, Custody.RECALLED, Custody.ENDING})
-"""The bridge flies it."""
+"""States in which the bridge flies the vehicle."""
 
 
 def next_custody(custody: Custody, event: Event) -> Custody:

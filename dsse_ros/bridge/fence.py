@@ -1,8 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Where vehicles may be sent: the search area with a margin, in a band of altitudes.
+"""The fence: where the bridge may send vehicles, the search area with a margin and altitude limits.
 
-Everything that goes to a vehicle is checked here first; what is refused is never sent.
+The bridge checks every place and every mission item here first, and never sends a refused one.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ class Fence:
         margin_m: How far around the area, and around home, vehicles may go.
         min_alt_m: Lowest altitude above home; landing and home itself are below it.
         max_alt_m: Highest altitude above home.
-        center: Latitude and longitude of the middle of a circle that vehicles do not leave,
-            whichever search they follow; None for none.
-        radius_m: Its radius.
+        center: Latitude and longitude of the middle of a circle that vehicles must not leave,
+            whichever search they follow; None for no circle.
+        radius_m: Radius of the circle.
         home: Where the vehicle starts, if not in the area.
-        area: The cells of the grid that are searched, as in `AgentsInfo`; None for all.
+        area: The cells of the grid to search, as in `AgentsInfo`; None for all.
 
     Raises:
-        ValueError: If the fence would hold nothing.
+        ValueError: If the margin or the altitude limits are not allowed.
     """
 
     frame: GridFrame
@@ -75,7 +75,7 @@ Place = tuple[float, float, float]
 
 
 def check_place(lat_deg: float, lon_deg: float, alt_m: float, fence: Fence) -> Result[Place]:
-    """Return a place that a vehicle may fly to, with its altitude above home.
+    """Check a place that a vehicle should fly to, with its altitude above home.
 
     Returns:
         The place, or `not_finite`, `not_on_earth`, `outside_fence` or `altitude`.
@@ -87,10 +87,10 @@ def check_place(lat_deg: float, lon_deg: float, alt_m: float, fence: Fence) -> R
 
 
 def check_take_off(lat_deg: float, lon_deg: float, alt_m: float, fence: Fence) -> Result[Place]:
-    """Return a place that a vehicle may take off to: over land too, where the sea is searched.
+    """Check a place that a vehicle should take off to; it need not be in a cell to search.
 
     Returns:
-        The place, or what `check_place` says.
+        The place, or a rejection as from `check_place`.
     """
     refused = _check_horizontal(lat_deg, lon_deg, fence) or _check_altitude(
         alt_m, fence.min_alt_m, fence
@@ -99,9 +99,9 @@ def check_take_off(lat_deg: float, lon_deg: float, alt_m: float, fence: Fence) -
 
 
 def check_item(item: MissionItem, fence: Fence) -> Result[MissionItem]:
-    """Return an item that may be sent to a vehicle.
+    """Check an item that should be sent to a vehicle.
 
-    Altitudes must be above home: how high another one is depends on the sea and the ground.
+    Altitudes must be above home: the height of any other kind depends on sea level or the ground.
 
     Returns:
         The item, or `unknown_command`, `unknown_frame`, `not_finite`, `bad_parameter`,
@@ -135,10 +135,10 @@ def check_item(item: MissionItem, fence: Fence) -> Result[MissionItem]:
 def check_mission(
     items: Sequence[MissionItem], fence: Fence, firmware: str
 ) -> Result[tuple[MissionItem, ...]]:
-    """Return a mission, numbered as its vehicle does, of which every item may be sent.
+    """Check every item of a mission, which is numbered like the missions of its vehicle.
 
     Returns:
-        The mission, or what `check_item` says of the first item that is refused.
+        The mission, or the rejection of its first refused item, see `check_item`.
     """
     for index, item in enumerate(items):
         is_home = index == 0 and FIRMWARES[firmware].home_first
@@ -165,7 +165,7 @@ def _check_home(item: MissionItem, fence: Fence) -> Result[MissionItem]:
 def _check_parameters(item: MissionItem) -> Rejected | None:
     for name in ("param1", "param2", "param3", "param4"):
         value = getattr(item, name)
-        # An open yaw is the one that the autopilot likes best.
+        # NaN as the yaw lets the autopilot choose it.
         if math.isnan(value) and name == "param4" and item.command in _PLACED:
             continue
         if not math.isfinite(value):
@@ -211,7 +211,7 @@ def _check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected 
 
 
 def in_circle(lat_deg: float, lon_deg: float, fence: Fence) -> bool:
-    """Return whether a place is in the circle around the middle of the fence."""
+    """Return whether a place is in the circle of the fence."""
     if fence.center is None:
         return True
     frame = fence.frame
@@ -223,7 +223,7 @@ def in_circle(lat_deg: float, lon_deg: float, fence: Fence) -> bool:
 
 
 def check_search(fence: Fence) -> str:
-    """Return why the search of a fence does not lie in its circle, empty if it does."""
+    """Return why the search area does not lie in the circle of the fence; empty if it does."""
     frame = fence.frame
     side_m = frame.grid_size * frame.cell_size_m
     for x_m in (0.0, side_m):
@@ -241,7 +241,7 @@ def check_search(fence: Fence) -> str:
 
 
 def _check_area(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None:
-    """Return why a vehicle is not sent over a cell of the grid; None if it may be."""
+    """Reject a place in a cell that is not to be searched; None if the vehicle may go there."""
     frame = fence.frame
     if fence.area is None:
         return None

@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Has the vehicles of a fleet fly what the drones of a search do, without ROS and sockets.
+"""Makes the vehicles of a fleet follow the drones of a search, without ROS and sockets.
 
-Messages of searches, calls of operators and the passing of time go in; orders to vehicles, records
-and log lines come out.
+Inputs are messages of searches, calls of operators and the time. Outputs are orders to vehicles,
+records and log lines.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
 
 QUIET_S = 0.5
-"""Wall time without a report after which the last one counts: latched ones come in one go."""
+"""Wall time without a report after which the last one counts: latched reports come in a burst."""
 _DRAINED_S = 10.0
-"""Wall time after which the last report counts, however many come."""
+"""Wall time after which the last report counts even if more come."""
 _NOT_ENDED = ("under_way", "silent", "done", "failed")
 
 Level = Literal["debug", "info", "warning", "error"]
@@ -43,7 +43,7 @@ T = TypeVar("T")
 
 
 class FlownVehicle(Protocol):
-    """What is needed of a vehicle: see `dsse_ros.flight.vehicle.Vehicle`."""
+    """The part of `dsse_ros.flight.vehicle.Vehicle` that the controller needs."""
 
     @property
     def system_id(self) -> int:
@@ -51,11 +51,11 @@ class FlownVehicle(Protocol):
 
     @property
     def state(self) -> VehicleState:
-        """What it reports."""
+        """Its reported state."""
 
     @property
     def outcome(self) -> Outcome:
-        """What has become of the order given last."""
+        """Outcome of the last order."""
 
     @property
     def trouble(self) -> str:
@@ -65,7 +65,7 @@ class FlownVehicle(Protocol):
         """Take it over from an earlier program, which saw it in this mode."""
 
     def give(self, order: Order, authority: int = 0) -> int:
-        """Give an order in place of any other."""
+        """Give an order, which replaces any other."""
 
     def cancel(self) -> int:
         """Drop the order."""
@@ -78,17 +78,17 @@ class FleetController:
     """Follows one search after the other with the same vehicles.
 
     Args:
-        settings: How.
+        settings: Settings of the bridge.
         vehicles: The vehicles, drone0's first.
-        records: Who had them before; None if that is not kept.
-        log: Takes what people should know.
+        records: Records of who had them before; None to keep none.
+        log: Takes log lines.
 
     Attributes:
-        names: Of the drones.
+        names: Names of the drones.
         followers: One for each vehicle.
-        plan: What the search means for the vehicles; None before the first.
-        search: The search that is followed.
-        holding: Whether the vehicles hold, as no steps come.
+        plan: Flight plan of the search; None before the first.
+        search: The followed search.
+        holding: Whether the vehicles hold because no steps come.
     """
 
     def __init__(
@@ -129,8 +129,8 @@ class FleetController:
         self._missions: dict[int, MissionPlan] = {}
         self._first: SearchId | None = None
         self._publishers = 0
-        # When this began, the first search began, and the last report came. Reports that were kept
-        # for late listeners are drained before one is followed.
+        # When the controller started, the first search began, and the last report came. Drain the
+        # latched reports before following one.
         self._now_s = 0.0
         self._start_s: float | None = None
         self._begun_s: float | None = None
@@ -139,7 +139,7 @@ class FleetController:
         self._idle_s: float | None = None
         self._record_trouble = ""
         self._defects = [Defects(name) for name in self.names]
-        # Of each vehicle what was logged last: why it is lost, refused, blocked.
+        # For each vehicle, the last logged reasons: why it is lost, refused, blocked.
         self._logged = [("", "", "")] * len(vehicles)
         for name, follower, _ in self._each():
             if follower.custody.state is not Custody.FREE:
@@ -151,7 +151,7 @@ class FleetController:
     # The search
 
     def take_agents(self, info: AgentsInfo, now_s: float) -> None:
-        """Take who searches in which mission."""
+        """Take an `agents` message: the mission and its drones."""
         self.search.take_agents(info)
         self._follow_search(now_s)
 
@@ -162,15 +162,15 @@ class FleetController:
         self._follow_search(now_s)
 
     def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (steps + 1, N) of a mission that is over, with its stamp."""
+        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
         self.search.take_mission_report(stamp_ns, report)
         self._follow_search(now_s)
 
     def set_publishers(self, count: int) -> bool:
-        """Take how many nodes publish `step_report`; returns whether that is new.
+        """Take the number of nodes that publish `step_report`; returns whether it has changed.
 
-        After a change the latest agents have to be taken again: those that are not followed may be
-        of a simulation that is gone.
+        After a change the caller must take the latest `agents` again: those that are not followed
+        may be from a simulation that is gone.
         """
         changed = count != self._publishers
         self._publishers = count
@@ -185,7 +185,7 @@ class FleetController:
         return f"{self._publishers} nodes publish step_report: no other search is followed"
 
     def _refuse(self, info: AgentsInfo) -> str:
-        """Return why a search of another simulation is not followed, empty if it may be."""
+        """Return why a search of another simulation may not be followed; empty if it may."""
         if self._contested:
             return self._contested
         now_s = self._now_s
@@ -199,7 +199,7 @@ class FleetController:
         return ""
 
     def _follow_search(self, now_s: float) -> None:
-        """Do what follows from what is new of the search."""
+        """Handle the news of the search."""
         search, self._now_s = self.search, now_s
         while (news := search.next_news(now_s)) is not None:
             assert search.info is not None
@@ -211,7 +211,7 @@ class FleetController:
                 self._follow()
 
     def _begin(self, info: AgentsInfo, now_s: float) -> None:
-        """Prepare for a mission, and for where it is."""
+        """Make the flight plan of a mission, and have the vehicles follow it."""
         self._missions = {}
         self._begun_s = now_s if self._begun_s is None else self._begun_s
         self._idle_s, self.holding = None, False
@@ -232,7 +232,7 @@ class FleetController:
         self._log("info", f"mission {info.mission} of run {info.run_id} is followed")
 
     def _follow(self) -> None:
-        """Have the vehicles follow the last step."""
+        """Make the vehicles follow the last step."""
         self._idle_s, self.holding = None, False
         legs = self.search.legs
         if self._whole or self.plan is None or not legs:
@@ -241,7 +241,7 @@ class FleetController:
             follower.follow(leg, self.plan.leg_task(i, leg, vehicle.state))
 
     def _plan_missions(self, plan: FlightPlan) -> None:
-        """Have the vehicles fly the whole search, once all of them have reported their homes."""
+        """Make the vehicles fly the whole search, once all of them have reported their homes."""
         search = self.search
         homes = {i: one.state.home for i, one in enumerate(self._vehicles)}
         going = [i for i, follower in enumerate(self.followers) if not follower.lost]
@@ -262,7 +262,7 @@ class FleetController:
             data: Whether they may fly.
 
         Returns:
-            Whether any was, or that one, and what was done.
+            Whether at least one vehicle was cleared or kept, and what was done.
         """
 
         def act(custody: VehicleCustody) -> str:
@@ -271,14 +271,14 @@ class FleetController:
         return self._operate(drone, "cleared to fly" if data else "kept on the ground", act)
 
     def operate(self, drone: int | None, what: str) -> tuple[bool, str]:
-        """Have vehicles `hold`, `return` or `land`, whatever the search does.
+        """Make vehicles `hold`, `return` or `land`, whatever the search does.
 
         Args:
             drone: Number of the drone; None for all.
-            what: Which.
+            what: `hold`, `return` or `land`.
 
         Returns:
-            Whether any does, or that one, and what was done.
+            Whether at least one vehicle does, and what was done.
         """
         return self._operate(drone, f"ordered to {what}", lambda custody: custody.operate(what))
 
@@ -299,11 +299,11 @@ class FleetController:
         return bool(done), text
 
     def _call_off(self, follower: VehicleFollower, vehicle: FlownVehicle) -> None:
-        """Drop an order that is not allowed any more."""
+        """Cancel an order that is no longer allowed."""
         custody, outcome = follower.custody.state, vehicle.outcome
-        # What is done may go on as a stream of setpoints; on the ground it is just done.
+        # A completed order may continue as a stream of setpoints, except on the ground.
         ends = ("under_way", "silent") if custody is Custody.GROUNDED else _NOT_ENDED
-        # Without a link it does not get the next one, and would go on with this one before.
+        # Without a link the vehicle cannot get the next order, and would first go on with this one.
         void = not MAY_ORDER[custody] or (
             outcome.order != follower.given and not vehicle.state.connected
         )
@@ -313,7 +313,7 @@ class FleetController:
     # Time
 
     def turn(self, now_s: float) -> None:
-        """Give the vehicles what orders are due."""
+        """Give the vehicles the orders that are due."""
         self._follow_search(now_s)
         if self._begun_s is not None and not self._drained:
             quiet = now_s - max(self._begun_s, self._report_s) >= QUIET_S
@@ -333,13 +333,13 @@ class FleetController:
         order = self._isolated(i, self._next_order, i, now_s)
         self._isolated(i, self._call_off, follower, vehicle)
         self._log_news(i, before)
-        # Known to a bridge that is started again before it shows in any message.
+        # Record the change before any message shows it, so that a restarted bridge knows it.
         self._keep_records()
         if order is not None:
             self._isolated(i, self._give, i, vehicle, order)
 
     def _isolated(self, i: int, act: Callable[..., T], *arguments: object) -> T | None:
-        """Do something about one vehicle; where that goes wrong, the others are flown on."""
+        """Call a function for one vehicle; if it raises, only that vehicle drops out."""
         try:
             return act(*arguments)
         except Exception as error:
@@ -357,7 +357,7 @@ class FleetController:
         return follower.advance(state, outcome, now_s, vehicle.trouble, self._clearance(i))
 
     def _clearance(self, i: int) -> Clearance:
-        """Return what a vehicle may do in view of the others."""
+        """Return what the other vehicles and the search allow a vehicle to do."""
         search = self.search
         alive = search.confirmed and not (search.foreign or self._contested)
         alive = alive and self._publishers > 0
@@ -386,7 +386,7 @@ class FleetController:
         return Flyer(self.names[i], state, order, plan.frames[i], spaces)
 
     def _reason_to_wait(self, i: int, plan: FlightPlan) -> str:
-        """Return why a vehicle does not take off before others, empty if it does."""
+        """Return why a vehicle has to wait with its take-off; empty if it need not."""
         if not self._whole and not self.search.commanded:
             return "waiting for the first commands of a planner"
         for j, (name, follower, _) in enumerate(self._each()):
@@ -394,14 +394,14 @@ class FleetController:
                 return f"waiting for {name}: {follower.blocked or 'not ready'}"
             if not self._whole or plan.frames[j].alt_m <= plan.frames[i].alt_m:
                 continue
-            # Who flies higher climbs first: a mission does not wait on its way.
+            # Vehicles in higher layers climb first, because a mission cannot wait on its way.
             climbs = follower.mission_under_way and not follower.risen
             if climbs or follower.takes_off or follower.is_awaited:
                 return f"waiting for {name}, which takes off first"
         return ""
 
     def _keep_records(self) -> None:
-        """Keep what is known of the vehicles for a bridge that is started again."""
+        """Write the records of the vehicles for a restarted bridge."""
         if self._records is None:
             return
         try:
@@ -421,7 +421,7 @@ class FleetController:
         self._log("info", f"{self.names[i]}: order {number}: {shown_order(order)}")
 
     def _watch_planner(self, now_s: float) -> None:
-        """Have the vehicles hold if they have waited for the next step for too long."""
+        """Make the vehicles hold if they have waited too long for the next step."""
         timeout_s = self._settings.planner_timeout
         if self._whole or timeout_s <= 0 or self.holding:
             return
@@ -439,7 +439,7 @@ class FleetController:
                 follower.hold()
 
     def close(self) -> None:
-        """Record that the vehicles are ordered to hold, as the program ends."""
+        """Record, as the program ends, that the vehicles are ordered to hold."""
         if not self._whole:
             for follower in self.followers:
                 follower.custody.rest()
@@ -448,7 +448,7 @@ class FleetController:
     # What people should know
 
     def trouble(self, now_s: float) -> str:
-        """Return why the vehicles cannot do what they are for; empty if they can."""
+        """Return why the vehicles cannot fly the search; empty if they can."""
         return self._contested or self.search.trouble(now_s) or self._record_trouble
 
     @property
@@ -478,7 +478,7 @@ def _shown(follower: VehicleFollower) -> str:
 
 
 def shown_order(order: Order | None) -> str:
-    """Return an order on one line; a mission by its length."""
+    """Return an order as one line, with the number of items for a mission."""
     if order is None:
         return ""
     return (

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a search means for each vehicle: its altitude, its fence, and its tasks."""
+"""The flight plan of a search: the altitude, the fence and the tasks of each vehicle."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from msg_adapters.track_missions import Leg, acceptance_radius_m
 from msg_adapters.tracks import without_repeats
 
 HOME_HOLD_S = 600.0
-"""How long a vehicle on a mission waits over home for those below it, if nobody lands it."""
+"""Time for which a vehicle on a mission waits over home for those below, if nobody lands it."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class MissionPlan:
     """The mission of one vehicle.
 
     Attributes:
-        task: The order to fly it, or why it may not be flown.
-        spaces: The space that it takes, without climb and landing.
+        task: The order to fly the mission, or why the vehicle may not fly it.
+        spaces: The space that the mission needs, without climb and landing.
     """
 
     task: Result[Task]
@@ -45,17 +45,18 @@ class FlightPlan:
     """Altitudes, fences and tasks of the vehicles in a search.
 
     Args:
-        settings: How vehicles are flown.
+        settings: How to fly the vehicles.
         info: The search.
-        center: Latitude and longitude of the middle of the fence; None to anchor it here.
+        center: Latitude and longitude of the middle of the fence; None for the middle of this
+            search.
 
     Attributes:
         frames: The grid at the altitude of each vehicle.
         center: Latitude and longitude of the middle of the fence.
 
     Raises:
-        FieldError: If there is not room for all vehicles between the altitudes that are allowed, or
-            the search does not lie in the fence.
+        FieldError: If the vehicles do not all fit between the allowed altitudes, or the search does
+            not lie in the fence.
     """
 
     def __init__(
@@ -70,7 +71,7 @@ class FlightPlan:
             raise FieldError(trouble)
 
     def fence(self, i: int) -> Fence:
-        """Return where a vehicle may be."""
+        """Return the fence of a vehicle."""
         settings = self._settings
         return Fence(
             self.frames[i],
@@ -83,10 +84,10 @@ class FlightPlan:
         )
 
     def leg_task(self, i: int, leg: Leg, state: VehicleState) -> Result[Task]:
-        """Return what a vehicle has to do for a leg, or why it may not."""
+        """Return the task of a vehicle for a leg, or why the vehicle may not fly it."""
         frame, fence = self.frames[i], self.fence(i)
         if state.flying and state.has_position:
-            # From elsewhere it would fly there across what is not in the fence.
+            # A vehicle outside the fence would cross space outside it on its way to the cell.
             here = check_take_off(state.lat_deg, state.lon_deg, frame.alt_m, fence)
             if isinstance(here, Rejected):
                 return Rejected(here.code, f"it is elsewhere: {here.reason}")
@@ -97,7 +98,7 @@ class FlightPlan:
     ) -> dict[int, MissionPlan]:
         """Return the missions of these vehicles, for their tracks and homes.
 
-        Of several each holds over home at its end, for the others to be out of its way.
+        If there are several, each holds over home at its end until the others are out of its way.
         """
         flown = list(tracks)
         several = len(flown) > 1
@@ -112,12 +113,12 @@ class FlightPlan:
             path = [tuple(cell) for cell in without_repeats(tracks[i][0]).tolist()]
             spaces = track_spaces(frame, path, place_of(frame, home.lat_deg, home.lon_deg))
             task = mission_task(mission, self.fence(i), autopilot, holds_over_home=several)
-            # Where it descends nobody passes below.
+            # The spaces contain no descents: a mission has none where another vehicle passes below.
             plans[i] = MissionPlan(task, tuple(spaces))
         return plans
 
     def way_home(self, i: int, state: VehicleState) -> GoTo | None:
-        """Return the way home at a vehicle's altitude; None if home is not known or not allowed."""
+        """Return the way home at a vehicle's altitude; None if home is unknown or not allowed."""
         if state.home is None:
             return None
         lat_deg, lon_deg, _ = state.home
@@ -132,7 +133,7 @@ def layered(frame: GridFrame, settings: BridgeSettings, vehicles: int) -> list[G
     """Return the grid at the altitude of each vehicle.
 
     Raises:
-        FieldError: If there is not room for all between the altitudes that are allowed.
+        FieldError: If the vehicles do not all fit between the allowed altitudes.
     """
     if len(settings.altitudes) == vehicles:
         return [replace(frame, alt_m=alt_m) for alt_m in settings.altitudes]

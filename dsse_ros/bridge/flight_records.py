@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Who has each vehicle, in a file for each of them: for a bridge that is started again."""
+"""Files that record who has each vehicle, one per vehicle, for a restarted bridge."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from dsse_ros.bridge.custody import Custody
 from dsse_ros.bridge.vehicle_custody import FlightRecord, SearchId
 
 UNREADABLE = FlightRecord(custody=Custody.TAKEN)
-"""Of a vehicle whose file makes no sense: a person has to look at it."""
+"""Record of a vehicle whose file cannot be parsed: a person has to look at it."""
 
 
 def default_directory() -> Path:
-    """Return where ROS programs keep what is theirs: ROS_HOME, by default ~/.ros."""
+    """Return `dsse_ros` in ROS_HOME, by default in ~/.ros."""
     return Path(os.environ.get("ROS_HOME") or Path.home() / ".ros") / "dsse_ros"
 
 
 class FlightRecords:
-    """The records of vehicles, by their system ids; they outlast searches and programs.
+    """The records of vehicles, by system id; they outlast searches and programs.
 
     Args:
-        directory: Where the files are; made if it is not there.
-        system_ids: Of the vehicles.
+        directory: Directory of the files; created if it does not exist.
+        system_ids: System ids of the vehicles.
 
     Attributes:
-        unreadable: Files that make no sense.
+        unreadable: Files that cannot be parsed.
 
     Raises:
         OSError: If a file cannot be read or written.
@@ -51,7 +51,7 @@ class FlightRecords:
             for system_id in system_ids:
                 self._lock(system_id)
                 self._records[system_id] = self._read(system_id)
-                # That it cannot be written is known before anything flies.
+                # Fail before anything flies if the file cannot be written.
                 self._write(system_id)
         except BaseException:
             self.close()
@@ -61,10 +61,10 @@ class FlightRecords:
         return self._records[system_id]
 
     def update(self, records: Mapping[int, FlightRecord]) -> None:
-        """Keep what is new.
+        """Write the records that have changed.
 
         Raises:
-            OSError: If a file cannot be written; what is new is kept for the next time.
+            OSError: If a file cannot be written; the next call tries again.
         """
         for system_id, record in records.items():
             before = self._records[system_id]
@@ -77,7 +77,7 @@ class FlightRecords:
                     raise
 
     def close(self) -> None:
-        """Leave the vehicles to other programs."""
+        """Release the locks, so that other programs can have the vehicles."""
         for lock in self._locks:
             os.close(lock)
         self._locks.clear()

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Which search the vehicles follow, and what is known of it; without ROS and without a clock."""
+"""The search that the vehicles follow, and its messages; without ROS and without a clock."""
 
 from __future__ import annotations
 
@@ -16,44 +16,45 @@ from msg_adapters.agents import AgentsInfo
 from msg_adapters.track_missions import Leg
 
 MISSION_REPORT_S = 5.0
-"""Time in which the report of a mission comes that is over."""
+"""Time within which the report of a finished mission should come."""
 
 
 Identity = tuple[int, int]
 """run_id and mission."""
 _KEPT = 4
-"""Searches of which reports are kept."""
+"""Number of searches whose reports are kept."""
 
 
 class News(Enum):
-    """What has become known of the search."""
+    """What is new about the search."""
 
     BEGUN = auto()
-    """Another mission is followed, or the same one from its start: `info` says which."""
+    """Another mission is followed, or the same one from its start: see `info`."""
     STEP = auto()
     """There are new `legs`."""
     TRACKS = auto()
-    """The mission is over, and there are its `tracks` and `final_legs`."""
+    """The mission is over, and its `tracks` and `final_legs` are available."""
 
 
 class FollowedSearch:
-    """The messages of searches, in any order, and the one mission of them that is followed.
+    """Takes the messages of searches, in any order, and chooses the one mission to follow.
 
-    After each message the caller takes `next_news` until there is none: what comes of a message may
-    depend on what the caller makes of the news before, see `fail`.
+    After each message the caller calls `next_news` until it returns None. The effect of a message
+    may depend on how the caller handles earlier news, see `fail`.
 
     Args:
         vehicles: Number of drones that the search must have; None for any.
-        whole: Whether the tracks of the whole mission are wanted, once it is over.
-        refuse: Returns why a search of another simulation is not followed now, empty if it may be.
+        whole: Whether to wait for the tracks of the whole mission, once it is over.
+        refuse: Returns why a search of another simulation may not be followed now; empty if it may.
 
     Attributes:
-        info: The mission that is followed; None before the first.
-        legs: What its last step asks of each vehicle; empty before the first.
-        final_legs: What the end of the mission asks of them, with its `tracks`.
-        tracks: (steps + 1, N) report of the whole mission; None if it is not wanted or not there.
-        foreign: Why the latest agents are not followed; empty if they are.
-        confirmed: Whether its agents have come since the simulations last changed.
+        info: The followed mission; None before the first.
+        legs: Leg of each vehicle for the last step; empty before the first.
+        final_legs: Leg of each vehicle at the end of the mission, set with `tracks`.
+        tracks: (steps + 1, N) report of the whole mission; None if it has not come or `whole` is
+            False.
+        foreign: Why the search of the latest `agents` is not followed; empty if it is.
+        confirmed: Whether `agents` of this mission have come since simulations last came or went.
     """
 
     def __init__(
@@ -75,14 +76,14 @@ class FollowedSearch:
         self._unflyable = ""
         self._followed_step: int | None = None
         self._over_since_s: float | None = None
-        # The latest agents that are not followed yet, and reports, which may come before theirs.
+        # The latest agents that are not followed yet, and reports, which may come before agents.
         self._other: AgentsInfo | None = None
         self._reports: dict[Identity, tuple[int, NDArray[Any]]] = {}
         self._mission_reports: dict[Identity, tuple[int, NDArray[Any]]] = {}
         self._look_at_step = self._look_at_tracks = False
 
     def take_agents(self, info: AgentsInfo) -> None:
-        """Take who searches in which mission."""
+        """Take an `agents` message: the mission and its drones."""
         self._look_at_step = self._look_at_tracks = True
         if self.info is not None and _identity(info) == _identity(self.info):
             self.info, self._other, self.foreign = info, None, ""
@@ -95,26 +96,26 @@ class FollowedSearch:
         self._look_at_step |= _keep(self._reports, stamp_ns, report)
 
     def take_mission_report(self, stamp_ns: int, report: NDArray[Any]) -> None:
-        """Take the report (steps + 1, N) of a mission that is over, with its stamp."""
+        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
         self._look_at_tracks |= _keep(self._mission_reports, stamp_ns, report)
 
     def doubt(self) -> None:
-        """Take note that simulations have come or gone: this one's, or one not followed."""
+        """Require new `agents`, because a simulation has come or gone."""
         self._other, self.foreign, self.confirmed = None, "", False
 
     def fail(self, why: str) -> bool:
-        """Follow the mission no further, as it cannot be flown; returns whether that is new."""
+        """Stop following the mission, which cannot be flown; returns whether the reason is new."""
         new = why != self._unflyable
         self._unflyable = why
         return new
 
     @property
     def commanded(self) -> bool:
-        """Whether the drones of the search have been commanded: somebody plans it."""
+        """Whether the drones of the search have been commanded, so that a planner is running."""
         return self.info is not None and (self.info.commanded or (self._followed_step or 0) > 0)
 
     def trouble(self, now_s: float) -> str:
-        """Return why the vehicles cannot do what they are for; empty if they can."""
+        """Return why the vehicles cannot fly the search; empty if they can."""
         if self.foreign or self._unflyable:
             return self.foreign or self._unflyable
         missing = self._whole and self.tracks is None and self._over_since_s is not None
@@ -123,7 +124,7 @@ class FollowedSearch:
         return ""
 
     def next_news(self, now_s: float) -> News | None:
-        """Return what is new, one after the other; None if nothing is.
+        """Return the next news, None if there is none.
 
         Args:
             now_s: Time on the clock of `trouble`.
@@ -137,7 +138,7 @@ class FollowedSearch:
             return None
         if self._look_at_step:
             news = self._news_of_step(self.info, now_s)
-            # The other one is about what comes before the step itself.
+            # A mission that begins anew is reported before its step, so look at the step again.
             self._look_at_step = news is News.BEGUN
             if news is not None:
                 return news
@@ -147,7 +148,7 @@ class FollowedSearch:
         return None
 
     def _why_not(self, info: AgentsInfo) -> str:
-        """Return why a search is not followed, empty if it may be."""
+        """Return why a search may not be followed; empty if it may."""
         count = len(info.agents)
         if self._vehicles not in (None, count):
             return f"{self._vehicles} vehicles for {count} drones: nothing is flown"
@@ -171,7 +172,7 @@ class FollowedSearch:
             return None
         step = int(report["step"][0])
         if self._followed_step is not None and step < self._followed_step:
-            # A simulation with a fixed run_id was started anew.
+            # A simulation with a fixed run_id has restarted.
             self._mission_reports.pop(_identity(info), None)
             return self._begin(info)
         self._followed_step = step
@@ -193,7 +194,7 @@ class FollowedSearch:
         return News.TRACKS
 
     def track(self, drone: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Return the cells (K, 2) of a drone, and flags (K,) of those it has searched."""
+        """Return the cells (K, 2) of a drone, and flags (K,) of those that it has searched."""
         assert self.tracks is not None and self.info is not None
         track = self.tracks[:, drone]
         cells = np.stack([track["col"], track["row"]], axis=1).astype(np.int64)
@@ -207,7 +208,7 @@ def _identity(info: AgentsInfo) -> Identity:
 def _keep(
     reports: dict[Identity, tuple[int, NDArray[Any]]], stamp_ns: int, report: NDArray[Any]
 ) -> bool:
-    """Keep a report as the last one of its search; returns whether it is one."""
+    """Keep a report as the latest of its search; returns False if it is empty."""
     if not report.size:
         return False
     first = report.flat[0]

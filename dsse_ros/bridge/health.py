@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How well the bridge is, in one line: what keeps its vehicles from flying the search."""
+"""Health of the bridge in one line: what keeps its vehicles from flying the search."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ def health(
     holding: bool,
     trouble: str,
 ) -> tuple[Level, str]:
-    """Return the level, and the line for people.
+    """Return the level and the line to show.
 
     Args:
-        vehicles: How many there are.
-        named: Names of those that do not do what their drones did, by the reason in a word;
+        vehicles: Number of vehicles.
+        named: Names of the vehicles that do not follow their drones, by reason, which is one word;
             `unreachable` for a connection that cannot be used.
-        following: Whether there is a search.
-        alive: Whether a simulation is there.
-        holding: Whether the vehicles hold, as no steps come.
-        trouble: Why none can be flown; empty if they can.
+        following: Whether the bridge follows a search.
+        alive: Whether a simulation is running.
+        holding: Whether the vehicles hold because no steps come.
+        trouble: Why no vehicle can fly; empty if they can.
     """
     if trouble:
         return "error", trouble

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Writes each search that is over as mission files, and flies nothing; without ROS."""
+"""Writes each finished search as mission files, and flies nothing; without ROS."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from msg_adapters.agents import AgentsInfo
 
 
 class MissionExporter:
-    """Takes the messages of searches as a `FleetController` does.
+    """Takes the messages of searches, like a `FleetController`.
 
     Args:
-        settings: Where and how the files are written.
-        log: Takes what people should know: a level and a line.
+        settings: Where and how to write the files.
+        log: Takes log lines: a level and a line.
 
     Attributes:
-        search: The search that is followed.
+        search: The followed search.
         finished: Whether the files of the search are written.
     """
 
@@ -37,7 +37,7 @@ class MissionExporter:
         self.finished = False
 
     def take_agents(self, info: AgentsInfo, now_s: float) -> None:
-        """Take who searches in which mission."""
+        """Take an `agents` message: the mission and its drones."""
         self.search.take_agents(info)
         self.turn(now_s)
 
@@ -47,20 +47,20 @@ class MissionExporter:
         self.turn(now_s)
 
     def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (steps + 1, N) of a mission that is over, with its stamp."""
+        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
         self.search.take_mission_report(stamp_ns, report)
         self.turn(now_s)
 
     def set_publishers(self, count: int) -> bool:
-        """Take how many nodes publish `step_report`, which makes no difference here."""
+        """Ignore the number of nodes that publish `step_report`; returns False."""
         return False
 
     def trouble(self, now_s: float) -> str:
-        """Return why no files can be written; empty if they can."""
+        """Return why the files cannot be written; empty if they can."""
         return self.search.trouble(now_s)
 
     def turn(self, now_s: float) -> None:
-        """Write what there is to be written."""
+        """Write the files if a mission has finished."""
         while (news := self.search.next_news(now_s)) is not None:
             if news is News.BEGUN:
                 self.finished = False

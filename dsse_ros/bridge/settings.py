@@ -25,16 +25,16 @@ class BridgeSettings(FlightSettings):
 
     mode: str = field(
         "str", "Follow the steps with setpoints, fly the whole search as a mission once it "
-        "is over, or only write that to files.", "guided", choices=MODES,
+        "is over, or only write the missions to files.", "guided", choices=MODES,
     )  # fmt: skip
     num_vehicles: int | None = field(
         "int", "Number of vehicles; by default one for each connection given, else 1.", None,
         low=1, high=250,
     )  # fmt: skip
     connections: tuple[str, ...] = field(
-        "names", "Where the vehicles are, drone0's first, as udpin:HOST:PORT, udpout:HOST:PORT, "
-        "tcp:HOST:PORT, tcpin:HOST:PORT or a serial device with ,BAUD; by default "
-        "udpin:127.0.0.1 at 14550, 14560, ..., of PX4 at 14540, 14541, ...", (),
+        "names", "Connections to the vehicles, drone0's first, as udpin:HOST:PORT, "
+        "udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or a serial device with ,BAUD; by "
+        "default udpin:127.0.0.1 at 14550, 14560, ..., for PX4 at 14540, 14541, ...", (),
     )  # fmt: skip
     system_ids: tuple[int, ...] = field(
         "ints", "System ids of the vehicles; by default 1, 2, ...", (), low=1, high=255
@@ -48,17 +48,17 @@ class BridgeSettings(FlightSettings):
         "to leave messages unsigned.", "",
     )  # fmt: skip
     arm: str = field(
-        "str", "Which searches clear vehicles to be armed: none, so that somebody else does it; "
+        "str", "Which searches clear vehicles to be armed: none, so that somebody else arms them; "
         "the first one that the bridge follows; or, in simulations only, each one.", "false",
         choices=("false", "true", "always"),
     )  # fmt: skip
     speed: float = field(
-        "float", "Ground speed to ask for, 0 for the vehicles' own.", 0.0,
+        "float", "Ground speed to request, 0 for the vehicles' own.", 0.0,
         low=0, high=100, unit="m/s",
     )  # fmt: skip
     altitudes: tuple[float, ...] = field(
-        "floats", "Flight altitudes above home, one for each vehicle, or that of the first one, "
-        "below which the others fly by altitude_step; by default the search's.", (),
+        "floats", "Flight altitudes above home, one for each vehicle, or one for the first; the "
+        "others then fly altitude_step below each other. By default the search's.", (),
         low=1, high=20000, unit="m",
     )  # fmt: skip
     fence_margin: float = field(
@@ -66,12 +66,12 @@ class BridgeSettings(FlightSettings):
         low=0, high=1e6, unit="m",
     )  # fmt: skip
     fence_center: tuple[float, float] | None = field(
-        "vector", "Latitude and longitude of the middle of the fence; by default that of the first "
-        "search that is followed, for as long as the bridge runs.", None,
+        "vector", "Latitude and longitude of the middle of the fence; by default the middle of the "
+        "first search that the bridge follows, for as long as it runs.", None,
     )  # fmt: skip
     fence_radius: float = field(
-        "float", "How far from the middle of the fence vehicles may be and take off, and searches "
-        "may lie.", 5000.0, low=1, high=1e6, unit="m",
+        "float", "Distance from the middle of the fence within which vehicles must be and take "
+        "off, and searches must lie.", 5000.0, low=1, high=1e6, unit="m",
     )  # fmt: skip
     min_altitude: float = field(
         "float", "Lowest altitude above home to send a vehicle to.", 10.0,
@@ -85,12 +85,12 @@ class BridgeSettings(FlightSettings):
         "str", "What a vehicle does when its drone's search is over.", "return", choices=ENDS
     )
     planner_timeout: float = field(
-        "float", "Wall time without a step, all vehicles waiting for it, after which they hold; "
-        "0 for never.", 30.0, low=0, high=1e6, unit="s",
+        "float", "Wall time without a step, with all vehicles waiting for one, after which they "
+        "hold; 0 for never.", 30.0, low=0, high=1e6, unit="s",
     )  # fmt: skip
     link_timeout: float = field(
-        "float", "Wall time without a heartbeat after which a vehicle is silent: nothing but "
-        "heartbeats is sent to it until they come again.", 5.0, low=1, high=3600, unit="s",
+        "float", "Wall time without a heartbeat after which a vehicle is silent: the bridge sends "
+        "it heartbeats only, until its own return.", 5.0, low=1, high=3600, unit="s",
     )  # fmt: skip
     lost_timeout: float = field(
         "float", "Wall time without a heartbeat after which a vehicle is lost for the rest of the "
@@ -101,8 +101,8 @@ class BridgeSettings(FlightSettings):
         "fence and be ready to be armed.", 300.0, low=1, high=1e6, unit="s",
     )  # fmt: skip
     setpoint_rate: float = field(
-        "float", "PX4: rate of setpoints in wall time, of which the vehicle needs more than two in "
-        "a second of its own.", 5.0, above=2, high=200, unit="Hz",
+        "float", "PX4: rate of setpoints in wall time; the vehicle needs more than two in a second "
+        "of its own clock.", 5.0, above=2, high=200, unit="Hz",
     )  # fmt: skip
     pose_rate: float = field(
         "float", "Rate of vehicle_pose and vehicle_fix in wall time.", 5.0,
@@ -110,12 +110,12 @@ class BridgeSettings(FlightSettings):
     )  # fmt: skip
     export_directory: str = field("str", "Where mode export writes its files.", ".")
     state_directory: str = field(
-        "str", "Where is kept, by system id, who has each vehicle, for a bridge that is started "
-        "again; by default dsse_ros in ROS_HOME, or in ~/.ros.", "",
+        "str", "Directory that records, by system id, who has each vehicle, for a restarted "
+        "bridge; by default dsse_ros in ROS_HOME, or in ~/.ros.", "",
     )  # fmt: skip
     exit_at_end: bool = field(
-        "bool", "Whether the bridge ends once the search is over and its vehicles have done what "
-        "at_end says, or the files are written.", False,
+        "bool", "Whether the bridge ends once the search is over and its vehicles have carried "
+        "out at_end, or the files are written.", False,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -127,7 +127,7 @@ class BridgeSettings(FlightSettings):
             if given not in ({0, count} if each else {0, 1, count}):
                 raise FieldError(f"{name}: {given} are not allowed; one for each of {count}")
         for system_id in self.system_ids:
-            # Who has a vehicle is kept by that.
+            # The records of the vehicles are kept by system id.
             if (number := self.system_ids.count(system_id)) > 1:
                 raise FieldError(f"system_ids: {system_id} is of {number} vehicles; one each")
         if self.fence_center is not None:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle has to do for a leg of its drone, or for its whole track, within the fence."""
+"""Tasks of a vehicle: for a leg of its drone, or for its whole track, within the fence."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Task = GoTo | Search | FlyMission
 
 
 class LegSettings(Protocol):
-    """How legs are flown."""
+    """Settings for flying legs."""
 
     @property
     def acceptance_radius(self) -> float:
-        """Distance from the centre of a cell, m."""
+        """Distance from the centre of a cell at which the vehicle has arrived, m."""
 
     @property
     def search_altitude(self) -> float:
@@ -32,17 +32,17 @@ class LegSettings(Protocol):
 
     @property
     def search_hold(self) -> float:
-        """How long it holds there, s."""
+        """Time to hold at the search altitude, s."""
 
 
 def leg_task(leg: Leg, frame: GridFrame, settings: LegSettings, fence: Fence) -> Result[Task]:
-    """Return what a vehicle has to do for a leg, or why it may not.
+    """Return the task of a vehicle for a leg, or why the vehicle may not fly it.
 
     Args:
         leg: The leg.
         frame: The grid, at the vehicle's flight altitude.
-        settings: How it is flown.
-        fence: Where it may be.
+        settings: How to fly the leg.
+        fence: Where the vehicle may be.
     """
     lat_deg, lon_deg, _ = cell_to_geodetic(frame, *leg.cell, frame.alt_m)
     search_alt_m = min(settings.search_altitude, frame.alt_m)
@@ -61,20 +61,20 @@ def leg_task(leg: Leg, frame: GridFrame, settings: LegSettings, fence: Fence) ->
 def mission_task(
     mission: Mission, fence: Fence, autopilot: Autopilot, *, holds_over_home: bool = False
 ) -> Result[Task]:
-    """Return the order to fly a mission, or why it may not be flown.
+    """Return the order to fly a mission, or why the vehicle may not fly it.
 
     Args:
         mission: The mission.
         fence: Where the vehicle may be.
-        autopilot: Which one it has.
-        holds_over_home: Whether the last item but one holds over home.
+        autopilot: Autopilot of the vehicle.
+        holds_over_home: Whether the second to last item is a hold over home.
     """
     checked = check_mission(mission.numbered(autopilot.name), fence, autopilot.name)
     if isinstance(checked, Rejected):
         return checked
     items = checked.value
     if not autopilot.keeps_item_radius:
-        # It has one radius for all waypoints, and returns 0 for that of an item.
+        # This autopilot has one radius for all waypoints, and reads items back with a radius of 0.
         items = tuple(
             replace(item, param2=0.0) if item.command == NAV_WAYPOINT else item for item in items
         )

@@ -1,9 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Who has one vehicle, from what it reports, from searches and from persons.
+"""Custody of one vehicle, from what it reports, from searches and from persons.
 
-The states are those of `custody`; here the events are recognised. What must outlast the program is
-the `FlightRecord`.
+This module recognises the events of `custody`. The `FlightRecord` is what must outlast the program.
 """
 
 from __future__ import annotations
@@ -21,22 +20,23 @@ from dsse_ros.flight.vehicle_state import VehicleState
 SearchId = tuple[int, int]
 """run_id and mission."""
 Arm = Literal["false", "true", "always"]
-"""Which searches clear a vehicle: the first one, to be armed by a person or by us, or each one."""
+"""Which searches clear a vehicle: the first one, and a person arms it (`false`) or the bridge does
+(`true`), or each one (`always`)."""
 
 
 @dataclass(frozen=True)
 class FlightRecord:
-    """What must be known of a vehicle when the program is started again.
+    """What a restarted program must know about a vehicle.
 
     Attributes:
         custody: Who has it.
-        search: The search that this is about; None for the next one.
+        search: The search that the record belongs to; None for the next one.
         flown: Whether it has been in the air for that search.
-        lost: Why it does not follow its drone in that search any more; empty if it does.
-        arm: While it is cleared, whether it may be armed by us.
-        modes: While it is cleared, modes that may be changed on the ground: see `TakeOff`.
+        lost: Why it no longer follows its drone in that search; empty if it does.
+        arm: While it is cleared, whether the bridge may arm it.
+        modes: While it is cleared, modes that the bridge may change on the ground: see `TakeOff`.
         end: While it is recalled, `return` or `land`.
-        mode: While we fly it, the mode in which it was seen last.
+        mode: While the bridge flies it, the last reported mode.
         alt_m: Altitude above home to which it takes off for that search.
         arming_s: While it is cleared, when it was ordered to arm and take off, on the machine's
             steady clock; 0 if it was not.
@@ -55,37 +55,38 @@ class FlightRecord:
 
 
 COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
-"""Modes in which a vehicle comes down by itself, by what an operator calls that."""
+"""Modes in which a vehicle comes down by itself, by the operator's command."""
 _ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
 CONTINUES = ("", "offboard", "radio", "gcs")
-"""Failsafes after which an autopilot that stays in our mode goes on, or is brought back to it."""
+"""Failsafes after which the bridge goes on with an autopilot that stays in its mode, or brings it
+back to that mode."""
 FOREIGN_S = 5.0
-"""How long a vehicle without an order may be in a mode that is not one of its state."""
+"""How long a vehicle without an order may be in a mode that does not fit its state."""
 SELF_DISARMING_S = 8.0
-"""Within this time an autopilot on the ground does not disarm itself again: ArduCopter's
-DISARM_DELAY and PX4's COM_DISARM_PRFLT are 10 s."""
+"""Time for which an autopilot on the ground does not disarm itself: ArduCopter's DISARM_DELAY and
+PX4's COM_DISARM_PRFLT are 10 s."""
 RISEN_M = 3.0
-"""How far below the altitude of its take-off a vehicle has taken off."""
+"""Distance below its take-off altitude from which a vehicle counts as having taken off."""
 
 
 class VehicleCustody:
     """Recognises the events of a vehicle, and keeps its record.
 
     Args:
-        autopilot: Which autopilot it has.
+        autopilot: Autopilot of the vehicle.
         arm: See `Arm`.
-        record: What is known of it.
+        record: Its record so far.
         at_end: What it does when its search is over: `return`, `land` or `hold`.
-        whole: Whether searches are flown as missions, which land by themselves.
-        changed: Called after each change of state but lift-off: orders of before are void.
+        whole: Whether the vehicle flies searches as missions, which land by themselves.
+        changed: Called after each change of state except lift-off: earlier orders are void.
 
     Attributes:
-        record: What must be known of it when the program is started again.
+        record: What a restarted program must know about the vehicle.
         authority: Number of its latest clearance: see `VehicleController.give`.
-        search: The search that is followed; None for none.
-        over: Whether nothing is left in that search for this vehicle.
+        search: The followed search; None for none.
+        over: Whether this vehicle has nothing left to do in that search.
         alt_m: Altitude above home to which it takes off in that search.
-        seen: What the vehicle reported last.
+        seen: State that the vehicle reported last.
     """
 
     def __init__(
@@ -112,10 +113,10 @@ class VehicleCustody:
         self._automatic = False
         self._inherited = record.custody
         self._left_arming_s = record.arming_s
-        # Armed for a take-off that an earlier program may not have commanded.
+        # Whether it is armed for a take-off that an earlier program may not have commanded.
         self._idles = False
-        # Up to which number it is known whether somebody else has ended an order, now and at the
-        # latest clearance.
+        # The highest number of an order for which it is known whether somebody else has ended it,
+        # now and at the latest clearance.
         self._number = self._cleared_number = 0
         self._foreign_since_s: float | None = None
 
@@ -131,12 +132,12 @@ class VehicleCustody:
 
     @property
     def lost(self) -> str:
-        """Why the vehicle does not follow its drone any more; empty if it does."""
+        """Why the vehicle no longer follows its drone; empty if it does."""
         return self.record.lost if self.record.search == self.search else ""
 
     @property
     def is_out(self) -> bool:
-        """Whether the search that is followed goes on without it, or there is none."""
+        """Whether the followed search goes on without it, or there is no search."""
         return self.search is None or self.over or bool(self.lost)
 
     @property
@@ -169,14 +170,14 @@ class VehicleCustody:
             self._join(self.search)
 
     def lose(self, why: str) -> None:
-        """Have the search go on without it, unless it is over for it."""
+        """Continue the search without this vehicle, unless it has nothing left to do there."""
         if not self.is_out and self.record.search == self.search:
             self.record = replace(self.record, lost=why)
 
     # Searches
 
     def begin(self, search: SearchId, alt_m: float, *, first: bool) -> None:
-        """Follow a search; the first one of this program may clear the vehicle."""
+        """Follow a search; with `first`, the first of this program, it may clear the vehicle."""
         self.search, self.alt_m, self.over = search, alt_m, False
         self._automatic = first or self._arm == "always"
         if self.record.search == search:
@@ -197,10 +198,10 @@ class VehicleCustody:
     # Persons
 
     def clear(self, *, alone: bool = False) -> str:
-        """Clear it to fly, as a person has asked; returns why not, empty if it is cleared.
+        """Clear it to fly for an operator; returns why not, empty if it is cleared.
 
         Args:
-            alone: Whether that is about this vehicle alone, not about all of a fleet.
+            alone: Whether the operator has cleared this vehicle alone, not the whole fleet.
         """
         custody, seen = self.state, self.seen
         released = custody is Custody.RELEASED and alone and not self.is_out
@@ -216,13 +217,13 @@ class VehicleCustody:
                 return "coming down: clear it once it is down"
             self.lose(self.holder)
             return f"in the air, {self.holder}: clear it once it is down"
-        # The person has seen in which mode it is.
+        # The operator has seen its mode, so the bridge may change that mode.
         self._clear(arm=True, modes=(seen.mode,))
         return ""
 
     def _clear(self, *, arm: bool, modes: Iterable[str] = ()) -> None:
         self.on(Event.CLEAR)
-        # Of a search that is over for it, the next one is meant.
+        # If the search is over for it, the clearance is for the next one.
         search = None if self.over else self.search
         self.record = replace(
             self.record, search=search, alt_m=self.alt_m, lost="", arm=arm, modes=tuple(modes)
@@ -238,7 +239,7 @@ class VehicleCustody:
         self.record = replace(self.record, flown=True)
 
     def clear_automatically(self) -> None:
-        """Clear it as the parameter says, if that counts for this search."""
+        """Clear it according to the parameter `arm`, if that applies to this search."""
         seen, custody, always = self.seen, self.state, self._arm == "always"
         if not self._automatic or not seen.connected or seen.problem or self.is_out:
             return
@@ -259,11 +260,11 @@ class VehicleCustody:
             self._automatic = custody is Custody.FAILSAFE
             self.lose(self.holder)
         elif always and custody in (Custody.HELD, Custody.RECALLED):
-            # Whatever becomes of it, it was not free as the search began.
+            # It was not free when the search began, so this search cannot clear it later.
             self._automatic = False
 
     def ground(self) -> str:
-        """Keep it on the ground, as a person has asked; returns why not, empty if it stays."""
+        """Keep it on the ground for an operator; returns why not, empty if it stays."""
         if self.airborne or self.seen.flying:
             return "in the air: hold it, or have it return or land"
         self.lose("kept on the ground by the operator")
@@ -271,7 +272,7 @@ class VehicleCustody:
         return ""
 
     def operate(self, what: str) -> str:
-        """Have it `hold`, `return` or `land`; returns why it does not, empty if it does."""
+        """Make it `hold`, `return` or `land`; returns why not, empty if it does."""
         if self.state in (Custody.TAKEN, Custody.FAILSAFE, Custody.RELEASED):
             return self.holder
         if self.state is Custody.CLEARED and self.seen.armed:
@@ -293,17 +294,18 @@ class VehicleCustody:
     # The vehicle
 
     def observe(self, state: VehicleState, outcome: Outcome, *, takes_off: bool) -> None:
-        """See who has the vehicle.
+        """Recognise who has the vehicle.
 
         Args:
-            state: What it reports.
-            outcome: What has become of the order given last.
+            state: Its reported state.
+            outcome: Outcome of the last order.
             takes_off: Whether it was ordered to take off.
         """
         before, self.seen = self.seen, state
         ended = outcome.status in ("taken_over", "failsafe")
         self._number = outcome.number if ended else outcome.number - 1
-        # Who clears it knows that, but not what will end the order that is still under way.
+        # A clearance takes earlier ends of orders into account, but not how an order that is still
+        # under way will end.
         ours = self.airborne or self.state is Custody.CLEARED
         if ours and outcome.number > self._cleared_number:
             if outcome.status == "taken_over":
@@ -315,7 +317,7 @@ class VehicleCustody:
         self._observe_without_order(state, outcome)
         named = state.failsafe not in ("", "critical", "offboard")
         if named and self.record.lost == "critical failsafe":
-            # Its cause is reported after its effect.
+            # The autopilot reports the cause of the failsafe after its effect.
             self.record = replace(self.record, lost=f"{state.failsafe} failsafe")
         if state.connected and state.mode:
             ordered = outcome.order is not None or not self.airborne
@@ -326,13 +328,13 @@ class VehicleCustody:
             if self.record.arming_s and not (takes_off and self.state is Custody.CLEARED):
                 self.record = replace(self.record, arming_s=0.0)
             mode = state.mode if self.airborne else ""
-            # A mode that another has set is not recorded before it is known who has.
+            # Do not record a mode that somebody else has set before it is known who has.
             ours = not mode or (known and self._is_ours(mode, outcome))
             if ours and mode != self.record.mode:
                 self.record = replace(self.record, mode=mode)
 
     def _is_ours(self, mode: str, outcome: Outcome) -> bool:
-        """Return whether it may be in a mode because of an order of ours."""
+        """Return whether an order of the bridge may have caused a mode."""
         autopilot, order = self._autopilot, outcome.order
         if self._whole:
             return True
@@ -340,19 +342,19 @@ class VehicleCustody:
         if self.record.mode == autopilot.take_off_mode:
             climbs |= self.seen.alt_m < self.record.alt_m - RISEN_M
         if climbs and autopilot.take_off_mode and mode == autopilot.resting_mode:
-            # Short of its top a person has set that.
+            # Before the top of the climb, only a person can have set this mode.
             return False
         coming_down: Collection[str] = ()
         if isinstance(order, Return | Land):
             coming_down = ["RTL" if isinstance(order, Return) else "LAND"]
         elif order is None and self.state in (Custody.ENDING, Custody.RECALLED):
-            # The order of an earlier program.
+            # An earlier program may have given the order.
             coming_down = COMING_DOWN.values()
         before = () if self.record.mode in coming_down else autopilot.take_off_modes
         return mode in coming_down or mode in before
 
     def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
-        """See whether somebody else has what an earlier program has flown."""
+        """Recognise that somebody else has a vehicle that an earlier program flew."""
         usual = self._autopilot.take_off_modes
         if self.state in (Custody.ENDING, Custody.RECALLED) or self._whole:
             usual |= self._autopilot.landed_modes
@@ -368,10 +370,10 @@ class VehicleCustody:
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
 
     def _observe_since_record(self, state: VehicleState) -> bool:
-        """See whether somebody else has changed the mode that an earlier program saw last.
+        """Recognise that somebody else has changed the mode since an earlier program recorded it.
 
         Returns:
-            Whether that is known.
+            Whether that can be decided already.
         """
         autopilot, record = self._autopilot, self.record
         if self._whole or not state.armed or record.mode in ("", state.mode):
@@ -379,14 +381,14 @@ class VehicleCustody:
         brought_about: frozenset[str] = autopilot.orderly_modes
         going = record.mode in autopilot.take_off_modes - {autopilot.resting_mode}
         if going and state.failsafe:
-            # One that has missed setpoints may have left the guided mode for any of these.
+            # After missed setpoints the vehicle may have left the guided mode for any of these.
             brought_about |= autopilot.setpoint_loss_modes
         elif self._inherited is Custody.FOLLOWING and not going:
-            # It was armed for its take-off.
+            # The vehicle was armed for its take-off, so the take-off can have changed the mode.
             brought_about |= autopilot.take_off_modes
         elif record.mode == autopilot.guided_mode and not self._holds:
             brought_about = frozenset({autopilot.guided_mode})
-        # The order of that program goes by what it has recorded.
+        # The record of the earlier program shows which order it gave.
         if self._inherited is Custody.RECALLED:
             ordered = {COMING_DOWN[record.end or "return"]}
             brought_about = brought_about | ordered if going else frozenset(ordered)
@@ -408,12 +410,12 @@ class VehicleCustody:
 
     @property
     def _holds(self) -> bool:
-        """Whether an earlier program may have had it hold."""
+        """Whether an earlier program may have ordered it to hold."""
         at_end = self._inherited is Custody.ENDING and self._at_end == "hold"
         return at_end or self._inherited is Custody.HELD
 
     def rest(self) -> None:
-        """Record that it is ordered to hold, as the program ends."""
+        """Record, as the program ends, that it is ordered to hold."""
         if self.state is Custody.FOLLOWING and self.record.mode == self._autopilot.guided_mode:
             self.record = replace(self.record, mode=self._autopilot.resting_mode)
 
@@ -435,16 +437,16 @@ class VehicleCustody:
         self.record = replace(self.record, arming_s=now_s)
 
     def _observe_left_arming(self, state: VehicleState) -> None:
-        """See what has become of a vehicle that an earlier program ordered to arm at its end."""
+        """Recognise the outcome for a vehicle that an earlier program ordered to arm at its end."""
         left_s, self._left_arming_s = self._left_arming_s, 0.0
         if not left_s or self.state is not Custody.CLEARED:
             return
         if not state.armed:
-            # Nobody has seen who has disarmed it.
+            # Nobody knows who disarmed it.
             self.lose("disarmed while no bridge was there")
             self.on(Event.TAKE_OVER)
         elif (
-            # Later it has disarmed itself, and somebody else has armed it.
+            # After this time it would have disarmed itself, so somebody else must have armed it.
             0.0 <= state.heard_s - left_s < SELF_DISARMING_S
             and state.mode in self._autopilot.take_off_modes
         ):
@@ -464,6 +466,6 @@ class VehicleCustody:
         elif self.airborne or self.state in _ENDS_ON_THE_GROUND or before.armed:
             if self.state is Custody.FOLLOWING and not self._whole:
                 self.lose("on the ground again before the end of the search")
-            # By itself or by a person: nobody knows.
+            # Nobody knows whether an idling vehicle disarmed itself or a person did.
             self.on(Event.TAKE_OVER if self._idles else Event.DOWN)
             self._idles = False

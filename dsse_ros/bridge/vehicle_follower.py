@@ -1,8 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Which order a drone's vehicle gets next, without ROS, links and clocks.
+"""Chooses the next order of a drone's vehicle, without ROS, links and clocks.
 
-Its `VehicleCustody` says who has it and which orders are allowed; this says which one is wanted.
+`VehicleCustody` decides who has the vehicle and which orders are allowed; this module decides which
+order is wanted.
 """
 
 from __future__ import annotations
@@ -40,36 +41,36 @@ from msg_adapters.result import Accepted, Rejected, Result
 from msg_adapters.track_missions import Leg
 
 TRIES = 3
-"""How often an order is given that fails."""
+"""How often a failing order is given."""
 RETRY_S = 5.0
 CRITICAL_S = 5.0
-"""Time in which an autopilot that is critical without a reason may recover."""
+"""Time in which an autopilot that is critical without giving a reason may recover."""
 
 _OVER_HOME_M = 15.0
 _ENDS: dict[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
 
 
 class VehicleFollower:
-    """Has one vehicle follow its drone along its legs, one order at a time.
+    """Makes one vehicle follow its drone along its legs, one order at a time.
 
     Args:
-        autopilot: Which autopilot it has.
+        autopilot: Autopilot of the vehicle.
         at_end: What it does when its drone's search is over: return, land or hold.
         join_timeout_s: Time in which it must be able to take off.
         lost_timeout_s: Time without a heartbeat after which it is lost.
         arm: Which searches clear it.
-        whole: Whether the search is flown as one mission, once it is over.
-        record: What is known of it.
+        whole: Whether it flies the search as one mission, once the search is over.
+        record: Its record so far.
 
     Attributes:
         custody: Who has it.
-        leg: What is to be done, None before the first step.
-        arrived: Whether all of it is done.
+        leg: The current leg, None before the first step.
+        arrived: Whether it has done all of the leg.
         refused: Why the task, or the take-off, is refused; empty if it is not.
-        blocked: What keeps it from doing what it should, empty if nothing does.
-        ready: Whether it could take off now but for the others.
+        blocked: What keeps it from doing what it should; empty if nothing does.
+        ready: Whether it could take off now if the other vehicles allow it.
         risen: Whether it has been at its altitude in this search.
-        finished: Whether nothing is left to do in this search.
+        finished: Whether it has nothing left to do in this search.
     """
 
     def __init__(
@@ -110,14 +111,14 @@ class VehicleFollower:
         self.finished = False
         self._task: Task | None = None
         self._holding = False
-        # Whether the search was over when this began; None before its first leg.
+        # Whether the search was already over at the first leg; None before that.
         self._late: bool | None = None
         self._blocked_since_s: float | None = None
         self._forget_order()
 
     def _forget_order(self) -> None:
-        # The order given last, and what it was given for: an order, and the stamp of its leg if it
-        # is to be done for each leg anew.
+        # The last order, and what it was given for: the wanted order, and the stamp of its leg if
+        # each leg needs the order again.
         self._given: Order | None = None
         self._given_for: tuple[Order, int] | None = None
         self._done = False
@@ -133,31 +134,32 @@ class VehicleFollower:
         """Follow a search.
 
         Args:
-            search: Which one.
+            search: The search.
             take_off_alt_m: Altitude above home to take off to.
             fence: Where the vehicle may be, and take off.
-            first: Whether it is the first one of this program, which the parameter may clear.
+            first: Whether it is the first search of this program, for which the parameter `arm`
+                may clear the vehicle.
         """
         self._forget_search()
         self._take_off_alt_m, self._fence = take_off_alt_m, fence
         self.custody.begin(search, take_off_alt_m, first=first)
 
     def leave(self) -> None:
-        """Follow no search: what cannot be flown is over."""
+        """Follow no search: a search that cannot be flown is over."""
         self._forget_search()
         self.custody.leave()
 
     def follow(self, leg: Leg, task: Result[Task] | None) -> None:
-        """Take a leg, and what there is to do for it, in place of the one before.
+        """Replace the leg and its task.
 
         Args:
             leg: The leg.
-            task: What there is to do, or why it may not be done; None if it is not known yet.
+            task: The task, or why the vehicle may not do it; None if it is not known yet.
         """
         before = self.leg
         known = self.has_task or task is None
         if before and known and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
-            # A step that is reported again: its end alone may be new.
+            # The step was reported again: only the end of the search may be new.
             self.leg = leg
             return
         self.leg, self._holding, self.arrived = leg, False, False
@@ -167,22 +169,22 @@ class VehicleFollower:
             self._late = leg.over and not self._whole
 
     def hold(self) -> None:
-        """Have it hold until the next leg."""
+        """Hold until the next leg."""
         self._holding = True
 
     def drop_out(self, why: str) -> None:
-        """Follow the drone no further."""
+        """Stop following the drone."""
         self.custody.lose(why)
         self.custody.on(Event.DROP_OUT)
 
     @property
     def lost(self) -> str:
-        """Why the vehicle does not follow its drone any more; empty if it does."""
+        """Why the vehicle no longer follows its drone; empty if it does."""
         return self.custody.lost
 
     @property
     def arrived_stamp_ns(self) -> int:
-        """Stamp of the leg, if all of it is done; else -1."""
+        """Stamp of the leg if the vehicle has done all of it; else -1."""
         return self.leg.stamp_ns if self.leg is not None and self.arrived else -1
 
     @property
@@ -192,7 +194,7 @@ class VehicleFollower:
 
     @property
     def has_task(self) -> bool:
-        """Whether it is known what there is to do for the leg, even if it is refused."""
+        """Whether the task for the leg is known, even if it is refused."""
         return self._task is not None or bool(self.refused)
 
     @property
@@ -202,7 +204,7 @@ class VehicleFollower:
 
     @property
     def holds_up(self) -> bool:
-        """Whether it has yet to take off, and cannot do so now."""
+        """Whether it still has to take off, but cannot now."""
         return self.is_awaited and not self.ready
 
     @property
@@ -213,17 +215,17 @@ class VehicleFollower:
 
     @property
     def given(self) -> Order | None:
-        """The order given last; None if there is none, or it is void."""
+        """The last order; None if there is none, or it is void."""
         return self._given
 
     @property
     def under_way(self) -> Order | None:
-        """The order that it is carrying out; None if it has done that, or has none."""
+        """The order that it is carrying out; None if it has done it, or has none."""
         return None if self._done else self._given
 
     @property
     def is_awaited(self) -> bool:
-        """Whether it should take off for the search that is followed."""
+        """Whether it should take off for the followed search."""
         custody = self.custody
         return self.leg is not None and not custody.airborne and not custody.is_out
 
@@ -240,11 +242,11 @@ class VehicleFollower:
         """Return the order to give now, None if there is no new one.
 
         Args:
-            state: What the vehicle reports.
-            outcome: What has become of the order given last.
+            state: State that the vehicle reports.
+            outcome: Outcome of the last order.
             now_s: Time on a steady clock, the one of `state.heard_s`.
-            trouble: What is wrong with its link; empty if nothing.
-            clearance: What it may do in view of the others.
+            trouble: What is wrong with its link; empty if nothing is.
+            clearance: What the other vehicles and the search allow it to do.
         """
         clearance = clearance or Clearance()
         self._look(outcome, now_s)
@@ -257,7 +259,7 @@ class VehicleFollower:
         return self._next_order(state, now_s, clearance) if state.connected else None
 
     def _look(self, outcome: Outcome, now_s: float) -> None:
-        """See what has become of the order."""
+        """Handle the outcome of the order."""
         if self._given is None or outcome.order != self._given:
             return
         self._done = outcome.status == "done"
@@ -265,13 +267,13 @@ class VehicleFollower:
             self.arrived = True
         if outcome.status == "failed" and self._failed_s is None:
             self._failed_s = now_s
-            # A mission that is begun again would fly the whole search again.
+            # A mission that is started again would fly the whole search again.
             last = self._tries >= TRIES or outcome.final or isinstance(self._given, FlyMission)
             if last and not self.lost:
                 self.drop_out(f"failed: {outcome.reason}")
 
     def _set_over(self) -> None:
-        """See whether nothing is left in the search for this vehicle."""
+        """Recognise whether this vehicle has nothing left to do in the search."""
         custody, leg = self.custody, self.leg
         if leg is None or not leg.over:
             custody.over = False
@@ -284,7 +286,7 @@ class VehicleFollower:
             custody.over = nothing_left or custody.state is not Custody.FOLLOWING
 
     def _watch(self, state: VehicleState, now_s: float, trouble: str) -> None:
-        """See whether the vehicle cannot go on with its drone, or need not."""
+        """Recognise whether the vehicle cannot follow its drone any further, or need not."""
         custody = self.custody
         self.risen |= state.has_position and state.alt_m > self._take_off_alt_m - RISEN_M
         if self.mission_under_way and self._waits_over_home(state):
@@ -305,20 +307,20 @@ class VehicleFollower:
                 custody.on(Event.FAILSAFE)
 
     def _has_failsafe(self, state: VehicleState, now_s: float) -> bool:
-        """Whether a failsafe has struck that does not end in time."""
+        """Return whether a failsafe, or a lasting critical state, ends following the drone."""
         certain = self._acts_when_critical and state.failsafe != "critical"
         if self._given is None and not (certain and self.custody.airborne):
             return False
         if state.failsafe != "critical":
             self._critical_since_s = None
             return state.failsafe not in CONTINUES
-        # Without a name it may be about to become one of those.
+        # A critical state without a reason may become a named failsafe.
         if self._critical_since_s is None:
             self._critical_since_s = now_s
         return now_s - self._critical_since_s >= CRITICAL_S
 
     def _waits_over_home(self, state: VehicleState) -> bool:
-        """Whether it has flown its mission but for the landing."""
+        """Return whether it has flown its mission except for the landing."""
         task = self._task
         if not isinstance(task, FlyMission) or task.hold_item < 0 or not state.has_position:
             return False
@@ -344,7 +346,7 @@ class VehicleFollower:
         trouble: str,
         clearance: Clearance,
     ) -> None:
-        """See what keeps it from taking off, and wait as long as that may take."""
+        """Recognise what keeps it from taking off; drop out if that takes too long."""
         self.ready = False
         if not self.is_awaited:
             self.blocked, self._blocked_since_s = "", None
@@ -361,7 +363,7 @@ class VehicleFollower:
         self._blocked_since_s = None
         self.ready = self.custody.state is Custody.CLEARED
         if not self.ready:
-            # Persons have all the time that they need.
+            # Waiting for a person has no timeout.
             self.blocked = f"{self.custody.holder}: ~/arm clears it to fly"
         elif clearance.take_off:
             self.blocked = clearance.take_off
@@ -369,7 +371,7 @@ class VehicleFollower:
     def _reason_not_to_fly(
         self, state: VehicleState, outcome: Outcome, because: str
     ) -> tuple[str, str]:
-        """Return what keeps it from taking off, and why; empty if nothing does but persons."""
+        """Return what keeps it from taking off, and why; empty if only a person does."""
         if not state.mode:
             return "no heartbeat", because
         if not state.connected:
@@ -385,7 +387,7 @@ class VehicleFollower:
             return "", ""
         if not self._in_fence(state):
             return "no take-off", f": {self.refused}"
-        # Whether it is ready may depend on the mode, which the order sets.
+        # Readiness may depend on the mode, which `MakeReady` sets.
         prepared = self._done or not isinstance(self._given, MakeReady)
         if not (state.ready and prepared):
             waits = self._given is not None and outcome.reason
@@ -393,7 +395,7 @@ class VehicleFollower:
         return "", ""
 
     def _in_fence(self, state: VehicleState) -> bool:
-        """Return whether its place is one to take off from."""
+        """Return whether it may take off from its position."""
         assert self._fence is not None
         place = (state.lat_deg, state.lon_deg)
         checked = check_take_off(*place, self._take_off_alt_m, self._fence)
@@ -414,7 +416,7 @@ class VehicleFollower:
                 return None
             tries = self._tries + 1
         order = wanted
-        # Who has dropped out, or was recalled, does not wait for others.
+        # A vehicle that has dropped out, or was recalled, does not wait for others.
         if not self.lost and self.custody.state is not Custody.RECALLED:
             admitted = clearance.admit(wanted)
             if isinstance(admitted, str):
@@ -452,7 +454,7 @@ class VehicleFollower:
         arm, modes = self.custody.record.arm, self.custody.record.modes
         refused = bool(self.refused) or not clearance.search_alive
         if refused or clearance.take_off or not (self.ready or self.takes_off):
-            # This also calls off a take-off that has not begun.
+            # This also cancels a take-off that has not begun.
             return MakeReady(arm, modes)
         if not self._whole:
             return TakeOff(self._take_off_alt_m, arm, modes)
@@ -463,10 +465,10 @@ class VehicleFollower:
     def _wanted_in_the_air(self, state: VehicleState) -> Order | None:
         custody = self.custody
         if self._whole or self.leg is None or custody.record.search != custody.search:
-            # A mission has its own end, and goes on without us.
+            # A mission ends by itself, and goes on without the bridge.
             return None
         if isinstance(self._given, TakeOff) and not self._done:
-            # A place to fly to would end the climb.
+            # An order to fly somewhere would end the climb.
             return self._given
         if not state.flying:
             return None
@@ -474,7 +476,7 @@ class VehicleFollower:
 
     def _wanted_at_the_end(self, state: VehicleState, clearance: Clearance) -> Order | None:
         end, home = _ENDS["return" if self._whole else self._at_end], clearance.home
-        # An earlier program may have begun it.
+        # An earlier program may have begun the end.
         begun = self._given_for is not None and self._given_for[0] == end
         begun |= state.mode in COMING_DOWN.values()
         there = self._given_for is not None and self._given_for[0] == home and self._done

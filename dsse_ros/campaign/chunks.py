@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Chunks of missions: how they are played, and how they are kept through kills.
+"""Chunks of missions: plays them, and stores them so that they survive kills.
 
-A chunk is a file that is there as a whole or not at all: it is written beside its place, brought to
-the disk and renamed. So each mission is in the results once, whenever a campaign was killed.
+A chunk is a complete file or no file: it is written under another name, synced to the disk and
+renamed. Each mission is therefore in the results once, whenever a campaign was killed.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def job(campaign: Campaign, chunk: Chunk) -> Job:
 
 
 def play(of: Job) -> Columns:
-    """Play the missions of a chunk; the same wherever and whenever it is done."""
+    """Play the missions of a chunk; the result is the same on every machine and every time."""
     chunk, entry, case, seed = of
     dealt = None
     if (seeds := entry.planner_seeds) is not None:
@@ -77,14 +77,14 @@ def play(of: Job) -> Columns:
 class Results:
     """The folder of a campaign.
 
-    Only one process may use a folder at a time. It is a context that frees it.
+    Only one process may use a folder at a time. The context manager releases it.
 
     Args:
-        folder: It is there.
-        campaign: What is played.
+        folder: An existing folder.
+        campaign: The campaign.
 
     Raises:
-        FieldError: If the folder is of another campaign, or in use.
+        FieldError: If the folder belongs to another campaign, or is in use.
     """
 
     def __init__(self, folder: Path, campaign: Campaign) -> None:
@@ -143,7 +143,7 @@ class Results:
         return self._folder / CHUNKS / f"{number:07}.parquet"
 
     def missing(self, chunks: Sequence[Chunk]) -> list[Chunk]:
-        """Return the chunks that are not there yet."""
+        """Return the chunks that are not stored yet."""
         return [chunk for chunk in chunks if not self._path(chunk.number).exists()]
 
     def keep(self, chunk: Chunk, played: Columns) -> None:
@@ -199,7 +199,7 @@ class Results:
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file so that it is there as a whole or not at all, even after a loss of power.
+    """Write a file completely or not at all, even if the power fails.
 
     Args:
         path: Of the file.

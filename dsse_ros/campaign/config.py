@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a campaign plays: planners x scenarios x seeds, from one YAML file."""
+"""The missions of a campaign: planners x scenarios x seeds, from one YAML file."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class PlannerEntry:
     name: str = field("str", "Name in the results; empty for the planner's.", "")
     planner_seeds: int | None = field(
         "int",
-        "Seeds of the planner, dealt to the missions in turn; by default each mission has its own. "
-        "Missions with one share decisions until they see different things, which is quick, but "
-        "count as one in the intervals.",
+        "Seeds of the planner, which missions take in turn; by default each mission has its own. "
+        "Missions with the same seed share decisions until their observations differ, which is "
+        "quick, but they count as one in the intervals.",
         None, low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -86,17 +86,17 @@ class CampaignSettings:
         low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     chunk: int = field(
-        "int", "Missions that are played and written together; what a kill costs is the work on "
-        "those under way.", 500, low=1, high=MAX_MISSIONS,
+        "int", "Missions that are played and written together; a killed run loses only the chunks "
+        "in progress.", 500, low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     engine: str = field(
-        "str", "What plays: processes here, or Ray.", "local", choices=("local", "ray")
+        "str", "Engine that plays: local processes, or Ray.", "local", choices=("local", "ray")
     )
     workers: int = field(
         "int", "Processes of the engine local; 0 for one per core.", 0, low=0, high=4096
     )
     address: str = field(
-        "str", "Of the Ray cluster, as `host:port`; `auto` for the one of this machine.", "auto"
+        "str", "Address of the Ray cluster, `host:port`; `auto` for that of this machine.", "auto"
     )
     horizon_s: float | None = field(
         "float", "Time to which the time to detection is restricted; by default the step limit.",
@@ -114,7 +114,7 @@ class CampaignSettings:
 
 ENTRIES = ("planners", "scenarios")
 _OF_RESULTS = ("seed", "missions", "chunk")
-"""Settings that decide what is played, and where it is written."""
+"""Settings that decide which missions are played, and where the results go."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ class Campaign:
 
     @cached_property
     def definition(self) -> dict[str, Any]:
-        """All that decides the results, as JSON has it."""
+        """Everything that determines the results, as JSON values."""
         given: dict[str, Any] = {
             "versions": versions(entry.planner for entry in self.planners),
             "files": {

@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What plays chunks: processes of this machine, or a Ray cluster.
+"""Engines that play chunks: processes of this machine, or a Ray cluster.
 
-An engine yields chunks as they are done, in any order. A worker that was killed costs what it had
-under way, which another one plays again.
+An engine yields chunks as they are done, in any order. If a worker is killed, another one plays its
+chunk again.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def _cores() -> int:
 class _Worker:
     """A process of this machine that plays one chunk after another.
 
-    A queue that workers share can be left locked by one that is killed, or half written. So each
-    has a connection of its own, which ends with it.
+    A killed worker can leave a shared queue locked, or with a partial message. Each worker
+    therefore has its own connection, which ends with it.
     """
 
     def __init__(self) -> None:
@@ -85,7 +85,7 @@ def _serve(jobs: Connection[Columns | WorkerError, Job]) -> None:
 def _answer(job: Job) -> Columns | WorkerError:
     try:
         return play(job)
-    except Exception as error:  # Planners of others may raise anything.
+    except Exception as error:  # Third-party planners may raise anything.
         return _failed(job, error)
 
 

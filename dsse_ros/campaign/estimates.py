@@ -1,9 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Estimates with confidence intervals, of missions that share draws too.
+"""Estimates with confidence intervals, also for missions that share random draws.
 
-Missions whose planners have drawn by one seed are a cluster: the intervals take clusters, not
-missions, for independent. Where each mission is a cluster of its own they are those of textbooks.
+Missions whose planners have drawn with the same seed are a cluster. The intervals assume that
+clusters are independent, not missions. If each mission is its own cluster, they are the textbook
+intervals.
 """
 
 from __future__ import annotations
@@ -76,9 +77,9 @@ def of_mean(values: Values, confidence: float, *by: Labels) -> Estimate:
 
 
 def _effective_size(hits: Values, confidence: float, labels: Labels) -> float:
-    """Return how many independent missions would say as much of a share (Korn and Graubard 1998).
+    """Return the effective sample size for a share (Korn and Graubard 1998).
 
-    Where all are alike, no more than there are clusters.
+    If all values are equal, it is at most the number of clusters.
     """
     size, count = len(hits), _effective_count(labels)
     if count == size:

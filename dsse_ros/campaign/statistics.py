@@ -38,11 +38,11 @@ class Played:
         seeds: (M,) int64.
         planner_seeds: (M,) int64, see `batch.Missions`.
         found: (M,) bool, whether every person was found.
-        steps: (M,) until the end; the limit where not every person was found.
-        detection_s: (M,) mission time of the last find; infinite where one was not found.
-        path_length_m: (M,) flown by all drones.
-        collisions: (M,) pairs of drones that a step has put into one cell.
-        drones_lost: (M,) collided, off the grid or withdrawn before it ended.
+        steps: (M,) steps until the end; the limit if not every person was found.
+        detection_s: (M,) mission time of the last find; infinite if a person was not found.
+        path_length_m: (M,) distance that all drones flew.
+        collisions: (M,) pairs of drones in the same cell after a step.
+        drones_lost: (M,) drones that collided, left the grid or were withdrawn before the end.
     """
 
     planner: str

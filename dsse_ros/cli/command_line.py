@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the programs make of their command lines, without ROS."""
+"""Parses the command lines of the programs, without ROS."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _FIELDS = {**specs(Rules), **specs(Scenario)}
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong on one line, and of each argument what it is by default."""
+    """Parser with one-line errors, which shows the default of each argument."""
 
     def add(self, flag: str, **options: Any) -> None:
         """Add an argument, as `add_argument` does."""
@@ -49,7 +49,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument(flag, **options)
 
     def add_search(self, scenario: str) -> None:
-        """Add what says which search it is, for `search_of`; the scenario is that by default."""
+        """Add the arguments for `search_of`, with this scenario as the default."""
         self.add("--scenario", default=scenario, help="YAML file or name")
         self.add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
         self.add("--planner", default="greedy", choices=PLANNER_NAMES, help="planner")

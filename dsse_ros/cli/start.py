@@ -1,8 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Where every program of the package begins: quiet on Ctrl-C, clear where something is missing.
+"""Entry point of every program: quiet on Ctrl-C, with clear errors for missing dependencies.
 
-Nothing is imported before the program is chosen, so that a failing import is reported on one line.
+It imports nothing before the program is chosen, so that it can report a failed import on one line.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ def with_names(names: Mapping[str, str], make: Callable[[], T]) -> T:
     """Return what `make` makes; an error names arguments as the caller knows them.
 
     Args:
-        names: Of each published name ours.
+        names: Our name, by published name.
         make: Raises a `FieldError` for a value that is not allowed.
 
     Raises:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the published environments have in common as covers over `SearchEnv`."""
+"""The common base of the published environments, which wrap `SearchEnv`."""
 
 from __future__ import annotations
 

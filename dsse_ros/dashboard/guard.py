@@ -1,11 +1,11 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Who may see the page: an ASGI middleware for HTTP and WebSocket alike.
+"""Access control of the page: an ASGI middleware for HTTP and WebSocket.
 
-A page on loopback can be reached by any other page of the same browser, by a name that leads to
-127.0.0.1 (DNS rebinding), from a script, or as an image: so Host and Origin are always looked at,
-and where a browser sends no Origin, what it sends of the site that asks (W3C, "Fetch Metadata
-Request Headers").
+Any other page of the same browser can reach a page on loopback: with a name that resolves to
+127.0.0.1 (DNS rebinding), from a script, or as an image. The guard therefore always checks Host and
+Origin and, if a browser sends no Origin, its Sec-Fetch headers (W3C, "Fetch Metadata Request
+Headers").
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ HEADERS = {
 
 
 class Guard:
-    """Refuses requests of a strange Host, Origin or site, and without the token if there is one.
+    """Refuses requests with a foreign Host, Origin or site, and without the token if there is one.
 
-    A browser may come from another site by a link, which opens the page as a whole; it may not have
-    a part of it in a page of that site.
+    A link on another site may open the page as a whole. A page of another site may not embed a part
+    of it.
 
     Args:
         app: Gets what is not refused.

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""One search, step by step, from what its topics have brought: any step can be looked at again."""
+"""The history of one search from its messages: the page can show any step again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dsse_ros.step.looks import Looks
 _STEP_BYTES = 600
 """Of a step beside its report: states, rewards, numbers, objects."""
 MAX_MAP_BYTES = 48 * 2**20
-"""Of the images of one layer; where they are more, every second one is given up."""
+"""Size of the images of one layer; above it, every second image is dropped."""
 
 
 class DroneState(IntEnum):
@@ -64,7 +64,7 @@ class MapImages:
             pass
 
     def thin(self) -> bool:
-        """Give up every second image but the first and the last one; returns whether it could."""
+        """Drop every second image except the first and the last one; returns whether it could."""
         given_up = self._stamps[1:-1:2]
         for stamp in given_up:
             self._bytes -= len(self._images.pop(stamp))
@@ -88,7 +88,7 @@ class MapImages:
 class SearchHistory:
     """The steps of one search that have been received, in order.
 
-    A step that comes again, as when a drone is lost between two, replaces what was known of it.
+    A report that comes again, as when a drone is lost between two steps, replaces the earlier one.
 
     Args:
         run_id: Identity of the simulation.
@@ -98,7 +98,7 @@ class SearchHistory:
     Attributes:
         steps: Numbers of the steps known.
         pos: (step, cumulative probability of success), in order of the steps.
-        revision: Grows whenever something else changes than that a step is added at the end.
+        revision: Grows with every change except appending a step.
     """
 
     def __init__(self, run_id: int, mission: int, num_drones: int) -> None:
@@ -119,7 +119,7 @@ class SearchHistory:
 
     @property
     def nbytes(self) -> int:
-        """Size of what is kept of all steps, more or less."""
+        """Approximate size of all steps."""
         return len(self._rows) * (self._rows[-1].nbytes + _STEP_BYTES) if self._rows else 0
 
     def add(self, report: NDArray[Any], stamp_ns: int) -> None:
@@ -137,7 +137,7 @@ class SearchHistory:
             self._rows.insert(i, report)
             self._stamps.insert(i, stamp_ns)
         if i and stamp_ns < self._stamps[i - 1]:
-            # Mission time was started anew in the midst of the search.
+            # Mission time has restarted during the search.
             self._stamps[:i] = [stamp_ns] * i
         del self._states[i:], self._rewards[i:]
         self._follow()
@@ -166,7 +166,7 @@ class SearchHistory:
             self.pos.insert(i, (step, pos))
 
     def _follow(self) -> None:
-        """Work out what follows from the steps before, of those for which it is not known."""
+        """Compute what depends on earlier steps, for the steps that lack it."""
         for i in range(len(self._states), len(self._rows)):
             row = self._rows[i]
             before = self._states[i - 1] if i else np.zeros(self.num_drones, np.uint8)
@@ -214,7 +214,7 @@ class SearchHistory:
 
     @property
     def done(self) -> bool:
-        """Whether no drone is in flight any more."""
+        """Whether no drone is left in flight."""
         return bool(self._states) and bool((self._states[-1] != DroneState.FLYING).all())
 
     def paths(self, looks: Looks | None, since: int = 0) -> Iterator[list[int]]:

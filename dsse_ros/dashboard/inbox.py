@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What goes between the thread of the ROS node and that of the page, as cheaply as can be.
+"""Passes messages between the thread of the ROS node and that of the page, at little cost.
 
-The node's thread only puts messages here as the bytes they came in. What they say is read by the
-page, some times a second, and of most topics only the last message.
+The node's thread only stores the bytes of messages here. The page deserializes them a few times a
+second, and for most topics only the last message.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Received(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What somebody wants of a simulation, or of vehicles.
+    """A command to a simulation or to vehicles.
 
     Attributes:
         namespace: Of the simulation, or of the bridge.
@@ -45,7 +45,7 @@ class Inbox:
     """Messages for the page, and commands for the node.
 
     Args:
-        complete: Topics of which every message counts; of the others only the last one does.
+        complete: Topics whose every message counts; for other topics only the last one does.
     """
 
     def __init__(self, complete: Collection[str]) -> None:

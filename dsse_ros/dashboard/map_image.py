@@ -18,15 +18,15 @@ _LAND = (150, 150, 150)
 _OUTSIDE = 101
 """Index of a cell that is unknown or not searched; the others are levels from 0 to 100."""
 _PALETTE = bytes(part for _ in range(_OUTSIDE) for part in _BLUE) + bytes(_LAND)
-# Low levels are lifted: where the person hardly can be differs from where it cannot.
+# Raise low levels, so that unlikely cells differ from impossible ones.
 _ALPHA = bytes(round(255 * (level / 100) ** 0.7) for level in range(_OUTSIDE)) + b"\x80"
 
 
 def map_png(occupancy: NDArray[np.int8]) -> bytes:
-    """Return a map as PNG: blue, the more opaque the likelier; grey where it is -1.
+    """Return a map as PNG: blue, more opaque for likelier cells; grey for -1.
 
     Args:
-        occupancy: (G, G), -1 to 100, row 0 north. Of several cells in a pixel the highest counts.
+        occupancy: (G, G), -1 to 100, row 0 north. If a pixel has several cells, the highest counts.
     """
     levels = _shrunk(np.clip(occupancy, -1, 100))
     pixels = np.where(levels < 0, _OUTSIDE, levels).astype(np.uint8)

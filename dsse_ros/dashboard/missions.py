@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of each mission, by the namespace of its simulation, from the messages so far."""
+"""The state of each mission, by the namespace of its simulation, from the messages so far."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from msg_adapters.step_report import step_report_from_message
 from msg_adapters.vehicles import place_from_pose
 
 LAYERS = {"probability_grid": "Map", "belief_grid": "Belief"}
-"""Topics of maps that can be shown, and what they are called."""
+"""Topics of the maps that the page can show, and their names."""
 _RUNS = 10
 """Runs whose `agents` are kept, which may come before or after their reports."""
 _EARLY = 1000
@@ -34,8 +34,8 @@ _EARLY = 1000
 MAX_MISSIONS = 20
 """Namespaces whose missions are kept; a simulation that has gone makes room for another one."""
 MAX_BYTES = 256 * 2**20
-"""Of maps and steps of all missions: of those that have gone the one that is silent for longest is
-given up, and if that is not enough every second map of the others."""
+"""Size of the maps and steps of all missions. Above it, the page drops the gone mission that has
+been silent for longest and, if that is not enough, every second map of the others."""
 _MAX_VEHICLES = 1000
 """Names of vehicles that are kept of one mission."""
 
@@ -47,7 +47,7 @@ class Vehicle:
     Attributes:
         message: Its state on one line.
         level: As in DiagnosticStatus: 0 is fine.
-        place: Column and row, fractions lie between cells; None where it is not known.
+        place: Column and row, with fractions between cells; None if unknown.
     """
 
     message: str = ""
@@ -56,7 +56,7 @@ class Vehicle:
 
 
 def _looks_of(info: AgentsInfo) -> Looks | None:
-    """Return what the drones look at, None where each cell that is entered counts."""
+    """Return what the drones look at; None if each entered cell counts."""
     if info.definition is None:
         return own_cell_looks(len(info.agents), info.actions)
     rules = info.definition.rules
@@ -70,19 +70,19 @@ class Mission:
         namespace: Of the simulation, "" for none.
 
     Attributes:
-        history: The steps of the search under way; None before the first report.
+        history: The steps of the current search; None before the first report.
         maps: By layer.
         vehicles: By name of the drone.
         state: What the simulation reports of itself: running, paused, what it waits for, ...
-        level: Of that, as in DiagnosticStatus.
-        paused: Whether it is held, as far as is known.
-        publishers: How many publish its reports: none while its simulation is gone.
-        answer: What the last command has led to.
+        level: Level of the state, as in DiagnosticStatus.
+        paused: Whether the mission is paused, as far as is known.
+        publishers: Number of publishers of its reports: 0 while its simulation is gone.
+        answer: Result of the last command.
         bridge: Names of the drones whose vehicles a bridge flies; none while there is no bridge.
-        had_bridge: Whether there is one, or was.
-        vehicle_answer: What the last command for vehicles has led to.
-        trouble: By topic, why its last message could not be read.
-        heard: Grows with each message of any mission.
+        had_bridge: Whether there is a bridge, or was one.
+        vehicle_answer: Result of the last command for vehicles.
+        trouble: Why the last message could not be read, by topic.
+        heard: Counter that grows with each message of any mission.
     """
 
     def __init__(self, namespace: str) -> None:
@@ -146,7 +146,7 @@ class Mission:
         return info if info and len(info.agents) == self.history.num_drones else None
 
     def receive(self, topic: str, read: Callable[[], Any]) -> None:
-        """Take a message; one that cannot be read is noted in `trouble`.
+        """Take a message; if it cannot be read, record that in `trouble`.
 
         Args:
             topic: Relative to the namespace; `vehicle_state` and `vehicle_pose` follow the name of
@@ -156,7 +156,7 @@ class Mission:
         try:
             self._take(topic, read())
         except Exception as error:
-            # Anybody can publish anything, and the page goes on.
+            # Anybody can publish anything: the page must go on.
             self.trouble[topic] = " ".join(str(error).split()) or type(error).__name__
         else:
             self.trouble.pop(topic, None)
@@ -187,7 +187,7 @@ class Mission:
 
     def _on_mission_report(self, message: Any) -> None:
         reports = mission_report_from_message(message)
-        # Where steps were missed, or before the page was opened.
+        # The page may have missed steps, or was opened later.
         history = self.history
         known = history is not None and reports.size > 0 and _key(reports[0]) == history.key
         if history is not None and known and len(reports) > len(history):
@@ -262,11 +262,11 @@ class Mission:
 
 
 class Missions:
-    """The missions there are, by namespace, and those that have gone as long as there is room.
+    """The missions by namespace, including those that are gone while there is room.
 
     Args:
-        max_missions: How many are kept at most.
-        max_bytes: Size of the maps and the steps of all at most, as far as maps can be given up.
+        max_missions: Largest number of missions kept.
+        max_bytes: Largest size of all maps and steps, as far as dropping maps can keep it.
 
     Attributes:
         by_namespace: In order of the namespaces.
@@ -279,7 +279,7 @@ class Missions:
         self._heard = 0
 
     def take(self, received: Iterable[Received]) -> None:
-        """Take what has come; what is of a mission that there is no room for is left out."""
+        """Take the new messages, except those of a mission without room."""
         for one in received:
             mission = self.by_namespace.get(one.namespace)
             if mission is None:
@@ -320,7 +320,7 @@ def level_of(status: Any) -> int:
 
 
 def cell_of(frame: GridFrame, x_m: float, y_m: float) -> tuple[float, float]:
-    """Return column and row of a place in the map frame; a whole number is the centre of a cell."""
+    """Return column and row of a map position; a whole number is the centre of a cell."""
     return x_m / frame.cell_size_m - 0.5, frame.grid_size - 0.5 - y_m / frame.cell_size_m
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The page itself: what stands where, and what its controls do."""
+"""The page itself: its layout and its controls."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dsse_ros.dashboard.view import PageView, layers_of
 
 STYLE = Path(__file__).with_name("style.css")
 _SLOW_S = 0.5
-"""Wall time between looks at what is read rather than watched: tables, charts."""
+"""Wall time between updates of tables and charts."""
 _LOST_S = 2.0
 """Wall time after which a frame that was not drawn is taken for lost."""
 _BLUE = "#0072B2"
@@ -33,7 +33,7 @@ _TO_CONFIRM = {
     "arm": "Clear {} to fly? Motors may start and vehicles take off at once: nobody may be near.",
     "land": "Land {} right below where it is now, also where that is water?",
 }
-"""Commands that cannot be taken back, and what is asked before."""
+"""Commands that cannot be undone, and the questions to confirm them."""
 _THEMES = {None: "Theme: auto", False: "Theme: light", True: "Theme: dark"}
 
 
@@ -113,7 +113,7 @@ class MissionPage:
             self._map.on("point", self._on_point, throttle=0.05)
             self._place = ui.label().classes("place").props("role=status")
             with ui.element("div").classes("timeline"):
-                # The browser's own, whose keys and name for screen readers are as they should be.
+                # The browser's own element has the expected keys and name for screen readers.
                 self._time = ui.element("input")
                 self._time.props("type=range min=0 max=1 aria-label='Step that is shown'")
                 self._time.on(
@@ -238,7 +238,7 @@ class MissionPage:
         if name not in _TO_CONFIRM:
             self._inbox.command(command)
             return
-        # What is asked for is what is done, whatever is chosen meanwhile.
+        # Confirming runs this command, even if the choice changes meanwhile.
         self._to_confirm = command
         whom = command.vehicle or "all vehicles"
         where = f" in {mission.namespace}" if mission.namespace else ""
@@ -262,7 +262,7 @@ class MissionPage:
     def _update(self) -> None:
         now_s = time.monotonic()
         number, sent_s = self._sent
-        # The next frame has all that is new since: a slow browser skips some, and none piles up.
+        # The next frame has all changes since the last: a slow browser skips frames.
         if number <= self._drawn or now_s - sent_s > _LOST_S:
             frame = self._view.frame()
             if frame is not None:

@@ -24,9 +24,9 @@ from dsse_ros.scenario.fields import FieldError
 
 _OF_PORT = (errno.EADDRINUSE, errno.EACCES)
 _STOP_S = 0.5
-"""Wall time that connections have to end."""
+"""Wall time in which connections must end."""
 _KEPT_MESSAGES = 20
-"""Of a page whose connection is interrupted: it gets all anew when it is back."""
+"""Wall time for a page to reconnect; a reconnected page gets everything again."""
 
 
 class PageServer:
@@ -95,7 +95,7 @@ class PageServer:
         taking.cancel()
 
     async def _take(self) -> None:
-        """Read what has come, as often as it is drawn, whether anybody looks or not."""
+        """Read the new messages at the frame rate, even if no page is open."""
         while True:
             self.missions.take(self._inbox.take())
             await asyncio.sleep(1.0 / self._settings.frame_rate)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What one page shows of a mission: which step, which map, and the texts beside it."""
+"""The view of a mission on one page: the step, the map, and the texts beside it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STATES = {
     DroneState.OUT_OF_TIME: "out of time",
 }
 MAX_POINTS = 400
-"""Of the line of the POS at most; a chart has no room for more."""
+"""Largest number of points of the POS line; a chart has no room for more."""
 _LEVELS = ("ok", "warn", "error", "stale")
 
 
@@ -33,7 +33,7 @@ class Sent:
         key: Search, revision of its history, layer.
         rows: Steps.
         image: Stamp of the map, None for none.
-        state: All else that a frame shows.
+        state: Everything else that a frame shows.
     """
 
     key: object = None
@@ -98,11 +98,11 @@ class PageView:
     # The map
 
     def frame(self) -> dict[str, Any] | None:
-        """Return what the map has to draw now; None where it has that already.
+        """Return what the map has to draw now; None if it shows that already.
 
-        Its keys: number of the frame, search, grid, names of the drones, first place and rows of
-        the steps that are new (see `SearchHistory.paths`), step shown, image (a data URL; not there
-        if it stays), vehicles (drone, column, row).
+        The keys are the number of the frame, search, grid, names of the drones, first place and
+        rows of the new steps (see `SearchHistory.paths`), the step shown, image (a data URL, only
+        if it has changed) and vehicles (drone, column, row).
         """
         mission, history = self.mission, self.history
         if mission is None or history is None:
@@ -113,7 +113,7 @@ class PageView:
         i = history.index(self.step)
         key = (mission.namespace, history.key, history.revision, self.shown_layer)
         found = history.map_at(mission.maps[self.shown_layer], i)
-        # Where a vehicle is now has nothing to do with an earlier step.
+        # The present position of a vehicle does not belong to an earlier step.
         vehicles = [] if self.step is not None else [
             (info.agents.index(name), *vehicle.place)
             for name, vehicle in mission.vehicles.items()

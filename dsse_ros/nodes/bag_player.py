@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes a bag again, at any rate, with the quality of service that was recorded."""
+"""Publishes a bag again, at any rate, with the recorded quality of service."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.search import FieldError
 
 _DEPTH = 100
-"""Messages that a publisher keeps where the bag does not say it, as with Fast DDS."""
+"""Depth of a publisher's history if the bag does not contain it, as with Fast DDS."""
 _LARGE = 1 << 16
-"""Bytes of a message of which only the last one is kept."""
+"""Size in bytes from which a publisher keeps only the last message."""
 _BATCH_S = 0.02
-"""Wall time after which other work gets its turn when the bag is behind."""
+"""Wall time after which other work gets its turn if the player is late."""
 _ACKNOWLEDGED_S = 5.0
-"""Wall time that listeners have to acknowledge what they were sent."""
+"""Wall time in which listeners must acknowledge the messages."""
 
 
 class BagPlayer(AlarmNode):
-    """Publishes the messages of a bag in their order, as far apart as they were received.
+    """Publishes the messages of a bag in order, at the intervals at which they were received.
 
     Args:
         path: The bag.
-        rate: So many times the speed.
+        rate: Factor on the speed.
 
     Raises:
         FieldError: If the bag cannot be read.
@@ -61,7 +61,7 @@ class BagPlayer(AlarmNode):
         self._next = next(self._messages, None)
 
     def _publish_due(self) -> None:
-        """Publish what is due, and set the alarm for what comes next."""
+        """Publish the messages that are due, and set the alarm for the next one."""
         until_s = time.monotonic() + _BATCH_S
         try:
             while self._next is not None:
@@ -88,7 +88,7 @@ class BagPlayer(AlarmNode):
             self.published += 1
 
     def _make(self, message: Recorded) -> Publisher | None:
-        """Return a publisher for the topic of a message, None where its type is not installed."""
+        """Return a publisher for the topic of a message, None if its type is not installed."""
         try:
             kind = message_class(message.type_name)
         except FieldError as error:
@@ -108,11 +108,11 @@ class BagPlayer(AlarmNode):
 
 
 def _profile(offered_qos: str, depth: int) -> QoSProfile:
-    """Return what to offer for what was offered when the bag was recorded.
+    """Return the QoS to offer for the QoS that was offered at the recording.
 
     Args:
-        offered_qos: As the bag has it.
-        depth: Where that does not contain it.
+        offered_qos: The recorded QoS, as in the bag.
+        depth: Depth of the history if the bag does not contain it.
     """
     try:
         offered = from_yaml(offered_qos)
@@ -129,7 +129,7 @@ def play(path: Path, rate: float, ros: Sequence[str]) -> int:
 
     Args:
         path: The bag.
-        rate: So many times the speed, more than 0.
+        rate: Factor on the speed, more than 0.
         ros: ROS arguments.
     """
     if not (rate > 0 and math.isfinite(rate)):

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What `mavlink_bridge` publishes; each message comes from a function of `msg_adapters`."""
+"""The publishers of `mavlink_bridge`; a function of `msg_adapters` makes each message."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from msg_adapters.poses import base_link
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
 
 STATE_S = 1.0
-"""Wall time after which the state of a vehicle is published again that has not changed."""
+"""Wall time after which an unchanged state of a vehicle is published again."""
 _LEVELS: Mapping[Level, bytes] = {
     "ok": DiagnosticStatus.OK,
     "warning": DiagnosticStatus.WARN,
@@ -53,13 +53,13 @@ class BridgePublishers:
             publisher(BatteryState, f"{name}/vehicle_battery", LATCHED) for name in names
         ]
         self._diagnostics = publisher(DiagnosticArray, "/diagnostics", RELIABLE)
-        # What was published last of each vehicle, and when; of its place, when it was received.
+        # For each vehicle, the last published state, and when; and when its position was received.
         self._last: dict[int, tuple[object, float]] = {}
         self._placed_s = [-math.inf] * len(names)
         self._frame_prefix = ""
 
     def publish_place(self, i: int, vehicle: Vehicle, frame: GridFrame, stamp: Time) -> None:
-        """Publish where a vehicle is, if it has reported that since the last time."""
+        """Publish the position of a vehicle, if it has reported one since the last call."""
         state = vehicle.state
         self._frame_prefix = frame.frame_prefix
         if not state.has_position or state.position_s <= self._placed_s[i]:
@@ -80,13 +80,13 @@ class BridgePublishers:
         stamp: Time,
         now_s: float,
     ) -> None:
-        """Publish the state of a vehicle, if it is news.
+        """Publish the state of a vehicle, if it has changed or is due again.
 
         Args:
             i: Number of the vehicle.
             follower: Its follower.
             vehicle: The vehicle.
-            trouble: Why none can be flown; empty if they can.
+            trouble: Why no vehicle can fly; empty if they can.
             stamp: Time of the message.
             now_s: Time on a steady clock.
         """
@@ -106,7 +106,7 @@ class BridgePublishers:
         if news == before and now_s - published_s < STATE_S:
             return
         self._last[i] = (news, now_s)
-        # As the autopilot reports it, NaN as long as it does not.
+        # As the autopilot reports it; NaN until it does.
         percent = 100.0 * state.battery
         frame_id = base_link(self._names[i], self._frame_prefix)
         self._batteries[i].publish(battery_state(stamp, frame_id, percent, flying=state.flying))
@@ -161,13 +161,13 @@ class BridgePublishers:
         Args:
             stamp: Wall time.
             name: Name of the node.
-            mode: What it does with the steps of a search.
+            mode: What the node does with the steps of a search.
             vehicles: All vehicles.
             followers: Their followers.
-            following: Whether there is a search.
-            alive: Whether a simulation is there.
-            holding: Whether the vehicles hold, as no steps come.
-            trouble: Why none can be flown; empty if they can.
+            following: Whether the node follows a search.
+            alive: Whether a simulation is running.
+            holding: Whether the vehicles hold because no steps come.
+            trouble: Why no vehicle can fly; empty if they can.
         """
 
         def names(has: Callable[[VehicleFollower], object]) -> list[str]:
@@ -212,7 +212,7 @@ class BridgePublishers:
 
 
 def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[bytes, str]:
-    """Return level and line of a vehicle's state."""
+    """Return the level and the summary of a vehicle's state."""
     state, outcome = vehicle.state, vehicle.outcome
     if lost:
         return DiagnosticStatus.ERROR, f"lost: {lost}"

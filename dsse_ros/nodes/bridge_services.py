@@ -14,7 +14,7 @@ from dsse_ros.nodes.operator_services import OPERATOR_SERVICES
 
 
 def serve(node: Node, fleet: FleetController) -> None:
-    """Create the services for all vehicles, `~/arm`, and for each, `drone<i>/arm`."""
+    """Create the services for all vehicles, such as `~/arm`, and for each, `drone<i>/arm`."""
     for drone, prefix in [(None, "~"), *enumerate(fleet.names)]:
         for what, kind in OPERATOR_SERVICES.items():
             serve_one = partial(_arm, fleet, drone)

@@ -1,9 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands as clients of a viewer send them: which there are, and from their bytes to messages.
-
-So are requests of the services for an operator.
-"""
+"""Converts commands and service requests from clients of a viewer to ROS messages."""
 
 from __future__ import annotations
 
@@ -18,10 +15,10 @@ from dsse_ros.recording.schemas import message_class
 from dsse_ros.search import FieldError
 
 ENCODINGS = ("json", "cdr")
-"""What clients may send; the first one that a client knows is what it takes.
+"""Encodings that clients may send; a client uses the first one that it supports.
 
-Foxglove makes CDR by the definitions of ROS 1 unless it knows that it is connected to ROS 2, which
-this SDK cannot say.
+Foxglove writes CDR with the definitions of ROS 1 unless the server declares ROS 2, which this SDK
+cannot do.
 """
 _TYPES = {
     "cmd_action": "std_msgs/msg/Int8",
@@ -44,9 +41,9 @@ SERVICE_SCHEMAS = {
     )
     for what, kind in OPERATOR_SERVICES.items()
 }
-"""Of each service for an operator, the names and JSON schemas of request and response."""
+"""Names and JSON schemas of request and response, for each operator service."""
 _SEQUENCE = re.compile(r"sequence<(.+?)(, \d+)?>")
-# Names of the parts of a stamp and of a header in ROS 1, and in Foxglove.
+# Field names of a stamp and of a header in ROS 1 and in Foxglove, and their names in ROS 2.
 _OTHER_NAMES = {"nsec": "nanosec", "nsecs": "nanosec", "secs": "sec", "seq": None}
 
 
@@ -54,11 +51,11 @@ def command_type(namespace: str, topic: str) -> str:
     """Return the type of the messages on a topic of commands.
 
     Args:
-        namespace: Of the mission, beginning and ending with a slash.
+        namespace: Namespace of the mission, with a slash at both ends.
         topic: Full name.
 
     Raises:
-        FieldError: If it is none of the mission's.
+        FieldError: If the mission has no such command topic.
     """
     if topic.startswith(namespace):
         name = topic.removeprefix(namespace)
@@ -70,14 +67,14 @@ def command_type(namespace: str, topic: str) -> str:
 
 
 def check_offer(type_name: str, schema_name: str, encoding: str) -> None:
-    """Raise unless a client offers messages of this type in an encoding that can be read.
+    """Check that a client offers messages of this type in a supported encoding.
 
     Raises:
         FieldError: If it does not.
     """
     if encoding not in ENCODINGS:
         raise FieldError(f"encoding: {encoding!r} is not allowed; one of {', '.join(ENCODINGS)}")
-    # Foxglove leaves out what ROS 1 did not have.
+    # Foxglove leaves out `/msg/`, which ROS 1 did not have.
     if schema_name not in (type_name, type_name.replace("/msg/", "/")):
         raise FieldError(f"type: {schema_name!r} is not allowed; {type_name}")
 
@@ -88,21 +85,21 @@ def read_command(type_name: str, encoding: str, data: bytes) -> Any:
     Args:
         type_name: Type of the message.
         encoding: One of `ENCODINGS`.
-        data: What a client has sent.
+        data: Bytes from the client.
 
     Raises:
-        FieldError: If the bytes are no such message.
+        FieldError: If the bytes are not such a message.
     """
     kind = message_class(type_name)
     if encoding == "cdr":
         try:
             return deserialize_message(data, kind)
         except Exception as error:
-            # rclpy raises what its middleware says, which has no class of its own.
+            # rclpy raises errors of its middleware without a class of their own.
             raise FieldError(f"{type_name}: no such message: {_line(error)}") from None
     message = _message(type_name, _json(type_name, data))
     try:
-        # A text may be one that UTF-8 does not have.
+        # A text may not be valid UTF-8.
         serialize_message(message)
     except Exception as error:
         raise FieldError(f"{type_name}: no such message: {_line(error)}") from None
@@ -110,27 +107,27 @@ def read_command(type_name: str, encoding: str, data: bytes) -> Any:
 
 
 def read_request(what: str, data: bytes) -> Any:
-    """Return what a client asks of a service for an operator, as a request.
+    """Return a client's call of an operator service as a request.
 
     Args:
         what: One of `OPERATOR_SERVICES`.
-        data: What the client has sent, as JSON.
+        data: JSON from the client.
 
     Raises:
-        FieldError: If the bytes are no such request.
+        FieldError: If the bytes are not such a request.
     """
     name = SERVICE_SCHEMAS[what][0][0]
     values = _json(name, data or b"{}")
     request = _filled(OPERATOR_SERVICES[what].Request(), name, values)
     missing = [field for field in request.get_fields_and_field_types() if field not in values]
     if missing:
-        # Whether vehicles may fly is not left to a default.
+        # Whether vehicles may fly must not depend on a default.
         raise FieldError(f"{name}: {', '.join(missing)}: missing")
     return request
 
 
 def response_bytes(response: Any) -> bytes:
-    """Return the response of a service for an operator as JSON."""
+    """Return the response of an operator service as JSON."""
     return json.dumps({"success": response.success, "message": response.message}).encode()
 
 
@@ -142,10 +139,10 @@ def _json(type_name: str, data: bytes) -> Any:
 
 
 def _message(type_name: str, values: Any) -> Any:
-    """Return a message with the fields of a JSON object; those that it lacks keep their defaults.
+    """Return a message with the fields of a JSON object; missing fields keep their defaults.
 
     Raises:
-        FieldError: If a field or a value is not the type's.
+        FieldError: If a field or a value does not fit the type.
     """
     return _filled(message_class(type_name)(), type_name, values)
 
@@ -154,7 +151,7 @@ def _filled(message: Any, type_name: str, values: Any) -> Any:
     """Return a message of this type with the fields of a JSON object.
 
     Raises:
-        FieldError: If a field or a value is not the type's.
+        FieldError: If a field or a value does not fit the type.
     """
     if not isinstance(values, dict):
         raise FieldError(f"{type_name}: {_short(values)} is not allowed; an object")
@@ -177,10 +174,10 @@ def _filled(message: Any, type_name: str, values: Any) -> Any:
 
 
 def _value(kind: str, value: Any) -> Any:
-    """Return a value of JSON as that of a field.
+    """Convert a JSON value to the type of a field.
 
     Raises:
-        FieldError, OverflowError, TypeError, ValueError: If it is none.
+        FieldError, OverflowError, TypeError, ValueError: If it does not fit.
     """
     if match := _SEQUENCE.fullmatch(kind):
         if not isinstance(value, list):

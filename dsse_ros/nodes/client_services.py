@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The services of a bridge for an operator, as clients of a viewer call them."""
+"""The operator services of a bridge, for clients of a viewer."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from dsse_ros.nodes.operator_services import OPERATOR_SERVICES, find_bridges, se
 from dsse_ros.search import FieldError
 
 ANSWER_S = 5.0
-"""Wall time that a bridge has to answer."""
+"""Wall time in which a bridge must answer."""
 
 
 @dataclass(frozen=True)
 class _Call:
-    """What a client waits for.
+    """A service call that a client waits for.
 
     Attributes:
         name: Full name of the service.
-        request: As the service takes it.
-        answer: Gets the response.
-        deadline_s: Until when, on a steady clock.
+        request: The request.
+        answer: Receives the response.
+        deadline_s: When the client stops waiting, on a steady clock.
     """
 
     name: str
@@ -47,14 +47,14 @@ class _Call:
 
 
 class ClientServices:
-    """Offers what a bridge serves for as long as it is there.
+    """Offers the services of a bridge while it is running.
 
-    The server calls from threads of its own: requests wait until the node has time for them.
+    The server calls from its own threads: requests wait until the node has time for them.
 
     Args:
-        node: Calls the bridge.
-        namespace: Of the mission, "" for the root.
-        server: Offers the services to clients.
+        node: Node that calls the bridge.
+        namespace: Namespace of the mission, "" for the root.
+        server: Server that offers the services to clients.
     """
 
     def __init__(self, node: Node, namespace: str, server: WebSocketServer) -> None:
@@ -65,7 +65,7 @@ class ClientServices:
         self._waiting: list[_Call] = []
 
     def discover(self) -> None:
-        """Offer the services that there are."""
+        """Offer the services that exist."""
         bridge = find_bridges(self._node).get(self._namespace)
         found: frozenset[tuple[str, str]] = frozenset()
         if bridge is not None:
@@ -81,7 +81,7 @@ class ClientServices:
             self._node.destroy_client(self._callers.pop(name))
         new = sorted(found - self._offered)
         for name, what in new:
-            # The bridge is known to it before it is called.
+            # Create the client now, so that it has discovered the bridge before the first call.
             self._callers[name] = self._node.create_client(OPERATOR_SERVICES[what], name)
         if new:
             self._server.add_services([self._service(name, what) for name, what in new])
@@ -100,10 +100,10 @@ class ClientServices:
         return Service(name=name, schema=schema, handler=partial(self._call, name, what))
 
     def _call(self, name: str, what: str, request: ServiceRequest) -> bytes:
-        """Return the bridge's response; in a thread of the server.
+        """Return the bridge's response; runs in a thread of the server.
 
         Raises:
-            FieldError: If the request is none, or is not answered.
+            FieldError: If the request is not valid, or nobody answers it.
         """
         read = read_request(what, request.payload)
         call = _Call(name, read, Future(), time.monotonic() + ANSWER_S)
@@ -114,7 +114,7 @@ class ClientServices:
             raise FieldError(f"{name}: no answer within {ANSWER_S:g} s") from None
 
     def turn(self) -> None:
-        """Pass on what clients have asked for."""
+        """Send the requests of clients to the bridge."""
         while self._new:
             self._waiting.append(self._new.popleft())
         waiting, self._waiting = self._waiting, []

@@ -40,7 +40,7 @@ from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.scenario.fields import specs
 
 _NICENESS = 10
-"""Of the process: where cores are busy, the nodes of the missions come first."""
+"""Niceness of the process: on a busy machine, the nodes of the missions come first."""
 _LOOK_S = 0.5
 """Wall time between looks for simulations and vehicles."""
 _COMMANDS_S = 0.05
@@ -48,15 +48,15 @@ _COMMANDS_S = 0.05
 _TAKE_S = 0.05
 """Wall time between looks for messages."""
 _SILENCE_S = 3.0
-"""Wall time without a message after which a simulation or a bridge is taken to be gone: diagnostics
-and states come once a second, and one that was killed has publishers for 20 s more."""
+"""Wall time without a message after which a simulation or a bridge counts as gone. Diagnostics and
+states come once a second; the publishers of a killed node remain visible for 20 s more."""
 _GONE_S = 10.0
-"""Wall time without a message after which a simulation without publishers is given up: nothing of
-it is subscribed to until it is back."""
+"""Wall time without a message after which the node unsubscribes from a simulation without
+publishers, until it is back."""
 _MAX_TOPICS = 2000
-"""Of one simulation with its vehicles."""
+"""Limit of subscriptions for one simulation with its vehicles."""
 _ANSWER_S = 5.0
-"""Wall time that a service has to answer."""
+"""Wall time in which a service must answer."""
 
 TOPICS = {
     "agents": (String, LATCHED),
@@ -66,11 +66,11 @@ TOPICS = {
     "probability_grid": (OccupancyGrid, LATCHED),
     "belief_grid": (OccupancyGrid, LATCHED),
 }
-"""Of each simulation, relative to its namespace."""
+"""Topics of each simulation, relative to its namespace."""
 OF_VEHICLE = {"vehicle_state": (DiagnosticArray, LATCHED), "vehicle_pose": (PoseStamped, RELIABLE)}
-"""Of each vehicle, relative to the name of its drone."""
+"""Topics of each vehicle, relative to the name of its drone."""
 _EVERY_MESSAGE = ("agents", "step_report", "probability_of_success", "answer")
-"""Topics of which the page needs more than the last message."""
+"""Topics whose every message the page needs, not only the last."""
 _REPORTS = re.compile(r"(?P<namespace>.*)/step_report")
 _VEHICLES = re.compile(r"(?P<namespace>.*)/(?P<topic>[^/]+/(?P<kind>vehicle_state|vehicle_pose))")
 _SERVICES: dict[str, tuple[str, Any, dict[str, bool]]] = {
@@ -79,7 +79,7 @@ _SERVICES: dict[str, tuple[str, Any, dict[str, bool]]] = {
     "step": ("step", Trigger, {}),
     "reset": ("reset", Trigger, {}),
 }
-"""Of each command the service, its type and what the request contains."""
+"""Service, service type and request fields, for each command."""
 _OPERATIONS: dict[str, tuple[str, dict[str, bool]]] = {
     "arm": ("arm", {"data": True}),
     "ground": ("arm", {"data": False}),
@@ -87,20 +87,20 @@ _OPERATIONS: dict[str, tuple[str, dict[str, bool]]] = {
     "return": ("return", {}),
     "land": ("land", {}),
 }
-"""Of each command for vehicles the service and what the request contains."""
+"""Service and request fields, for each command for vehicles."""
 
 
 @dataclass
 class Shown:
-    """What is shown of a namespace: a simulation, a bridge or both, that are or were there.
+    """A namespace on the page: a present or past simulation, bridge or both.
 
     Attributes:
         node: Full name of the simulation's node, "" before it is known.
-        publishers: How many publish its reports, as the page knows it.
-        heard_s: When the last message of it came, on a steady clock.
+        publishers: Number of publishers of its reports, as shown on the page.
+        heard_s: When the last message of the simulation came, on a steady clock.
         bridge: The bridge; None while there is none.
-        drones: Those of the bridge, as the page knows it; none while it is silent.
-        bridge_heard_s: When the last message of it came, on a steady clock.
+        drones: Drones of the bridge, as shown on the page; none while the bridge is silent.
+        bridge_heard_s: When the last message of the bridge came, on a steady clock.
         topics: Subscriptions by topic, relative to the namespace.
         callers: Clients by name of the service.
     """
@@ -116,7 +116,7 @@ class Shown:
 
 
 class DashboardNode(AlarmNode):
-    """Hands what the topics bring to the page, unread, and the page's commands to the services.
+    """Passes messages to the page without reading them, and the page's commands to the services.
 
     Raises:
         FieldError: If a parameter is not allowed.
@@ -144,7 +144,7 @@ class DashboardNode(AlarmNode):
         """Open the page.
 
         Raises:
-            FieldError: If it cannot be bound, or a setting is not allowed.
+            FieldError: If the address cannot be bound, or a setting is not allowed.
         """
         self._server = PageServer(self.inbox, self.settings, self.context.get_domain_id())
         self._server.start()
@@ -154,7 +154,7 @@ class DashboardNode(AlarmNode):
     # Missions
 
     def _look(self) -> None:
-        """Subscribe to what is new."""
+        """Subscribe to new topics."""
         names = [name for name, _ in self.get_topic_names_and_types()]
         for name in names:
             if match := _REPORTS.fullmatch(name):
@@ -167,13 +167,13 @@ class DashboardNode(AlarmNode):
                 shown = self._shown.get(match["namespace"])
                 if shown is None or match["topic"] in shown.topics:
                     continue
-                # Without a publisher only somebody else waits for it.
+                # A topic without a publisher exists because somebody else subscribes to it.
                 if len(shown.topics) < _MAX_TOPICS and self.count_publishers(name):
                     self._subscribe(match["namespace"], match["topic"], *OF_VEHICLE[match["kind"]])
         self._unsubscribe()
 
     def _unsubscribe(self) -> None:
-        """Give up what has gone: simulations after a while, vehicles at once."""
+        """Unsubscribe from what is gone: from simulations after a while, from vehicles at once."""
         for namespace, shown in list(self._shown.items()):
             for topic in [name for name in shown.topics if name not in TOPICS]:
                 if not self.count_publishers(f"{namespace}/{topic}"):
@@ -184,7 +184,7 @@ class DashboardNode(AlarmNode):
                 self._leave(namespace)
 
     def _leave(self, namespace: str) -> None:
-        """Give up a namespace; what is known of its mission stays on the page."""
+        """Unsubscribe from a namespace; the page keeps showing its mission."""
         shown = self._shown.pop(namespace)
         for subscription in shown.topics.values():
             self._listener.destroy_subscription(subscription)
@@ -195,7 +195,7 @@ class DashboardNode(AlarmNode):
         self.get_logger().info(f"the simulation in {namespace or '/'} is gone")
 
     def _show(self, namespace: str) -> Shown | None:
-        """Return what is shown of a namespace, which may be new; None where there is no room."""
+        """Return the entry of a namespace, which may be new; None if there is no room."""
         if namespace not in self._shown:
             if len(self._shown) >= MAX_MISSIONS:
                 self.warn("missions", f"{MAX_MISSIONS} missions are shown: not {namespace or '/'}")
@@ -207,9 +207,9 @@ class DashboardNode(AlarmNode):
         return self._shown[namespace]
 
     def _join(self, namespace: str) -> None:
-        """See who publishes the reports of a simulation."""
+        """Find the publishers of a simulation's reports."""
         publishers = self.get_publishers_info_by_topic(f"{namespace}/step_report")
-        # Without any there may only be somebody else who waits for it.
+        # A topic without publishers exists because somebody else subscribes to it.
         shown = self._show(namespace) if publishers else self._shown.get(namespace)
         if shown is None:
             return
@@ -223,12 +223,12 @@ class DashboardNode(AlarmNode):
             self._put(namespace, "publishers", count)
 
     def _join_bridge(self, namespace: str, bridge: FoundBridge | None) -> None:
-        """See which bridge there is, also without a simulation: its vehicles may be in the air."""
+        """Find the bridge, even without a simulation: its vehicles may be in the air."""
         shown = self._shown.get(namespace) if bridge is None else self._show(namespace)
         if shown is None:
             return
         if shown.publishers < 0:
-            # The bridge itself listens to what a simulation would publish.
+            # The bridge itself subscribes to the topics of a simulation.
             self._join(namespace)
         if bridge is not None and shown.bridge is None:
             shown.bridge_heard_s = time.monotonic()
@@ -245,7 +245,7 @@ class DashboardNode(AlarmNode):
         )
 
     def _take(self) -> None:
-        """Hand on what has come, in the order in which it was received."""
+        """Pass on the new messages, in the order in which they were received."""
         came: list[tuple[int, Received]] = []
         for namespace, shown in self._shown.items():
             for topic, subscription in shown.topics.items():
@@ -275,7 +275,7 @@ class DashboardNode(AlarmNode):
     def _serve_commands(self) -> None:
         now_s = time.monotonic()
         self._waiting += [(command, now_s + _ANSWER_S) for command in self.inbox.take_commands()]
-        # A request that is sent before the service is known would be lost.
+        # A request sent before the service is discovered would be lost.
         waiting, self._waiting = self._waiting, []
         for command, deadline_s in waiting:
             client = self._client(command)
@@ -297,7 +297,7 @@ class DashboardNode(AlarmNode):
                 self._answer(command, f"no answer within {_ANSWER_S:g} s")
 
     def _client(self, command: Command) -> Any:
-        """Return the client of the service for a command, None where nobody could serve it."""
+        """Return the client of the service for a command, None if nobody can serve it."""
         namespace = command.namespace
         shown = self._shown.get(namespace)
         if shown is None:
@@ -343,7 +343,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run the node until it is interrupted; returns the exit code, 2 for bad input."""
 
     def make() -> DashboardNode:
-        # A mission does not wait for who looks at it.
+        # The page must not slow down a mission.
         os.nice(_NICENESS)
         node = DashboardNode()
         node.serve()

@@ -35,13 +35,13 @@ from dsse_ros.search import FieldError
 DISCOVERY_PERIOD_S = 0.2
 TAKE_PERIOD_S = 0.05
 MATCHED_S = 5.0
-"""Wall time in which a new publisher must have found who obeys."""
+"""Wall time in which a new publisher must have found a subscriber."""
 _WAITING = 1000
-"""Messages of clients that may wait; of more the oldest are dropped."""
+"""Limit of waiting messages from clients; above it, the oldest are dropped."""
 
 
 class _Offer(NamedTuple):
-    """What a client says it will send on a channel of its own."""
+    """What a client advertises on a channel of its own."""
 
     topic: str
     schema_name: str
@@ -49,11 +49,11 @@ class _Offer(NamedTuple):
 
 
 class _Requests(ServerListener):
-    """Keeps what clients ask for until the node has time for it: the server has its own threads.
+    """Queues the requests of clients for the node, because the server has its own threads.
 
     Attributes:
         changes: Subscriptions that have begun (True) or ended: client, topic.
-        messages: What clients have sent: the offer it is of, its bytes, and when it came.
+        messages: Messages from clients: the offer, the bytes, and when they came.
     """
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class _Requests(ServerListener):
         self.changes.append((False, client.id, channel.topic))
 
     def on_client_advertise(self, client: Client, channel: ClientChannel) -> None:
-        """Note what the messages to come will be."""
+        """Record what the client will send."""
         offer = _Offer(channel.topic, channel.schema_name, channel.encoding)
         self._offers[client.id, channel.id] = offer
 
@@ -86,15 +86,15 @@ class _Requests(ServerListener):
 
 
 class ViewerNode(AlarmNode):
-    """Offers what is published in its namespace to clients of a WebSocket, as it comes.
+    """Serves the topics of its namespace to clients of a WebSocket.
 
-    It subscribes what a client wants, and only as long as one does.
+    It subscribes to a topic only while a client wants it.
 
     Raises:
         FieldError: If a parameter is not allowed, or nothing can be served there.
     """
 
-    # Here, as a node that could not be made is destroyed too.
+    # Set on the class: `destroy_node` also runs when `__init__` fails.
     _server: WebSocketServer | None = None
     _topics: RawTopics | None = None
     _client_services: ClientServices | None = None
@@ -108,7 +108,7 @@ class ViewerNode(AlarmNode):
         Endpoints(self, qos).check_all_used()
         self._namespace = self.get_namespace().rstrip("/") + "/"
         self._requests = _Requests()
-        # The clients that want a topic, and the last message of those that are latched.
+        # The clients that want each topic, and the last message of each latched topic.
         self._wanted: dict[str, Counter[int]] = {}
         self._last: dict[str, bytes] = {}
         self._channels: dict[str, foxglove.Channel] = {}
@@ -168,11 +168,11 @@ class ViewerNode(AlarmNode):
             )
         for topic in self._wanted:
             if not self._topics.is_subscribed(topic):
-                # Nobody was there to subscribe it from.
+                # It had no publisher to subscribe to before.
                 self._topics.subscribe(topic)
 
     def _turn(self) -> None:
-        """Do what clients want, and send them what has come since."""
+        """Handle the requests of clients, and send them the new messages."""
         if self._topics is None or self._server is None:
             return
         while self._requests.changes:
@@ -192,7 +192,7 @@ class ViewerNode(AlarmNode):
                     self._last[message.topic] = message.data
 
     def _begin(self, topics: RawTopics, client: int, topic: str) -> None:
-        """Subscribe a topic, or hand its last message to one who comes later than others."""
+        """Subscribe to a topic, or send its last message to a later client."""
         if topic not in self._wanted:
             self._wanted[topic] = Counter()
             topics.subscribe(topic)
@@ -211,7 +211,7 @@ class ViewerNode(AlarmNode):
                 topics.unsubscribe(topic)
 
     def _take_commands(self) -> None:
-        """Publish what clients have sent, if it is a command."""
+        """Publish the commands that clients have sent."""
         messages = self._requests.messages
         later = []
         while messages:
@@ -226,10 +226,10 @@ class ViewerNode(AlarmNode):
         messages.extendleft(reversed(later))
 
     def _command(self, offer: _Offer, data: bytes) -> bool:
-        """Publish a command; return whether there is anybody to receive it.
+        """Publish a command; return whether it has a subscriber.
 
         Raises:
-            FieldError: If it is none.
+            FieldError: If it is not a command.
         """
         type_name = command_type(self._namespace, offer.topic)
         check_offer(type_name, offer.schema_name, offer.encoding)
@@ -252,7 +252,7 @@ class ViewerNode(AlarmNode):
             self._server.publish_status(text, foxglove.StatusLevel.Warning, "refused")
 
     def destroy_node(self) -> None:
-        """Let clients go, and end the node."""
+        """Disconnect the clients, and end the node."""
         if self._server is not None:
             self._server.stop()
             self._server = None

@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The arguments of the launch files, and what the nodes get for them; without launch, without ROS.
+"""The arguments of the launch files, and the nodes' parameters from them; without launch or ROS.
 
-`ros2 launch` may run on a Python that has nothing of what the nodes need: nothing of that is
-imported here. The tests hold names, types, bounds, choices and defaults against the nodes'.
+`ros2 launch` may run in a Python without the dependencies of the nodes, so this module imports none
+of them. Tests compare names, types, bounds, choices and defaults with those of the nodes.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ class Argument:
 
     Attributes:
         kind: Type of its value; lists are written as in YAML, `[1, 2]`.
-        doc: One sentence for people.
-        default: As text; "" for what the node says, or a file of parameters.
-        to: The executables whose parameter it is.
-        renamed: Its name as a parameter, by executable, where it is another.
+        doc: One sentence of help.
+        default: As text; "" for the default of the node, or of a file of parameters.
+        to: The executables that have it as a parameter.
+        renamed: Its name as a parameter, by executable, if it differs.
         low, high: Bounds of a number, inclusive.
         choices: The allowed values of a text, empty for any.
     """
@@ -75,7 +75,7 @@ class Argument:
         return " ".join([noun, " and ".join(bounds)]).strip()
 
     def value(self, name: str, text: str) -> Any:
-        """Return the value that a text stands for.
+        """Return the value of a text.
 
         Raises:
             ValueError: If it is not allowed; one line.
@@ -255,9 +255,9 @@ class Start:
     """How one node is started.
 
     Attributes:
-        before: Parameters that files may replace.
-        files: Files of parameters, the last one first to be heeded.
-        after: Parameters that no file replaces.
+        before: Parameters that files may override.
+        files: Files of parameters; later files override earlier ones.
+        after: Parameters that no file overrides.
         arguments: What follows the name of the executable.
     """
 
@@ -273,12 +273,12 @@ def starts(
     given: Collection[str],
     share: str,
 ) -> dict[str, Start]:
-    """Return how the nodes are started, by executable, in the order in which they are.
+    """Return how to start each node, by executable, in the order of their start.
 
     Args:
         arguments: `MISSION` or `FLIGHT`.
         texts: The text of each argument.
-        given: Those that somebody has given; the others have their defaults.
+        given: The arguments that were given; the others have their defaults.
         share: The package's folder with config/ and rviz/.
 
     Raises:
@@ -303,7 +303,7 @@ def starts(
     }
 
     def in_force(name: str, executable: str) -> Any:
-        """Return what a node will have: of arguments and files the last one counts."""
+        """Return the value that a node will have: the last argument or file counts."""
         if name in given or name not in of_files[executable]:
             return values[name]
         return of_files[executable][name].value
@@ -317,18 +317,18 @@ def starts(
         """Return the arguments for the node's own logger and for its enclave."""
         ros = []
         if "log_level" in given:
-            # Those of ROS itself say too much.
+            # Set the level of this logger only: the loggers of ROS itself log too much.
             logger = f"{values['namespace']}/{NODES[executable]}".strip("/").replace("/", ".")
             ros += ["--log-level", f"{logger}:={values['log_level']}"]
         if values["enclaves"]:
             accepts = executable == "foxglove_viewer" and in_force("accept_commands", executable)
-            # With these people command drones.
+            # Through these nodes, people command drones.
             enclave = "operator" if accepts or executable == "rviz2" else executable
             ros += ["--enclave", f"{values['enclaves'].rstrip('/')}/{enclave}"]
         return ["--ros-args", *ros] if ros else []
 
     fixed_frame = "".join(in_force(name, "sim_node") for name in ("frame_prefix", "map_frame"))
-    # The recorder first: what is not latched is lost before it is there.
+    # Start the recorder first: it misses earlier messages that are not latched.
     executables = [
         *(["recorder"] if values["record"] else []),
         *("sim_node", "planner_node"),
@@ -345,7 +345,7 @@ def starts(
                 parameter = one.renamed.get(executable, name)
                 (after if name in given else before)[parameter] = value
         if executable == "planner_node" and after.get("seed") == -1:
-            # It has none to draw.
+            # The node does not accept -1, which draws a seed elsewhere.
             del after["seed"]
         if executable == "sim_node" and flight:
             waits = in_force("mode", "mavlink_bridge") == "guided"

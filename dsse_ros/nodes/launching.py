@@ -24,7 +24,7 @@ def describe(arguments: Mapping[str, Argument]) -> LaunchDescription:
     given: set[str] = set()
 
     def note_given(context: LaunchContext) -> None:
-        # Once an argument is declared, a default looks like what somebody has given.
+        # Once an argument is declared, its default looks like a given value.
         given.update(arguments.keys() & context.launch_configurations.keys())
 
     def nodes(context: LaunchContext) -> list[Node]:
@@ -32,7 +32,8 @@ def describe(arguments: Mapping[str, Argument]) -> LaunchDescription:
         share = get_package_share_directory("dsse_ros")
         made = starts(arguments, texts, given, share)
         for package in {_package(name) for name in made}:
-            # Launch would find one missing when it has started others, and leave those behind.
+            # Otherwise launch would start some nodes before it finds a package missing, and leave
+            # them running.
             get_package_prefix(package)
         return [_node(name, start, texts["namespace"]) for name, start in made.items()]
 
@@ -60,9 +61,9 @@ def _node(executable: str, start: Start, namespace: str) -> Node:
         parameters=[one for one in parameters if one],
         arguments=list(start.arguments),
         output="screen",
-        # A bridge that is interrupted has its vehicles hold first, and DDS takes its time.
+        # An interrupted bridge first makes its vehicles hold, and DDS needs time too.
         sigterm_timeout="20",
-        # The others go on without what only watches: RViz is closed, the disk of a bag is full.
+        # The mission continues if a node that only watches ends: RViz is closed, the disk is full.
         on_exit=None if executable in _WATCHERS else Shutdown(reason=f"{executable} has ended"),
     )
 
@@ -72,12 +73,12 @@ def _package(executable: str) -> str:
 
 
 def _typed(parameters: Mapping[str, Any]) -> dict[str, ParameterValue]:
-    """Return parameters that keep their types: launch would read a text as YAML once more."""
+    """Return parameters that keep their types: launch would parse a text as YAML again."""
     return {name: ParameterValue(one, value_type=_type(one)) for name, one in parameters.items()}
 
 
 def _type(value: Any) -> Any:
-    # launch_ros takes list[int] for another type than List[int].
+    # For launch_ros, list[int] is a different type than List[int].
     if isinstance(value, list):
         return List[int] if isinstance(value[0], int) else List[str]  # noqa: UP006
     return type(value)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dsse_ros mavlink_bridge`: vehicles fly what the drones of a search do."""
+"""`ros2 run dsse_ros mavlink_bridge`: makes vehicles follow the drones of a search."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ TURN_S = 0.1
 """Wall time between looks at the vehicles."""
 DIAGNOSTICS_S = 1.0
 ALT_TOLERANCE_M = 1.0
-"""Of several vehicles none leaves its place before it is as near as that to its layer."""
+"""With several vehicles, each must be this close to its layer before it moves horizontally."""
 _ALWAYS = (
     "arm:=always: vehicles are armed and take off for EVERY search, with nobody asked. "
     "For simulations only"
@@ -46,7 +46,7 @@ _ALWAYS = (
 
 
 class BridgeNode(AlarmNode):
-    """Has each vehicle follow its drone; see docs/flight.md for its topics and services.
+    """Makes each vehicle follow its drone; see docs/flight.md for topics and services.
 
     Raises:
         FieldError: If a parameter is not allowed.
@@ -64,7 +64,7 @@ class BridgeNode(AlarmNode):
         declare(self, known, vars(self.settings))
         self._link_troubles: dict[str, str] = {}
         self._simulations = 0
-        # What watches over nodes compares the stamps of diagnostics with the wall clock.
+        # Monitors compare the stamps of diagnostics with the wall clock.
         self._wall_clock = Clock()
         endpoints = Endpoints(self, qos)
         self.fleet = _fleet(self.settings)
@@ -102,7 +102,7 @@ class BridgeNode(AlarmNode):
                 )
 
     def _log(self, level: str, text: str) -> None:
-        # Each call in the source may log at one level only: rclpy raises at another one.
+        # One call per level: rclpy raises if a call in the source logs at a second level.
         logger = self.get_logger()
         match level:
             case "debug":
@@ -115,10 +115,10 @@ class BridgeNode(AlarmNode):
                 logger.error(text)
 
     def _open_records(self, vehicles: list[Vehicle]) -> FlightRecords | None:
-        """Return who had the vehicles before.
+        """Return the records of who had the vehicles before.
 
         Raises:
-            FieldError: If that cannot be kept, or another bridge has them.
+            FieldError: If the records cannot be kept, or another bridge has the vehicles.
         """
         directory = Path(self.settings.state_directory or default_directory())
         try:
@@ -160,7 +160,7 @@ class BridgeNode(AlarmNode):
         count = self.count_publishers(self.resolve_topic_name("step_report"))
         self._simulations = count
         if self.follower.set_publishers(count) and count:
-            # To a new subscription each simulation that is left sends its latest agents again.
+            # Every remaining simulation sends its latest agents to a new subscription.
             old = self._agents
             self._agents = self.create_subscription(String, "agents", old.callback, old.qos_profile)
             self.destroy_subscription(old)
@@ -168,7 +168,7 @@ class BridgeNode(AlarmNode):
     # The vehicles
 
     def _turn(self) -> None:
-        """Give the vehicles what orders are due."""
+        """Give the vehicles the orders that are due."""
         now_s = time.monotonic()
         self._look_for_simulations()
         self.follower.turn(now_s)
@@ -227,7 +227,7 @@ class BridgeNode(AlarmNode):
 
 
 def _fleet(settings: BridgeSettings) -> Fleet | None:
-    """Return the vehicles, None where none is to be flown.
+    """Return the vehicles, None if the mode flies none.
 
     Raises:
         FieldError: If a setting is not allowed.
@@ -257,7 +257,7 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
             ]
         )
     except (OSError, ValueError) as error:
-        # Each vehicle has one connection, the parameter has them all.
+        # A vehicle has one connection, but the parameter has those of all vehicles.
         text = re.sub("^connection: ", "connections: ", str(error))
         raise FieldError(text) from None
 

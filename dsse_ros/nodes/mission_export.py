@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What `~/export_mission` of `sim_node` writes."""
+"""The mission files that `~/export_mission` of `sim_node` writes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from msg_adapters.tracks import steps
 
 
 def export_tracks(mission: Mission, frame: GridFrame, settings: SimSettings) -> tuple[bool, str]:
-    """Write the drones' tracks as missions of vehicles; returns success and what was done."""
+    """Write the drones' tracks as vehicle missions; returns success and a line on what was done."""
     directory = Path(settings.export_directory)
     names = mission.env.possible_agents
     tracks = [_track(mission, i, settings.export_tracks) for i in range(len(names))]
@@ -37,7 +37,7 @@ def export_tracks(mission: Mission, frame: GridFrame, settings: SimSettings) -> 
 
 
 def _track(mission: Mission, drone: int, which: str) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return cells (K, 2) and flags of those searched, flown or planned."""
+    """Return the flown or planned cells (K, 2), and flags of those searched."""
     if which == "flown":
         return steps(mission.tracks[drone], mission.searches[drone])
     col, row = mission.result.cells[drone].tolist()

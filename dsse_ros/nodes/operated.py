@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What services need of the simulation that they operate."""
+"""The interface of a simulation that services operate."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class Operated(Protocol):
     """A simulation as a node.
 
     Attributes:
-        mission: The mission under way.
-        frame: Where its grid is.
-        settings: Of the node.
-        stopped: Whether it was stopped, and has not gone on.
+        mission: The current mission.
+        frame: The frame of its grid.
+        settings: Settings of the node.
+        stopped: Whether it was stopped, and has not continued since.
     """
 
     mission: Mission
@@ -30,25 +30,25 @@ class Operated(Protocol):
 
     @property
     def paused(self) -> bool:
-        """Whether the mission is held."""
+        """Whether the mission is paused."""
 
     def set_paused(self, paused: bool) -> None:
-        """Hold the mission, or let it go on from where it was."""
+        """Pause the mission, or continue it."""
 
     def try_step(self) -> str:
-        """Do one step if that is allowed; returns why not, or nothing."""
+        """Do one step if that is allowed; returns why not, empty if it did."""
 
     def reset(self, seed: int | None = None) -> None:
         """Start a new mission with this seed, by default the parameter's."""
 
     def restart(self) -> None:
-        """Start a new mission and mission time anew, as if the node was started again."""
+        """Start a new mission and restart mission time, as if the node had restarted."""
 
     def restart_time(self) -> None:
-        """Start mission time anew, with the step that the mission is in."""
+        """Restart mission time at the current step."""
 
     def stop(self) -> None:
-        """Restart, and hold the mission there."""
+        """Restart, and pause the mission at its start."""
 
     def stamp(self) -> Time:
         """Return the time of the last step, for every message about it."""

@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The services of `mavlink_bridge` for an operator, and where a bridge is found that serves them.
+"""The operator services of `mavlink_bridge`, and how to find a bridge that serves them.
 
-For all vehicles they are those of the node, such as `~/hold`; for one, such as `drone0/hold`, they
-lie beside its topics.
+The services for all vehicles belong to the node, such as `~/hold`. Those for one vehicle, such as
+`drone0/hold`, are beside its topics.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ _STATES = re.compile(r"(?P<namespace>.*)/(?P<drone>drone\d+)/vehicle_state")
 
 @dataclass(frozen=True)
 class FoundBridge:
-    """A bridge that is there.
+    """A running bridge.
 
     Attributes:
-        node: Its full name.
+        node: Full name of its node.
         drones: Names of the drones that have a vehicle, in order.
     """
 
@@ -39,10 +39,10 @@ class FoundBridge:
 
 
 def find_bridges(node: Node) -> dict[str, FoundBridge]:
-    """Return the bridges that are there by their namespaces, "" for the root.
+    """Return the running bridges by namespace, "" for the root.
 
     Args:
-        node: Whose view of the domain counts.
+        node: Node that looks for them.
     """
     found: dict[str, tuple[str, list[str]]] = {}
     for topic, _ in node.get_topic_names_and_types():
@@ -62,7 +62,7 @@ def service_name(namespace: str, bridge: FoundBridge, drone: str, what: str) -> 
     """Return the full name of a service.
 
     Args:
-        namespace: Of the bridge, "" for the root.
+        namespace: Namespace of the bridge, "" for the root.
         bridge: The bridge.
         drone: Name of the drone, empty for all.
         what: One of `OPERATOR_SERVICES`.

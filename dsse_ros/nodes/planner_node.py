@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dsse_ros planner_node`: commands the drones, knowing nothing but the topics."""
+"""`ros2 run dsse_ros planner_node`: commands the drones, from the topics alone."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from msg_adapters.commands import joint_action_message
 from msg_adapters.observed_step import ObservedStep, StepId, StepInbox, step_id_of
 
 _RETRY_S = 1.0
-"""Wall time after which a planner that failed is asked again, and what is waited for is logged."""
+"""Wall time after which the node retries a failed planner, and logs what it is waiting for."""
 _SHARE = 0.8
-"""Of the time that a step waits, a planner gets this: the rest is for the messages on their way."""
+"""Share of a step's waiting time for the planner; the rest is for the transport of messages."""
 _PENDING_S = 10.0
-"""Wall time after which a step that does not come is worth a line: vehicles take that long."""
+"""Wall time after which the node logs that a step has not come: vehicles take that long."""
 
 
 class PlannerNode(AlarmNode):
     """Answers every step with a joint action.
 
-    A step is answered when its report, its map and the `agents` of its run are all here; report and
-    map have the same stamp. Another mission gets a new planner.
+    The node answers a step once it has the step's report, its map and the `agents` of its run;
+    report and map have the same stamp. Each mission gets a new planner.
 
     Raises:
         FieldError: If a parameter is not allowed, or the planner cannot be loaded.
@@ -51,7 +51,7 @@ class PlannerNode(AlarmNode):
         known = specs(PlannerSettings)
         given, qos = self.take_overrides(known)
         self.settings = PlannerSettings(**given)
-        # A planner that cannot be loaded is bad input, before any simulation is there.
+        # Fail at once, without a simulation, if the planner cannot be loaded.
         load_planner(self.settings.planner)
         if self.settings.planner == "onnx":
             from dsse_ros.planners.onnx import read_model
@@ -85,7 +85,7 @@ class PlannerNode(AlarmNode):
             )
         ]
         endpoints.check_all_used()
-        # A command that was lost would stop a lockstep mission for good.
+        # A lost command would stop a lockstep mission forever.
         self._resend_alarm = self.alarms.make(self._send)
         self._retry_alarm = self.alarms.make(self._plan)
         self.alarms.make(self._log_waiting).repeat(_RETRY_S)
@@ -103,7 +103,7 @@ class PlannerNode(AlarmNode):
         self._leave_search(info.run_id, info.mission)
 
     def _leave_search(self, run_id: int, mission: int) -> None:
-        """Stop sending an answer that was for another search than this one."""
+        """Stop sending an answer that was for a different search."""
         if self._answered is not None and self._answered[:2] != (run_id, mission):
             self._forget_answer()
 
@@ -117,18 +117,18 @@ class PlannerNode(AlarmNode):
                 self.get_logger().debug(f"steps {before[2] + 1} to {step[2] - 1} were not received")
 
     def _plan(self) -> None:
-        """Answer the step if it is not answered yet and all about it is here."""
+        """Answer the step if all its messages are here and it is not answered yet."""
         observed = self._inbox.step()
         if observed is None:
             return
         step, last = observed.step_id, self._answered
-        # A map names no search: one that was used for another may have this stamp too.
+        # A map names no search: a map of another search may have the same stamp.
         if last is not None and last[:2] != step[:2] and self._inbox.map is self._map_used:
             return
         live = observed.live
         if step == last:
             if not live.any():
-                # The last drone was lost since: there is nobody to command any more.
+                # The last drone was lost since the answer: no drone is left to command.
                 self._forget_answer()
             return
         self._forget_answer()
@@ -141,7 +141,7 @@ class PlannerNode(AlarmNode):
                     actions = self._decide(observed)
                 answer = joint_action_message(step[2], actions, mission=step[1])
             except Exception as error:
-                # Planners of others may raise anything.
+                # Third-party planners may raise anything.
                 self._report_failure(step, error)
                 self._retry_alarm.set(_RETRY_S)
                 return
@@ -154,15 +154,15 @@ class PlannerNode(AlarmNode):
         self._answered_s = time.monotonic()
 
     def _on_compiler(self, line: str) -> None:
-        """Log that the planner is compiled; that it is ready follows in a line of its own."""
+        """Log a line of the compiler; a separate line later logs that the planner is ready."""
         self._ready = False
         self.get_logger().info(line)
 
     def _decide(self, observed: ObservedStep) -> list[int]:
         """Return the planner's actions for a step.
 
-        A decision that took longer than its step has waited is for a later one, if the drones are
-        still where they were.
+        A decision that took longer than its step waited counts for a later step, if the drones have
+        not moved.
 
         Raises:
             Exception: See `_ask`.
@@ -189,7 +189,7 @@ class PlannerNode(AlarmNode):
         """Return a planner for a mission.
 
         Raises:
-            ValueError: If it needs to know more than `agents` contains.
+            ValueError: If the planner needs more than `agents` contains.
         """
         name, seed = self.settings.planner, self.settings.seed
         covers = info.definition is not None and info.definition.rules.covers
@@ -213,13 +213,13 @@ class PlannerNode(AlarmNode):
         self.get_logger().debug("".join(traceback.format_exception(error)))
 
     def _log_waiting(self) -> None:
-        """Log what is waited for, when that has changed."""
+        """Log what the node is waiting for, if that has changed."""
         before, self._waits_for = self._waits_for, self._missing()
         if self._waits_for and self._waits_for != before:
             self.get_logger().info(f"waiting for {self._waits_for}")
 
     def _missing(self) -> str:
-        """Return what is waited for; "" for nothing worth a line."""
+        """Return what the node is waiting for; "" for nothing worth logging."""
         received = (self._inbox.infos, self._inbox.map, self._inbox.report)
         silent = [
             subscription.topic_name
@@ -257,7 +257,7 @@ def _ask(planner: Planner, observed: ObservedStep) -> list[int]:
     """Return a planner's actions in the order of the drones; `HOLD` for those out of the search.
 
     Raises:
-        Exception: Whatever the planner raises, or its answer is not made of.
+        Exception: Whatever the planner raises, or an error for an invalid answer.
     """
     drones = np.flatnonzero(observed.live).tolist()
     infos, report, time_s = observed.infos(drones), observed.report, observed.info.decision_time_s

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How many nodes publish what only one should."""
+"""Counts the publishers of topics that only one node should publish."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from dsse_ros.nodes.settings import SimSettings
 
 
 class PublisherCounts:
-    """Counts the publishers of topics, and warns when one more comes.
+    """Counts the publishers of topics, and warns of each additional one.
 
     Args:
-        node: Sees the topics.
-        consequences: By topic, what more than one publisher leads to.
+        node: Node that looks for publishers.
+        consequences: By topic, the consequence of more than one publisher.
 
     Attributes:
-        last: The numbers of the last update.
+        last: The counts of the last update.
     """
 
     def __init__(self, node: Node, consequences: Mapping[str, str]) -> None:
@@ -44,7 +44,7 @@ class PublisherCounts:
 
 
 def consequences(settings: SimSettings) -> dict[str, str]:
-    """Return by topic what more than one publisher leads to."""
+    """Return the consequence of more than one publisher, by topic."""
     found = {
         "step_report": "listeners receive all missions mixed; give each its own namespace",
         "joint_action": "the last command of a drone before a step wins",

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What `sim_node` publishes: each topic's message comes from one function of `msg_adapters`."""
+"""The publishers of `sim_node`: one function of `msg_adapters` makes each topic's message."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _LEVELS = {
 
 
 def tf_type() -> Any:
-    """Return tf2_msgs/TFMessage, or None where tf2_msgs is not installed."""
+    """Return tf2_msgs/TFMessage, or None if tf2_msgs is not installed."""
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError:
@@ -71,14 +71,14 @@ class MissionPublishers:
 
     Args:
         endpoints: Makes the publishers.
-        mission: What is published.
-        frame: Where the grid lies.
+        mission: The mission to publish.
+        frame: The frame of the grid.
         run_id: Identity of the simulation since its start.
-        publish_clock: Whether mission time goes out on `/clock`.
-        publish_belief: Whether the belief goes out, of a mission that has one.
+        publish_clock: Whether to publish mission time on `/clock`.
+        publish_belief: Whether to publish the belief, if the mission has one.
 
     Attributes:
-        run_id: Identity that the messages carry.
+        run_id: Identity in the messages.
     """
 
     def __init__(
@@ -123,9 +123,9 @@ class MissionPublishers:
         # The last messages of the topics that are not latched, for late joiners.
         self._of_time: dict[Publisher, Any] = {}
         self._before = self._cells = mission.result.cells
-        # What a listener of path and markers has last seen.
+        # The state that was last published on each topic of paths and markers.
         self._seen: dict[Publisher, tuple[int, ...]] = {}
-        # Filled anew each step: to make these takes as long as to publish them.
+        # Reused for each step: making these messages takes as long as publishing them.
         self._pose_array = PoseArray()
         self._pose_of = [PoseStamped() for _ in self._names]
         self._odom_of = [Odometry() for _ in self._names]
@@ -137,7 +137,7 @@ class MissionPublishers:
         return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
 
     def publish_agents(self, timing: Timing) -> None:
-        """Publish who searches, by which rules and where, and whether they were commanded."""
+        """Publish the agents, their rules and grid, and whether they have been commanded."""
         env, frame = self._mission.env, self._frame
         begun = self._mission.result.step > 0 or not self._mission.missing
         info = AgentsInfo(
@@ -163,12 +163,12 @@ class MissionPublishers:
         self._agents.publish(agents_message(info))
 
     def publish_first_commands(self, timing: Timing) -> None:
-        """Publish that the drones are commanded: vehicles take off from then on."""
+        """Publish that the drones have been commanded: vehicles may take off from then on."""
         if self._mission.result.step == 0 and not self._mission.missing:
             self.publish_agents(timing)
 
     def publish_clock(self, nanoseconds: int) -> None:
-        """Publish the mission time, if it goes out."""
+        """Publish the mission time, if `publish_clock` is set."""
         if self._clock is not None:
             self._publish_time(self._clock, clock_message(nanoseconds))
 
@@ -182,7 +182,7 @@ class MissionPublishers:
             publisher.publish(message)
 
     def publish_grid(self, stamp: Time, grid_scaling: str) -> None:
-        """Publish the map, and the belief if it goes out, for people."""
+        """Publish the map and, if set, the belief as grids for display."""
         self._publish_grid(self._grid, self._mission.env.probability, stamp, grid_scaling)
         if self._belief_grid is not None:
             belief = self._mission.belief()
@@ -243,7 +243,7 @@ class MissionPublishers:
                 self._fixes[i].publish(message)
 
     def publish_batteries(self, result: StepResult, stamp: Time) -> None:
-        """Publish what is left in the batteries, where they run down."""
+        """Publish the charge of the batteries, if they run down."""
         if result.conditions is None:
             return
         for name, publisher, condition in zip(
@@ -259,7 +259,7 @@ class MissionPublishers:
 
         Args:
             stamp: Time of the messages.
-            share: Share of the way done; at 1 they stand in their cells.
+            share: Share of the way that is done; at 1 they are in their cells.
         """
         subscribed = [i for i, odom in enumerate(self._odoms) if odom.get_subscription_count()]
         if not subscribed and self._tf is None:
@@ -281,7 +281,7 @@ class MissionPublishers:
             self._publish_time(self._tf, message)
 
     def publish_history(self, result: StepResult, stamp: Time, reveal_person: bool) -> None:
-        """Publish tracks and markers to listeners who have not seen them as they are now."""
+        """Publish tracks and markers if they have changed."""
         tracks = self._mission.tracks
         for i, (publisher, track) in enumerate(zip(self._paths, tracks, strict=True)):
             if self._is_news(publisher, result.stamp_ns):

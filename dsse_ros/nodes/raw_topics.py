@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""All topics of a mission as bytes: found as they appear, taken in batches."""
+"""All topics of a mission as bytes: discovered as they appear, taken in batches."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _DEPTH = 1000
 
 
 class RawTopics:
-    """The topics of a namespace, and those that all missions share, all subscribed or some of them.
+    """Subscriptions to topics of a namespace, and to those that all missions share.
 
     Args:
-        node: Whose namespace it is, and who logs; in the root namespace all topics count.
+        node: Node whose namespace counts, and which logs; the root namespace has all topics.
         warn: Logs a line of a kind.
-        exclude: Patterns of topics that are left out.
+        exclude: Patterns of topics to leave out.
 
     Attributes:
         types: Names of the types of the topics found so far, by topic.
@@ -46,19 +46,19 @@ class RawTopics:
         self._exclude = exclude
         self.types: dict[str, str] = {}
         self._subscriptions: dict[str, Subscription] = {}
-        # Subscribed with the QoS of other listeners, as nobody had published yet.
+        # Subscribed with the QoS of other subscribers, because the topic had no publisher yet.
         self._without_publisher: set[str] = set()
         self._refused: set[str] = set()
         self._waiting: list[RawMessage] = []
 
     def discover(self) -> list[str]:
-        """Subscribe topics that are new, and return their names."""
+        """Subscribe to new topics, and return their names."""
         self.find()
         new = [topic for topic in self.types if topic not in self._subscriptions]
         return [topic for topic in new if self.subscribe(topic)]
 
     def find(self) -> list[str]:
-        """Return the names of topics that are new, without subscribing them."""
+        """Return the names of new topics, without subscribing to them."""
         new = []
         for topic, types in self._node.get_topic_names_and_types():
             if topic in self.types:
@@ -70,7 +70,7 @@ class RawTopics:
         return new
 
     def subscribe(self, topic: str) -> bool:
-        """Subscribe a topic that was found; return whether there is anybody on it."""
+        """Subscribe to a discovered topic; return whether it has any endpoint."""
         profiles = self._profiles(topic)
         if not profiles:
             # All have gone again.
@@ -97,12 +97,12 @@ class RawTopics:
         return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
     def offers(self, topic: str) -> list[Any]:
-        """Return what is known of the publishers of a topic, rclpy's TopicEndpointInfo each."""
+        """Return rclpy's TopicEndpointInfo of each publisher of a topic."""
         return list(self._node.get_publishers_info_by_topic(topic))
 
     def take(self) -> list[RawMessage]:
-        """Return what has come since, in the order in which it was received."""
-        # What comes meanwhile, on a topic that had its turn or on one that has not, is for later.
+        """Return the new messages, in the order in which they were received."""
+        # Leave messages that come during the call for the next one, to keep the order.
         until_ns = time.time_ns()
         for subscription in self._subscriptions.values():
             self._waiting += take_all(subscription)
@@ -128,7 +128,7 @@ class RawTopics:
     def _is_known(self, topic: str, type_name: str) -> bool:
         try:
             message_class(type_name)
-            # Who gets the bytes needs to know what they are.
+            # The receiver of the bytes needs the definition of the type.
             definition(type_name)
         except FieldError as error:
             self._refused.add(topic)
@@ -137,7 +137,7 @@ class RawTopics:
         return True
 
     def _subscribe_anew(self, topic: str) -> None:
-        """Subscribe with what the publishers offer, if that is something else."""
+        """Subscribe again with the QoS of the publishers, if it differs."""
         profiles = self._profiles(topic)
         self._without_publisher.discard(topic)
         subscription = self._subscriptions[topic]
@@ -147,7 +147,7 @@ class RawTopics:
             self.subscribe(topic)
 
     def _profiles(self, topic: str) -> list[QoSProfile]:
-        """Return what publishers offer, or what others ask for where nobody publishes."""
+        """Return the QoS of the publishers, or that of other subscribers if there are none."""
         offered = [info.qos_profile for info in self.offers(topic)]
         if not offered:
             self._without_publisher.add(topic)

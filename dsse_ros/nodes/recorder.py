@@ -20,8 +20,8 @@ from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.scenario.fields import specs
 
 _NICENESS = 5
-"""Of the process: where cores are busy, the mission comes first. With 10, a third of the messages
-of latched topics was lost on two cores with a load of 18; with 5 none was."""
+"""Niceness of the process: on a busy machine, the mission comes first. With 10, a third of the
+messages of latched topics was lost on two cores with a load of 18; with 5 none was."""
 DISCOVERY_PERIOD_S = 0.2
 TAKE_PERIOD_S = 0.05
 FLUSH_PERIOD_S = 1.0
@@ -29,7 +29,7 @@ FLUSH_PERIOD_S = 1.0
 
 
 class RecorderNode(AlarmNode):
-    """Writes what is published in its namespace to a bag, until it ends.
+    """Writes the topics of its namespace to a bag, until the node ends.
 
     Attributes:
         failed: Whether the bag could not be written to its end.
@@ -39,7 +39,7 @@ class RecorderNode(AlarmNode):
     """
 
     failed = False
-    # Here, as a node that could not be made is destroyed too.
+    # Set on the class: `destroy_node` also runs when `__init__` fails.
     _topics: RawTopics | None = None
     _bag: BagWriter | None = None
 
@@ -68,7 +68,7 @@ class RecorderNode(AlarmNode):
                 self.debug(lambda topic=topic: f"recording {topic}")  # type: ignore[misc]
 
     def _take(self) -> None:
-        """Write what has come since."""
+        """Write the new messages."""
         if self._bag is None or self._topics is None:
             return
         try:
@@ -80,7 +80,7 @@ class RecorderNode(AlarmNode):
     def _write(self, bag: BagWriter, topics: RawTopics, message: RawMessage) -> None:
         channel = self._channels.get(message.topic)
         if channel is None:
-            # Only now that there is a message it is known what its publisher offers.
+            # The QoS of the publisher is certain only once it has sent a message.
             offers = topics.offers(message.topic)
             channel = self._channels[message.topic] = bag.add_topic(
                 message.topic,
@@ -105,7 +105,7 @@ class RecorderNode(AlarmNode):
                 self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        """End the recording, not what is recorded."""
+        """End the recording, but not the mission."""
         assert self._bag is not None
         self._bag.abandon()
         self._bag = None
@@ -149,7 +149,7 @@ def main(argv: list[str] | None = None) -> int:
     nodes: list[RecorderNode] = []
 
     def make() -> RecorderNode:
-        # Threads have the niceness of the one that starts them: DDS starts its own with the node.
+        # Set it before the node: threads inherit it, and DDS starts its threads with the node.
         os.nice(_NICENESS)
         nodes.append(RecorderNode())
         return nodes[0]

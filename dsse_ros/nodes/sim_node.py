@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dsse_ros sim_node`: runs the search and obeys commands over topics."""
+"""`ros2 run dsse_ros sim_node`: runs the search and takes commands from topics."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ DIAGNOSTICS_PERIOD_S = 1.0
 EXIT_S = 1.5
 """Wall time from the end of the mission to that of the node: tracks and diagnostics go out once."""
 ACKNOWLEDGED_S = 5.0
-"""Wall time that a listener has to acknowledge what it was sent."""
+"""Wall time in which a subscriber must acknowledge the messages."""
 IDLE_S = 1.0
-"""Wall time without a step after which the node says what it waits for, and repeats the time."""
+"""Wall time without a step after which the node logs what it waits for, and repeats the time."""
 
 
 class SimNode(AlarmNode):
@@ -64,7 +64,7 @@ class SimNode(AlarmNode):
         FieldError: If a parameter or the scenario is not allowed.
     """
 
-    # Here, as a node that could not be made is destroyed too.
+    # Set on the class: `destroy_node` also runs when `__init__` fails.
     files: MissionFiles | None = None
 
     def __init__(self) -> None:
@@ -116,7 +116,7 @@ class SimNode(AlarmNode):
         self.add_post_set_parameters_callback(self._on_changed)
         self._publish_start()
         if self.mission.done:
-            # It was resumed from a snapshot of its end.
+            # The snapshot was taken at the end of the mission.
             self._end()
 
     # Parameters
@@ -169,14 +169,14 @@ class SimNode(AlarmNode):
         return self.get_clock().now().to_msg()
 
     def restart(self) -> None:
-        """Start a new mission and mission time anew, as if the node was started again."""
+        """Start a new mission and restart mission time, as if the node had restarted."""
         self.publishers_.run_id = draw_run_id(self.settings)
         self.mission.reset(draw_seed(self.settings))
         self._restart_time()
         self._publish_start()
 
     def restart_time(self) -> None:
-        """Start mission time anew, with the step that the mission is in."""
+        """Restart mission time at the current step."""
         self._restart_time()
         self._publish(first=True)
 
@@ -185,7 +185,7 @@ class SimNode(AlarmNode):
         self._vehicles.restart_time()
 
     def stop(self) -> None:
-        """Restart, and hold the mission there."""
+        """Restart, and pause the mission at its start."""
         self.restart()
         self.set_paused(True)
         self.stopped = True
@@ -218,7 +218,7 @@ class SimNode(AlarmNode):
         self._follow_on()
 
     def _follow_on(self) -> None:
-        """With `auto_reset`, start the next mission if this one came to an end by itself."""
+        """With `auto_reset`, start the next mission if this one ended by itself."""
         mission = self.mission
         failed = mission.aborted or mission.all_lost
         if self.settings.auto_reset and mission.done and not failed:
@@ -227,7 +227,7 @@ class SimNode(AlarmNode):
             self._exit_alarm.set(EXIT_S)
 
     def _exit(self) -> None:
-        """End the node when every listener has all that was published."""
+        """End the node once every subscriber has received everything."""
         deadline_s = time.monotonic() + ACKNOWLEDGED_S
         for publisher in self.publishers:
             left_s = max(deadline_s - time.monotonic(), 0.0)
@@ -236,7 +236,7 @@ class SimNode(AlarmNode):
         self.finished = True
 
     def try_step(self) -> str:
-        """Do one step if that is allowed; returns why not, or nothing."""
+        """Do one step if that is allowed; returns why not, empty if it did."""
         refused = self.mission.refuse()
         if refused is not None:
             return refused.reason
@@ -246,7 +246,7 @@ class SimNode(AlarmNode):
         return ""
 
     def _publish(self, *, first: bool = False) -> None:
-        """Publish the last step; `first`: the first one that vehicles may report on."""
+        """Publish the last step; `first` marks the first one that vehicles may report on."""
         result, stamp, settings = self.mission.result, self.stamp(), self.settings
         self._report_stamp = stamp
         self._vehicles.set_stamp(to_nanoseconds(stamp), first=first)
@@ -269,11 +269,11 @@ class SimNode(AlarmNode):
     # The time of the steps
 
     def _arm(self) -> None:
-        """Set the alarms for what is due next."""
+        """Set the alarms for the next events."""
         scheduler = self._scheduler
         if scheduler.moving and not scheduler.paused:
             self._idle_alarm.cancel()
-            # It goes on from step to step, or it would never ring at a high step_rate.
+            # The alarm continues across steps, else it would never ring at a high step_rate.
             self._odom_alarm.repeat(1.0 / self.settings.odom_rate)
         else:
             self._idle_alarm.set(IDLE_S)
@@ -282,7 +282,7 @@ class SimNode(AlarmNode):
 
     def _ready(self) -> bool:
         """Return whether every live drone has commanded and every vehicle has arrived."""
-        # Not computed where nothing waits for it.
+        # Computed only if the scheduler waits for it.
         return self._scheduler.running and not (self.mission.missing or self._late())
 
     def _late(self) -> list[int]:
@@ -334,11 +334,11 @@ class SimNode(AlarmNode):
 
     @property
     def paused(self) -> bool:
-        """Whether the mission is held."""
+        """Whether the mission is paused."""
         return self._scheduler.paused
 
     def set_paused(self, paused: bool) -> None:
-        """Hold the mission, or let it go on from where it was."""
+        """Pause the mission, or continue it."""
         self.stopped = False
         self._scheduler.pause(paused, time.monotonic())
         self._arm()
@@ -380,7 +380,7 @@ class SimNode(AlarmNode):
         self._advance()
 
     def _lose(self, drone: int, reason: str) -> None:
-        """Go on without a drone, whose vehicle has dropped out."""
+        """Continue without a drone whose vehicle has dropped out."""
         if not self.mission.lose(drone):
             return
         self._vehicles.lost[drone] = reason
@@ -427,7 +427,7 @@ class SimNode(AlarmNode):
             lost=self._vehicles.lost, rejected=self._commands.rejected,
         )  # fmt: skip
         name = self.get_fully_qualified_name().lstrip("/")
-        # Monitors of nodes compare it with the wall clock.
+        # Monitors compare the stamp with the wall clock.
         stamp = self._wall_clock.now().to_msg()
         self.publishers_.publish_diagnostics(stamp, name, health, values)
 

@@ -30,17 +30,17 @@ SCENARIO_SPECS = specs(Scenario)
 RULES_SPECS = {
     name: spec
     for name, spec in specs(Rules).items()
-    # The scenario's own value counts where both have the field.
+    # If the scenario has the same field, its value counts.
     if name not in SCENARIO_SPECS and name != "profile"
 }
 SETTINGS_SPECS = specs(SimSettings)
 
 OF_TIMING = {"step_mode", "step_rate", "real_time_factor", "odom_rate", "command_timeout"}
-"""Settings that say when something is due."""
+"""Settings of the time at which steps are due."""
 
 
 def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]:
-    """Return settings, environment and topics of a node as its parameters say, and declare them.
+    """Declare the parameters of a node; return the settings, environment and endpoints from them.
 
     Raises:
         FieldError: If a parameter or the scenario is not allowed.
@@ -69,17 +69,17 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
 
 
 def _check_size(settings: SimSettings, scenario: Scenario, rules: Rules) -> None:
-    """Raise for a grid of more than `max_cells`, before there is any memory for it.
+    """Check that the grid has at most `max_cells`, before allocating memory for it.
 
     Raises:
-        FieldError: If it is one, or there is no such grid.
+        FieldError: If the grid is larger, or not allowed.
     """
     side, _ = scenario.grid_of(rules)
     check_cells(side, settings.max_cells)
 
 
 def grid_frame(scenario: ResolvedScenario, settings: SimSettings) -> GridFrame:
-    """Return where the grid of a scenario lies."""
+    """Return the frame of a scenario's grid."""
     return scenario_frame(
         scenario,
         map_frame=settings.frame_prefix + settings.map_frame,
@@ -99,22 +99,22 @@ def timing(settings: SimSettings, step_duration_s: float) -> Timing:
 
 
 def draw_seed(settings: SimSettings) -> int:
-    """Return the seed that the parameter asks for."""
+    """Return the seed of the parameter, or a drawn one for -1."""
     seed = settings.seed
     return seed if seed >= 0 else int(np.random.SeedSequence().generate_state(1)[0])
 
 
 def draw_run_id(settings: SimSettings) -> int:
-    """Return the run_id that the parameter asks for."""
-    # From outside the mission's random numbers: the same seed stays the same mission.
+    """Return the run_id of the parameter, or a drawn one for -1."""
+    # Not from the mission's generator: the same seed must give the same mission.
     return settings.run_id if settings.run_id > 0 else 1 + secrets.randbelow(MAX_ID)
 
 
 def _in_force(scenario: ResolvedScenario) -> dict[str, Any]:
-    """Return the values of all fields, also of those that state another's in another way."""
+    """Return the values of all fields, including those that restate another field."""
     values = dict(vars(scenario))
     for name, value in scenario.other_ways.items():
-        # Where drones are faster than any current, there is no such current.
+        # If drones are faster than any current, there is no such current.
         with contextlib.suppress(FieldError):
             values[name] = SCENARIO_SPECS[name].check(name, value)
     return values

@@ -1,8 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The services of simulation_interfaces 1.0 and later, where that package is installed.
+"""The services of simulation_interfaces 1.0 and later, if that package is installed.
 
-It is the standard that Gazebo and Isaac Sim follow; it is not among the ROS 2 wheels.
+Gazebo and Isaac Sim follow this standard. There is no ROS 2 wheel of it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dsse_ros.nodes.operated import Operated
 
 
 def serve(node: Operated) -> bool:
-    """Offer reset, step, state and features; returns whether the package is there."""
+    """Offer reset, step, state and features; returns whether the package is installed."""
     try:
         from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
         from simulation_interfaces.srv import (
@@ -64,7 +64,7 @@ def serve(node: Operated) -> bool:
             if refusal:
                 return answer(response, Result.RESULT_OPERATION_FAILED, refusal)
             if node.mission.number != number:
-                # auto_reset: the rest would be steps of another mission.
+                # With auto_reset, the remaining steps would belong to another mission.
                 break
         return answer(response)
 

@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Coverage by shortest ways: each drone flies to a cell of its own that is left to cover.
+"""Coverage by shortest paths: each drone flies to a cell of its own that is left to cover.
 
-A* (Hart, Nilsson and Raphael, 1968) from cell to cell, around what is not to be searched and the
-other drones. Of all shortest ways it takes the one with most probability on it, as a drone covers
-what it flies over.
+A* (Hart, Nilsson and Raphael, 1968) plans from cell to cell, around cells outside the search area
+and around other drones. A drone covers the cells that it flies over, so among the shortest paths
+the planner takes the one with the most probability.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, 
 from dsse_ros.scenario.actions import ActionSet
 
 CLOSENESS = 0.3
-"""A cell one move farther away counts for this part."""
+"""Factor on the worth of a cell for each move to it."""
 LONELINESS = 3.0
-"""A cell with nothing left around it counts for this much more: to come back for it takes long."""
+"""How much more a cell with nothing left around it counts: coming back for it later takes long."""
 
 
 def make_astar(search: Search, *, seed: int = 0) -> AStar:
-    """Return a planner for a coverage task; it draws nothing."""
+    """Return a planner for a coverage task; the seed makes no difference."""
     area = search.scenario.resolve(search.rules).area_mask
     actions = search.rules.action_set.within(area).with_moves()
     return AStar(actions, apart=search.scenario.has_slower_drones)
 
 
 class AStar:
-    """Sends each drone to the best cell that is left: near, probable, lonely, and nobody's goal.
+    """Sends each drone to the best remaining cell: near, probable, isolated, and nobody's goal.
 
-    Of all drones without a goal and cells that are nobody's, the pair goes together for which the
-    root of the probability, times `CLOSENESS` to the power of the distance, times up to
-    1 + `LONELINESS`, is greatest. A goal stays until it is covered. A drone whose way is blocked,
-    or for which no cell is left, stays where it is.
+    Among the drones without a goal and the cells that are nobody's goal, the planner matches the
+    pair with the greatest worth: the root of the probability, times `CLOSENESS` to the power of
+    the distance, times up to 1 + `LONELINESS`. A drone keeps its goal until the cell is covered.
+    A drone whose path is blocked, or for which no cell is left, stays where it is.
 
     Args:
         actions: The actions, in the area.
@@ -58,7 +58,7 @@ class AStar:
         self._goals: dict[str, Cell] = {}
 
     def copy(self) -> AStar:
-        """Return one that goes on by itself from here."""
+        """Return an independent copy in the same state."""
         return copy.copy(self)
 
     def with_seed(self, seed: int) -> AStar:
@@ -109,14 +109,14 @@ class AStar:
                 others[row, col] = 0.0
 
     def _closeness(self, cell: Cell, size: int) -> NDArray[np.float64]:
-        """Return what the distance of each cell (G, G) leaves of its worth, 0 without a way."""
+        """Return the factor for the distance to each cell (G, G), 0 for unreachable cells."""
         away = self._actions.distances(cell, size)
         closeness: NDArray[np.float64] = np.where(away < 0, 0.0, CLOSENESS**away)
         return closeness
 
 
 def _share_covered_around(left: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return of each cell (G, G) the share of the eight around it where nothing is left."""
+    """Return, for each cell (G, G), the share of its eight neighbours where nothing is left."""
     size, around = len(left), np.pad(left > 0, 1).astype(np.float64)
     cells = sum(around[dy : dy + size, dx : dx + size] for dy in range(3) for dx in range(3))
     share: NDArray[np.float64] = 1.0 - (cells - (left > 0)) / 8.0
@@ -130,17 +130,17 @@ def next_cell(
     goal: Cell,
     taken: Collection[Cell],
 ) -> Cell:
-    """Return the first cell of the best way; the start, if there is none.
+    """Return the first cell of the best path; the start, if there is none.
 
     Args:
-        actions: Which moves there are.
+        actions: The available moves.
         left: (G, G), the probability that is left.
-        start: Where it begins.
-        goal: Where it leads to.
-        taken: Cells that the first move cannot go to.
+        start: Start of the path.
+        goal: Goal of the path.
+        taken: Cells that the first move may not enter.
     """
     size = len(left)
-    # Layer by layer of equal length: a cell is reached by its most probable way first.
+    # Paths of equal length are ordered by probability, so the most probable one comes first.
     queue = [(actions.distance(start, goal), 0, 0.0, start, start)]
     done = set()
     while queue:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Collision avoidance: next cells for all drones at once, never two drones in one.
+"""Collision avoidance: chooses the next cells of all drones at once, never two drones in one.
 
 Drones move at the same time, so a drone may enter a cell that another leaves, and two may
 swap. A drone that stays cannot give way.
@@ -16,12 +16,12 @@ from dsse_ros.planners.planner import Cell
 def resolve_conflicts(present: Sequence[Cell], requested: Sequence[Cell]) -> list[Cell]:
     """Return the next cell of each drone: the one it requests, or its present one.
 
-    Of the drones that request one cell the one that stays there gets it, else the first; the
-    others stay where they are, which can block those behind them in turn.
+    If several drones request a cell, the drone that stays there gets it, else the first one. The
+    others stay where they are, which can block the drones behind them in turn.
 
     Args:
         present: Cell of each drone, all different.
-        requested: Present or neighbouring cell that each drone is to be in next.
+        requested: Present or neighbouring cell that each drone should be in next.
     """
     granted = list(requested)
     owner: dict[Cell, int] = {}
@@ -48,14 +48,14 @@ def resolve_conflicts_with_yielding(
 ) -> list[Cell]:
     """Return the next cell of each drone when some drones only have to make room.
 
-    First the conflicts among the drones that request a cell are resolved. The others then go to
-    one of their exits (the first that is free, as far as possible), and stay only if there is no
-    way out; a drone that requested the cell of one that must stay, stays too.
+    The function first resolves the conflicts among the drones that request a cell. The others
+    then move to one of their exits, to the first free one if possible, and stay only if they have
+    no way out. A drone that requested the cell of a drone that must stay also stays.
 
     Args:
         present: Cell of each drone, all different.
         requested: As for `resolve_conflicts`; None for a drone that makes room.
-        exits: By the index of each drone that makes room, the cells that it can move to.
+        exits: Cells that a drone can move to, by the index of each drone that makes room.
     """
     requests = {drone: cell for drone, cell in enumerate(requested) if cell is not None}
     yielding = [drone for drone, cell in enumerate(requested) if cell is None]
@@ -71,7 +71,7 @@ def resolve_conflicts_with_yielding(
         if len(placed) == len(yielding) or not entering:
             break
         requests.update((drone, present[drone]) for drone in entering)
-        # Cells of drones without a collision rule can coincide: each is handled once.
+        # Without a collision rule, several drones can be in one cell: handle each cell once.
         occupied -= {present[drone] for drone in entering}
     for drone, cell in (*zip(movers, resolved, strict=True), *placed.items()):
         granted[drone] = cell
@@ -84,7 +84,7 @@ def _make_room(
     exits: Mapping[int, Sequence[Cell]],
     taken: set[Cell],
 ) -> dict[int, Cell]:
-    """Give as many drones as possible an exit of their own that is not taken, others their cell."""
+    """Give as many drones as possible a free exit of their own, and the others their own cell."""
     options = {drone: list(exits[drone]) for drone in drones}
     held: dict[int, Cell] = {}
     holder: dict[Cell, int] = {}
@@ -106,7 +106,7 @@ def _place(
 ) -> bool:
     """Find a cell for a drone, moving others to another of their options where needed.
 
-    One augmenting path of a bipartite matching (Kuhn), by breadth first search.
+    This is one augmenting path of a bipartite matching (Kuhn), found breadth first.
     """
     reached_by: dict[Cell, int] = {}
     queue = [drone]

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Thousands of missions with any planner.
 
-Missions that have seen the same share one planner until what they see differs, or until it draws
-and they have seeds of their own. With one person a planner that draws nothing is shared to the end,
-as failed searches are all there is to learn from.
+Missions with equal observations share one planner until their observations differ, or until the
+planner draws and the missions have different seeds. With one person, missions share a planner that
+draws nothing to the end, because it can only learn from failed searches.
 """
 
 from __future__ import annotations
@@ -30,18 +30,19 @@ from dsse_ros.search.world import HOLD, World
 
 @dataclass(frozen=True)
 class Missions:
-    """What M missions came to.
+    """Results of M missions.
 
     Attributes:
         found: (M,) bool, whether every person was found.
-        steps: (M,) int64, steps until the end; the limit where not every person was found.
-        lost: (M,) int64, drones that had collided, left the grid or been withdrawn when it ended;
-            of missions in which every person was found, 0.
-        path_length_m: (M,) float64, flown until the end by all drones, from centre to centre.
-        collisions: (M,) int64, pairs of drones in the search that a step has put into one cell,
-            step by step.
-        planner_seeds: (M,) int64, of the planner; -1 where it has drawn nothing, so that it would
-            have done the same with any other.
+        steps: (M,) int64, steps until the end; the limit if not every person was found.
+        lost: (M,) int64, drones that had collided, left the grid or been withdrawn at the end;
+            0 if every person was found.
+        path_length_m: (M,) float64, distance that all drones flew until the end, from cell centre
+            to cell centre.
+        collisions: (M,) int64, pairs of active drones in the same cell after a step, summed over
+            the steps.
+        planner_seeds: (M,) int64, seed of the planner; -1 if it drew nothing, so that any seed
+            would have given the same mission.
     """
 
     found: NDArray[np.bool_]
@@ -57,12 +58,12 @@ class _Group:
     """Missions that share a planner.
 
     Attributes:
-        members: Their numbers.
-        seeds: Of their planners, one for each member.
-        planner: What decides for all of them, made with the first of the seeds.
-        thread: Number of the thread that asks it.
-        actions: Of the last step, by drone.
-        drawn: Whether the seed of its planner has counted, or may have.
+        members: Numbers of the missions.
+        seeds: Seeds of the planners, one for each member.
+        planner: Planner that decides for all of them, made with the first seed.
+        thread: Number of the thread that calls the planner.
+        actions: Actions of the last step, by drone.
+        drawn: Whether the seed of the planner has made a difference, or may have.
     """
 
     members: NDArray[np.int64]
@@ -106,7 +107,7 @@ class _Group:
         probability: NDArray[np.float32],
         step: int,
     ) -> None:
-        """Have the planner choose the actions of the next step."""
+        """Get the actions of the next step from the planner."""
         drones = world.drones[self.members[0]]
         live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
         cells = {n: (int(drones["x"][n]), int(drones["y"][n])) for n in live}
@@ -128,7 +129,7 @@ class _Group:
         self.actions = {n: chosen[names[n]] for n in live}
 
     def split(self, world: World) -> list[_Group]:
-        """Return the groups that this one has become; missions that have ended are in none."""
+        """Split the group by observation; missions that have ended are in no group."""
         going = ~world.worlds["done"][self.members]
         members, seeds = self.members[going], self.seeds[going]
         if not len(members):
@@ -159,9 +160,9 @@ class _Group:
 
 
 def _meetings(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the pairs of drones in one cell, (M,), of those that are here, (M, N)."""
+    """Return the number of pairs, (M,), of drones in the same cell that are `here`, (M, N)."""
     col, row = drones["x"].astype(np.int64), drones["y"].astype(np.int64)
-    # No two of those that are not here are in one place.
+    # Give each of the other drones a place of its own.
     away = -1 - np.arange(drones.shape[1])
     cells = np.sort(np.where(here, (row << 32) + col, away << 48), axis=1)
     pairs = np.zeros(len(cells), np.int64)
@@ -180,7 +181,7 @@ def _copied(planner: Planner) -> Planner:
 def _each(
     pool: ThreadPoolExecutor, do: Callable[[_Group], list[_Group]], groups: Sequence[_Group]
 ) -> list[_Group]:
-    """Return what every group makes, those of one thread one after the other."""
+    """Return what every group makes; each thread handles its groups one after the other."""
 
     def do_those_of(thread: int) -> list[_Group]:
         return [made for group in groups if group.thread == thread for made in do(group)]
@@ -192,7 +193,7 @@ def _each(
 def _shared(
     planner: Planner, seeds: NDArray[np.int64], threads: int
 ) -> Iterator[tuple[NDArray[np.int64], int]]:
-    """Yield the missions that begin with one planner, each with the thread that asks it."""
+    """Yield the missions that start with one planner, and the thread that calls it."""
     if isinstance(planner, SharedPlanner):
         for thread in range(min(threads, len(seeds))):
             yield np.arange(thread, len(seeds), threads), thread
@@ -219,20 +220,20 @@ def play_missions(
 
     Args:
         count: M.
-        planner: One of `PLANNER_NAMES`, or what makes another one. What a planner remembers must
-            be copied with it by `copy.deepcopy`, unless it is a `SharedPlanner`.
+        planner: One of `PLANNER_NAMES`, or a factory. Unless the planner is a `SharedPlanner`,
+            `copy.deepcopy` must copy its state.
         scenario: As in `parallel_env`.
         rules: As in `parallel_env`.
-        seed: Mission m is that of an environment seeded with seed + m, or with seed[m].
-        planner_seeds: Dealt to the missions in turn: mission m is that of
+        seed: Mission m equals that of an environment seeded with seed + m, or with seed[m].
+        planner_seeds: Seeds that the missions take in turn: mission m uses
             `planner_for(env, planner, seed=planner_seeds[m % len(planner_seeds)])`. By default the
-            planner of each mission has the mission's seed. Missions that share a seed of a planner
-            that draws are no independent samples of it.
-        options: Of the planner.
-        assumed: The scenario that the planner is given, by default the one that is played.
-        withdraw_at: Step after which the last drone is withdrawn from each mission, see
+            planner of each mission has the mission's seed. Missions that share a planner seed are
+            not independent samples of a planner that draws.
+        options: Options of the planner.
+        assumed: Scenario that the planner gets, by default that of the missions.
+        withdraw_at: Step after which the last drone of each mission is withdrawn, see
             `SearchEnv.withdraw`.
-        threads: How many threads share the work.
+        threads: Number of threads.
         fields: As in `parallel_env`.
 
     Raises:
@@ -248,7 +249,7 @@ def play_missions(
     world.reset()
     names = [f"drone{n}" for n in range(world.num_drones)]
     masks = chosen_rules.action_set.within(world.scenario.area_mask).masks(world.grid_size)
-    # Large, and while one thread reads its tables another would write them.
+    # One per thread: forecasts are large, and not safe to share between threads.
     forecasts: dict[int, Forecasts] = {}
     if planner_seeds is None:
         planner_seeds = [seed + m for m in range(count)] if isinstance(seed, int) else seed
@@ -276,7 +277,7 @@ def play_missions(
     drawn_by = np.full(count, -1)
     with ThreadPoolExecutor(threads) as pool:
         for step in range(limit):
-            # It knows no person, and is the same in all of them unless cells are covered.
+            # The map depends on no person, so all missions share it unless cells are covered.
             probability = world.map_of(int(groups[0].members[0]))
 
             if world.faults is not None and fault_masks is not None:
@@ -304,7 +305,7 @@ def play_missions(
             for drone in range(world.num_drones):
                 path_length += legs[:, drone]
             collisions += _meetings(world.drones, here & ~world.drones["aloft"])
-            # A world that goes on after its end does not count any more.
+            # Worlds step on after their mission has ended; those steps do not count.
             now_found = going & world.worlds["done"] & (world.worlds["num_missing"] == 0)
             found |= now_found
             steps[now_found] = step + 1
@@ -312,7 +313,7 @@ def play_missions(
             lost[found] = 0
             going &= ~world.worlds["done"]
             if step + 1 == withdraw_at:
-                # As `SearchEnv.withdraw`: the next step terminates it.
+                # Like `SearchEnv.withdraw`: the next step terminates the drone.
                 world.worlds["num_active"] -= world.drones["alive"][:, -1]
                 world.drones["alive"][:, -1] = False
             groups = [part for group in groups for part in group.split(world)]

@@ -3,18 +3,18 @@
 # mypy: disable-error-code="no-untyped-def"
 """The compiled parts of the planner `belief`: a beam search on futures of the persons.
 
-A drone's plan is worth what it finds in M futures, see `Belief.futures`. A plan is a path of H + 1
-cells, the present one first, and staying in a cell searches it. Cells are the columns of a belief,
-see `belief_kernels`. Arguments with the same names mean the same everywhere:
+The value of a drone's plan is what it finds in M futures, see `Belief.futures`. A plan is a path of
+H + 1 cells, the present one first; staying in a cell searches it. Cells are the columns of a
+belief, see `belief_kernels`. Arguments with the same names mean the same everywhere:
 
     moves: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
     first: (A + 1,) int64, the looks of move a are first[a] .. first[a + 1] - 1.
-    offsets: (L, 2) int64, where a look is, (dx, dy) from the cell that the move leads to.
+    offsets: (L, 2) int64, (dx, dy) of a look from the cell that the move leads to.
     pods: (L, P) float64, POD of each person.
-    persons: (M,) of `Futures`.
-    draws: (H, M) float64 in [0, 1), what a POD must exceed to detect the person of a future; (0, 0)
-        where each look detects for certain.
-    starts, members: Of `index`.
+    persons: (M,) as in `Futures`.
+    draws: (H, M) float64 in [0, 1), which a POD must exceed to detect the person of a future;
+        (0, 0) if every look has a POD of 1.
+    starts, members: See `index`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def index(cells, starts, members):
     """Sort the scenarios of each step by cell.
 
     Args:
-        cells: (H + 1, M) of `Futures`.
+        cells: (H + 1, M) as in `Futures`.
         starts: (H, S S + 1) int64 out.
         members: (H, M) int64 out: those in cell i at step h are
             members[h, starts[h, i] : starts[h, i + 1]].
@@ -50,7 +50,7 @@ def index(cells, starts, members):
 
 @compiled()
 def column_at(side, cell, dx, dy):
-    """Return the cell this far from another one, -1 off the grid."""
+    """Return the cell at this offset from another one, -1 off the grid."""
     x, y = cell % side + dx, cell // side + dy
     if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
         return -1
@@ -59,7 +59,7 @@ def column_at(side, cell, dx, dy):
 
 @compiled()
 def detects(draws, pods, persons, h, k, s):
-    """Return whether look k at step h detects the person of scenario s, who is there."""
+    """Return whether look k at step h detects the person of scenario s in that cell."""
     return len(draws) == 0 or draws[h, s] < pods[k, persons[s]]
 
 
@@ -74,11 +74,11 @@ def move_between(moves, cell, after):
 
 @compiled()
 def looks_of_plans(paths, lengths, kinds, moves, first, offsets, side, steps, columns, rows):
-    """Write the looks of plans, step by step; returns how many there are.
+    """Write the looks of plans, step by step, and return their number.
 
     Args:
         paths: (N, H + 1) int64.
-        lengths: (N,) int64, steps of them that are planned.
+        lengths: (N,) int64, number of planned steps of each path.
         kinds: (N,) int64, kinds of the drones.
         moves: As in the module.
         first: (K, A + 1) int64, as in the module, by kind.
@@ -108,14 +108,14 @@ def looks_of_plans(paths, lengths, kinds, moves, first, offsets, side, steps, co
 def credit_plan(
     path, length, gamma, side, moves, first, offsets, pods, persons, draws, starts, members, credit
 ):
-    """Write what a plan gets for each scenario: gamma ** (the step of its first find), or 0.
+    """Write the credit of a plan for each scenario: gamma ** (step of its first find), or 0.
 
     Args:
         path: (H + 1,) int64.
-        length: Steps of it that are planned.
+        length: Number of planned steps.
         gamma: Discount per step.
         side: S.
-        moves: As in the module, as those that follow.
+        moves: This and the following arguments are as in the module.
         first: For the drone's kind.
         offsets: (L, 2) int64.
         pods: (L, P) float64.
@@ -143,7 +143,7 @@ def credit_plan(
 
 @compiled()
 def seen_from(nearness, x, y, i, j):
-    """Return what a scenario in cell j is worth at the end to a drone in cell i."""
+    """Return the worth of a scenario in cell j at the end to a drone in cell i."""
     return nearness[abs(y[i] - y[j]), abs(x[i] - x[j])]
 
 
@@ -152,10 +152,10 @@ def plan_drone(
     moves, first, offsets, pods, persons, draws, starts, members,
     width, cap, gamma, kappa, nearness, ends, credits, drone, blocked, horizon, paths,
 ):  # fmt: skip
-    """Search a drone's best plans, given those of the others.
+    """Search for a drone's best plans, given those of the others.
 
     Args:
-        moves: As in the module, as those that follow.
+        moves: This and the following arguments are as in the module.
         first: For the drone's kind.
         offsets: (L, 2) int64.
         pods: (L, P) float64.
@@ -166,21 +166,22 @@ def plan_drone(
         width: Nodes kept at each step.
         cap: Nodes kept at each step in one cell.
         gamma: Discount per step.
-        kappa: Weight of what is left at the end.
-        nearness: (S, S) float64, what a scenario left at the end this far away is worth, [y, x].
+        kappa: Weight of the scenarios left at the end.
+        nearness: (S, S) float64, worth of a scenario left at the end by its distance, [y, x].
         ends: (M,) int64, cells of the scenarios at the end.
-        credits: (N, M) float64, of all plans; the drone's own is not looked at.
-        drone: Its number.
-        blocked: (H, S S) bool, cells that it must not be in after step h + 1.
+        credits: (N, M) float64, of all plans; the function ignores the drone's own.
+        drone: Number of the drone.
+        blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
         horizon: Steps to plan.
-        paths: (V, H + 1) int64 out, the best plans, the best one first; the first cells given.
+        paths: (V, H + 1) int64 out, the best plans, the best one first; the caller sets the first
+            cells.
 
     Returns:
-        How many plans there are, and their length: less than the horizon where the others leave no
-        way on.
+        The number of plans, and their length: less than the horizon if the blocked cells leave no
+        path.
     """
     count, side = len(ends), len(nearness)
-    # Divisions would take most of the time.
+    # Look up coordinates: divisions would take most of the time.
     x, y = np.empty(side * side, np.int64), np.empty(side * side, np.int64)
     for i in range(side):
         for j in range(side):
@@ -190,7 +191,7 @@ def plan_drone(
         if n != drone:
             for s in range(count):
                 base[s] = max(base[s], credits[n, s])
-    # What is left at the end, by cell, and its worth seen from a cell, when it is first asked for.
+    # Scenarios left at the end, by cell, and their worth seen from a cell, computed on first use.
     left = np.zeros(side * side)
     for s in range(count):
         if base[s] == 0.0:
@@ -209,7 +210,7 @@ def plan_drone(
     c_cell, c_parent = np.empty(tried, np.int64), np.empty(tried, np.int64)
     c_move, c_gain, c_rank = np.empty(tried, np.int64), np.empty(tried), np.empty(tried)
     in_cell = np.zeros(side * side, np.int64)
-    # The finds of a node's searches so far, to take off what is left.
+    # The finds of a node's searches so far, to subtract from the scenarios that are left.
     finds, next_finds = np.zeros((width, horizon)), np.zeros((width, horizon))
     cells[0, 0] = paths[0, 0]
     nodes, depth, discount = 1, 0, 1.0
@@ -319,7 +320,7 @@ def plan_drone(
 
 @compiled()
 def worth_of_left(left, nearness, end):
-    """Return what persons who are left at the end are worth to a drone in a cell.
+    """Return the worth of the persons left at the end to a drone in a cell.
 
     Args:
         left: (S S,) float64, the probability that a person is in a cell and was not found.

@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Beam search on a belief: where drones should go to find the persons soon.
+"""Beam search on a belief: plans where drones should go to find the persons soon.
 
-The drones plan one after the other, each for the scenarios that the plans of the others leave
-(sequential allocation). See `beam` for what a plan is worth.
+The drones plan one after the other. Each plans for the scenarios that the other drones' plans leave
+(sequential allocation). See `beam` for the value of a plan.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from dsse_ros.targets.registry import has_own_drift
 
 @dataclass(frozen=True, kw_only=True)
 class BeamOptions:
-    """How a plan is searched.
+    """Options of the beam search.
 
     Attributes:
         samples: M, scenarios drawn from the belief.
@@ -40,16 +40,16 @@ class BeamOptions:
         cap: Nodes kept at each step in one cell.
         gamma: Discount of a find per step.
         kappa: Weight of the scenarios left at the end of a plan.
-        closeness: g, what a scenario left loses of its worth with each move it is away.
+        closeness: g, factor on the worth of a remaining scenario for each move to it.
         drift_samples: K, angles of the persons' own drift, see `Forecast`.
-        finalists: Plans of a beam, the last one besides, of which the exact filter takes the best:
-            samples flatter a plan that was searched on them. 1: the samples decide. None: see
-            `BY_DRIFT`; of many drones fewer, `FINALISTS` in all.
-        warm_start: Whether a drone allows for the last plans of those that plan after it; None:
-            with up to 4 drones.
+        finalists: Number of a beam's plans, in addition to the drone's last plan, among which the
+            exact filter chooses: the samples overrate a plan that was optimized on them. 1: the
+            samples decide. None: see `BY_DRIFT`, but at most `FINALISTS` for all drones together.
+        warm_start: Whether a drone allows for the last plans of the drones that plan after it.
+            None: with up to 4 drones.
         passes: How often each drone plans in a step.
-        budget_ms: Wall time of a step after which no more plans are searched: drones go on with
-            the last ones. None: no limit, so that the same seed gives the same mission.
+        budget_ms: Wall time of a step after which no further drone plans; the others continue
+            their last plans. None: no limit, so that the same seed gives the same mission.
     """
 
     samples: int = 4096
@@ -66,27 +66,27 @@ class BeamOptions:
     budget_ms: float | None = None
 
     def completed(self, rules: Rules) -> BeamOptions:
-        """Return the options with what depends on the rules filled in."""
+        """Return the options, with the defaults that depend on the rules filled in."""
         given = {name: value for name, value in vars(self).items() if value is not None}
         own_drift = has_own_drift(rules.person_motion)
         return replace(self, **{**BY_DRIFT[own_drift], **given})
 
 
 BY_DRIFT: Mapping[bool, Mapping[str, Any]] = {
-    # Persons stay about the datum: one looks further, and small differences count. Of an ensemble,
-    # too, the exact filter has little to do.
+    # Persons stay near the datum, so look further ahead, and small differences count. The exact
+    # filter is also cheap for an ensemble.
     False: {"horizon": 15, "finalists": 8},
-    # With drifts of their own the exact filter has K times as much to do, for no gain.
+    # If each person has its own drift, the exact filter costs K times as much, for no gain.
     True: {"horizon": 10, "finalists": 1},
 }
-"""Options that depend on whether each person has a drift of its own."""
+"""Default options, by whether each person has a drift of its own."""
 
 FINALISTS = 32
 """Plans of all drones together that the exact filter compares in a step."""
 
 
 class _Scenarios(NamedTuple):
-    """Futures as `beam` has them."""
+    """Futures, as arguments of `beam`."""
 
     persons: NDArray[np.int64]
     draws: NDArray[np.float64]
@@ -95,7 +95,7 @@ class _Scenarios(NamedTuple):
 
 
 class _BeamLooks(NamedTuple):
-    """The looks of the beam's moves as `beam` has them, `first` by kind of drone."""
+    """The looks of the beam's moves, as arguments of `beam`, with `first` by kind of drone."""
 
     first: NDArray[np.int64]
     offsets: NDArray[np.int64]
@@ -115,7 +115,7 @@ class _BeamLooks(NamedTuple):
 
     @property
     def most(self) -> int:
-        """The most looks that a move has."""
+        """Largest number of looks of a move."""
         return max(int(np.diff(self.first, axis=1).max()), 1)
 
     def of_kind(self, kind: int) -> _BeamLooks:
@@ -131,15 +131,15 @@ class _Plan:
 
 
 class BeamSearch:
-    """Plans of the drones of one mission.
+    """Plans for the drones of one mission.
 
     Args:
-        forecast: Its horizon is how far plans reach, see `BeamOptions.horizon`.
-        options: How a plan is searched.
-        seed: Of the scenarios.
+        forecast: Forecast of the mission; its horizon limits the plans, see `BeamOptions.horizon`.
+        options: Options of the search.
+        seed: Seed for drawing the scenarios.
 
     Attributes:
-        drawn: Whether its seed has counted so far.
+        drawn: Whether its seed has made a difference so far.
     """
 
     def __init__(self, forecast: TargetForecast, options: BeamOptions, *, seed: int = 0) -> None:
@@ -170,14 +170,14 @@ class BeamSearch:
         self.drawn = False
 
     def copy(self) -> BeamSearch:
-        """Return one that goes on by itself from here."""
+        """Return an independent copy in the same state."""
         twin = copy.copy(self)
         twin._rng = copy.deepcopy(self._rng)
         twin._plans = dict(self._plans)
         return twin
 
     def with_seed(self, seed: int) -> BeamSearch:
-        """Return a copy that draws by this seed."""
+        """Return a copy that draws with this seed."""
         twin = self.copy()
         twin._rng = np.random.default_rng(seed)
         return twin
@@ -190,15 +190,16 @@ class BeamSearch:
         deadline_s: float = math.inf,
         batteries: Sequence[float] = (),
     ) -> list[Cell]:
-        """Return the cell that each drone goes to; its own one means that it searches it.
+        """Return the next cell of each drone; its present cell means a search there.
 
         Args:
-            belief: Before the step's searches.
-            agents: The live drones; their last plans are known by them.
-            present: Their cells.
-            deadline_s: When no more plans are searched, as after `BeamOptions.budget_ms`.
-            batteries: What is in the batteries of the drones, percent: plans leave enough to come
-                home. Empty where they do not run down.
+            belief: The belief before the step's searches.
+            agents: The live drones; the planner keeps their last plans by agent.
+            present: Cells of the drones.
+            deadline_s: When to stop planning, on the clock of `time.monotonic`; see
+                `BeamOptions.budget_ms`.
+            batteries: Charge of the drones, percent: plans leave enough to come home. Empty if
+                batteries do not run down.
         """
         options, forecast = self._options, self._forecast
         if options.budget_ms is not None:
@@ -254,7 +255,7 @@ class BeamSearch:
         candidates: Sequence[_Plan],
         counted: Sequence[int],
     ) -> _Plan:
-        """Return the candidate that is best by the exact filter, given the counted plans."""
+        """Return the candidate that the exact filter rates best, given the counted plans."""
         options = self._options
         if self._finalists == 1:
             return candidates[0]
@@ -280,7 +281,7 @@ class BeamSearch:
     def _scenarios(
         self, belief: TargetBelief, horizon: int
     ) -> tuple[NDArray[np.int64], _Scenarios]:
-        """Return the last cells of futures, (M,), and the futures sorted by cell."""
+        """Return the last cells of the futures, (M,), and the futures sorted by cell."""
         count = self._options.samples
         self.drawn = True
         cells, persons = belief.futures(count, horizon, self._rng)
@@ -295,7 +296,7 @@ class BeamSearch:
     def _last_plans(
         self, agents: Sequence[Hashable], present: Sequence[Cell], horizon: int
     ) -> list[_Plan]:
-        """Return each drone's last plan less the step that was done, empty where it has none."""
+        """Return each drone's last plan without the step just done; an empty one if it has none."""
         plans = []
         for agent, cell in zip(agents, present, strict=True):
             path = np.full(horizon + 1, self._forecast.column(cell))
@@ -308,7 +309,7 @@ class BeamSearch:
         return plans
 
     def _order(self, belief: TargetBelief, present: Sequence[Cell]) -> list[int]:
-        """Return the drones, those nearest to the belief's mean first."""
+        """Return the drones in order of their distance to the belief's mean."""
         cells = belief.poc()
         total = max(float(cells.sum()), 1e-300)
         line = np.arange(len(cells))
@@ -323,8 +324,8 @@ class BeamSearch:
     ) -> NDArray[np.bool_]:
         """Return the cells (H, S S) that a drone must keep out of.
 
-        They are those outside the area and, where drones collide, those of other drones.
-        A drone that has not planned may stay where it is, so that staying is always safe.
+        They are the cells outside the area and, if drones collide, those of other drones.
+        A drone that has not planned may stay where it is, so staying is always safe.
         """
         blocked = np.tile(self._masked, (horizon, 1))
         if self._forecast.rules.collisions:
@@ -356,7 +357,7 @@ class BeamSearch:
     def _first_cells(
         self, plans: list[_Plan], planned: set[int], present: Sequence[Cell]
     ) -> list[Cell]:
-        """Return where the plans lead now; a drone that has not planned stays out of the way."""
+        """Return the next cells of the plans; drones that have not planned give way."""
         taken = {int(plans[n].path[1]) for n in planned}
         for n, plan in enumerate(plans):
             if n in planned:

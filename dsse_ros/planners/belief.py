@@ -1,11 +1,11 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Planners that remember where was searched: they decide on a belief, not on the map.
+"""Planners that remember where drones have searched: they decide on a belief, not on the map.
 
-The drones observe a map that the rules alone draw. These planners know the rules and the scenario,
-so that they know the map in advance; of an observation they use the drones' cells, and from their
-own commands they know what was searched in vain. Where the observed map is another one than they
-expect, they learn the drift from it.
+The rules alone determine the map that drones observe. These planners know the rules and the
+scenario, so they know the map in advance. From an observation they use the drones' cells, and from
+their own commands they know which searches have failed. If the observed map differs from the
+expected one, they learn the drift from it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from dsse_ros.step.looks import Looked, looks_of
 
 
 class Tactic(Protocol):
-    """Chooses on a belief where the drones of one mission go."""
+    """Chooses from a belief where the drones of one mission go."""
 
     def __call__(
         self,
@@ -50,29 +50,28 @@ class Tactic(Protocol):
         deadline_s: float = math.inf,
         batteries: Sequence[float] = (),
     ) -> list[Cell]:
-        """Return the cell that each drone goes to; its own one means that it searches it.
+        """Return the next cell of each drone; its present cell means a search there.
 
         Args:
-            belief: What it chooses on.
+            belief: The belief before the step's searches.
             agents: The live drones.
-            present: Their cells.
+            present: Cells of the drones.
             deadline_s: When to answer with the best so far, on the clock of `time.monotonic`.
-            batteries: What is in the batteries of the drones, percent; empty where they do not run
-                down.
+            batteries: Charge of the drones, percent; empty if batteries do not run down.
         """
         ...
 
     @property
     def drawn(self) -> bool:
-        """Whether its seed has counted so far."""
+        """Whether its seed has made a difference so far."""
         ...
 
     def copy(self) -> Tactic:
-        """Return one that goes on by itself from here."""
+        """Return an independent copy in the same state."""
         ...
 
     def with_seed(self, seed: int) -> Tactic:
-        """Return a copy as if it had been started with this seed; it must not have drawn yet."""
+        """Return a copy as if started with this seed; the tactic must not have drawn yet."""
         ...
 
 
@@ -87,7 +86,7 @@ class TacticFactory(Protocol):
     def drift_samples(self) -> int: ...  # noqa: D102
 
     def horizon(self, rules: Rules) -> int:
-        """Return how many steps it looks ahead."""
+        """Return how many steps its tactics look ahead."""
         ...
 
     def start(self, forecast: TargetForecast, seed: int) -> Tactic:
@@ -96,11 +95,11 @@ class TacticFactory(Protocol):
 
 
 class GreedyOnBelief:
-    """Sends each drone to a cell that is likely and near, another one for each.
+    """Sends each drone to a likely cell near it, a different one for each drone.
 
-    Of all drones and cells that are left, the pair goes together whose probability times
-    `closeness` to the power of the distance is greatest. A drone whose next cell is another
-    drone's present or already chosen cell searches where it is.
+    Among the remaining drones and cells, the tactic matches the pair with the greatest probability
+    times `closeness` to the power of the distance. A drone searches where it is if its next cell
+    is another drone's present or already chosen cell.
     """
 
     drift_samples = 16
@@ -108,17 +107,17 @@ class GreedyOnBelief:
     drawn = False
 
     def horizon(self, rules: Rules) -> int:
-        """Return 0: it looks at the present."""
+        """Return 0: the tactic uses the present belief only."""
         return 0
 
     def start(self, forecast: TargetForecast, seed: int) -> GreedyOnBelief:
-        """Return the tactic for a mission; it draws nothing."""
+        """Return the tactic for a mission; the seed makes no difference."""
         area = forecast.scenario.area_mask
         self._actions = forecast.rules.action_set.within(area).with_moves()
         return self
 
     def copy(self) -> GreedyOnBelief:
-        """Return itself: it remembers nothing."""
+        """Return itself: the tactic has no state that a step changes."""
         return self
 
     def with_seed(self, seed: int) -> GreedyOnBelief:
@@ -167,11 +166,11 @@ class GreedyOnBelief:
 class Forecasts:
     """Makes the forecasts that beliefs need.
 
-    It keeps two for the missions to come: the first, and that of the drift that was last learned.
+    It keeps two for later missions: the first, and the one with the drift that was learned last.
 
     Args:
         rules: The rules of the search.
-        tactic: Says how they are made.
+        tactic: Sets the horizon and the drift samples of the forecasts.
     """
 
     def __init__(self, rules: Rules, tactic: TacticFactory) -> None:
@@ -192,7 +191,7 @@ class Forecasts:
         )
         before = self._kept[-1] if self._kept else None
         if isinstance(made, Forecast) and isinstance(before, Forecast):
-            # With a learned drift the map was what is now expected, until the last step.
+            # A forecast with a learned drift predicts the maps observed so far.
             made.take_over(before)
         self._kept = [*self._kept[:1], made]
         return made
@@ -201,24 +200,25 @@ class Forecasts:
 class BeliefPlanner:
     """Keeps the belief of a mission and commands what a tactic chooses; a `Planner`.
 
-    Its tactic plans as if each drone got to the next cell in a step. A drone that is slower than
-    others is under way for some steps, and planned for again in each of them.
+    The tactic plans as if each drone reached its next cell in one step. A slower drone is under
+    way for several steps, and the tactic plans for it again in each of them.
 
-    A new mission makes it start anew: a step of it that is not later than the last one, or, where
-    no step is given, drones that are not where they can be or everything as at the start.
+    The planner starts anew if it recognizes a new mission: the step number is not greater than the
+    last one. Without step numbers, it recognizes one by a drone that is not where its command could
+    have led, or by cells and a map equal to those of the first observation.
 
     Args:
-        search: What it may know: rules and scenario.
-        tactic: Chooses.
-        seed: Of what the tactic draws.
-        learn_drift: Whether it learns the drift when the observed map is not the expected one. It
-            does not where the belief is observed instead of the map (`Search.observed`), nor once
-            no drift explains the maps, nor where persons follow an ensemble.
+        search: The rules and the scenario.
+        tactic: Makes the tactic that chooses the drones' next cells.
+        seed: Seed of the tactic.
+        learn_drift: Whether to learn the drift if the observed map is not the expected one. The
+            planner does not learn it if drones observe the belief instead of the map
+            (`Search.observed`), if no drift explains the maps, or if persons follow an ensemble.
 
     Attributes:
-        belief: The belief at the last observation, None before the first; the drift it is made with
-            is `belief.forecast.scenario.vector`.
-        forecasts: Planners with one tactic that decide in turn, step by step, may share theirs.
+        belief: The belief at the last observation, None before the first. Its drift is
+            `belief.forecast.scenario.vector`.
+        forecasts: Planners with the same tactic that decide in turn, step by step, may share one.
         drawn: See `SharedPlanner`.
 
     Raises:
@@ -264,7 +264,7 @@ class BeliefPlanner:
             self._follow(self._looked(dict(zip(agents, present, strict=True)), infos))
         assert self.belief is not None
         while step is not None and self.belief.step < step:
-            # Nothing is known of what was done in a step that was not observed.
+            # The planner does not know what the drones did in a step that it has not observed.
             self._follow([])
         self._observe_map(probability_of(observations))
         assert self._tactic is not None
@@ -279,7 +279,7 @@ class BeliefPlanner:
             self.drawn = self.drawn or self._tactic.drawn
             ends |= zip(steered, chosen, strict=True)
             if self._may_be_held_up:
-                # What a drone is about to leave may not get free.
+                # A drone may fail to leave its cell.
                 occupied = {cells[agent] for agent in steered}
                 ends |= {agent: cells[agent] for agent in steered if ends[agent] in occupied}
         self._commanded = {agent: (cell, ends[agent]) for agent, cell in cells.items()}
@@ -287,7 +287,7 @@ class BeliefPlanner:
         return heed_masks(actions, cells, infos, self._actions, apart=self._has_slower_drones)
 
     def copy(self) -> BeliefPlanner:
-        """Return one that goes on by itself from here; the forecasts are shared."""
+        """Return an independent copy in the same state; the forecasts are shared."""
         twin = copy.copy(self)
         twin._done = list(self._done)
         twin._drift = copy.deepcopy(self._drift)
@@ -296,7 +296,7 @@ class BeliefPlanner:
         return twin
 
     def with_seed(self, seed: int) -> BeliefPlanner:
-        """Return a copy whose tactic draws by this seed."""
+        """Return a copy whose tactic draws with this seed."""
         twin = self.copy()
         twin._seed = seed
         if self._tactic is not None:
@@ -304,7 +304,7 @@ class BeliefPlanner:
         return twin
 
     def _step(self, info: Mapping[str, Any]) -> int | None:
-        """Return the steps done, None if not known."""
+        """Return the number of steps done, None if unknown."""
         step = info.get("step", self._search.steps_done)
         return None if step is None else int(step)
 
@@ -328,7 +328,7 @@ class BeliefPlanner:
         return self.belief.step > 0 and present == cells and np.array_equal(probability, first_map)
 
     def _follow(self, looks: list[tuple[Looked, bool]]) -> None:
-        """Let the belief do one step with these looks, and whether each has found anyone."""
+        """Update the belief by one step, with each look and whether it found anyone."""
         assert self.belief is not None
         self._done.append(looks)
         self.belief.update([look for look, found in looks if not found])
@@ -338,7 +338,7 @@ class BeliefPlanner:
         self.belief.advance()
 
     def _observe_map(self, probability: NDArray[np.float32]) -> None:
-        """Note where the datum is; learn the drift if it is not where it was expected."""
+        """Record the observed datum; learn the drift if the datum is not where it was expected."""
         assert self.belief is not None and self._forecast is not None
         steps = self._forecast.first_step + self.belief.step
         if self._drift is None or steps < FIRST_OBSERVED:
@@ -367,7 +367,7 @@ class BeliefPlanner:
         self._first = present, probability.copy()
 
     def _forecast_for(self, scenario: ResolvedScenario) -> None:
-        """Start belief and tactic anew for a scenario."""
+        """Restart the belief and the tactic for a scenario."""
         self._forecast = forecast = self.forecasts(scenario)
         if self.belief is None or self.belief.forecast is not forecast:
             self.belief = forecast.belief()
@@ -380,10 +380,10 @@ class BeliefPlanner:
     ) -> list[tuple[Looked, bool]]:
         """Return the looks of the last step, and whether each has found a person.
 
-        A find that is known has not ended the mission: there are others. What a drone has done is
-        what its info says, else what it was commanded. One that is no longer there has done
-        nothing: it was withdrawn. One that is observed elsewhere than its action leads to has not
-        done it, or, where drones observe wrong positions, it is not known where.
+        A reported find has not ended the mission, as other persons are missing. A drone has done
+        the action in its info, else the commanded one. A drone that is no longer there was
+        withdrawn and has done nothing. A drone that is not observed where its action leads has
+        not done it or, if drones observe wrong positions, has done it in an unknown cell.
         """
         looked = []
         for agent, cell in present.items():
@@ -406,7 +406,7 @@ class BeamOnBelief:
     """Makes `BeamSearch` for each mission.
 
     Args:
-        options: How a plan is searched.
+        options: Options of the search.
     """
 
     def __init__(self, options: BeamOptions) -> None:
@@ -414,7 +414,7 @@ class BeamOnBelief:
         self.drift_samples = options.drift_samples
 
     def horizon(self, rules: Rules) -> int:
-        """Return how many steps it looks ahead."""
+        """Return how many steps the plans look ahead."""
         horizon = self._options.completed(rules).horizon
         assert horizon is not None
         return horizon
@@ -430,8 +430,8 @@ def make_belief(
     """Return the planner `belief`: beam search on the belief.
 
     Args:
-        search: What it may know: rules and scenario.
-        seed: Of the scenarios it draws.
+        search: The rules and the scenario.
+        seed: Seed for drawing the scenarios.
         learn_drift: See `BeliefPlanner`.
         options: Fields of `BeamOptions`.
     """
@@ -443,8 +443,8 @@ def make_belief_greedy(search: Search, *, seed: int = 0, learn_drift: bool = Tru
     """Return the planner `belief_greedy`: each drone goes to a likely cell near it.
 
     Args:
-        search: What it may know: rules and scenario.
-        seed: Not used, it draws nothing.
+        search: The rules and the scenario.
+        seed: Not used: the planner draws nothing.
         learn_drift: See `BeliefPlanner`.
     """
     return BeliefPlanner(search, GreedyOnBelief(), seed=seed, learn_drift=learn_drift)

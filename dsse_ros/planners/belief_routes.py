@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Routes that are planned on the belief, flown for a while, and planned again."""
+"""Routes planned on the belief, flown for some steps, and planned again."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from dsse_ros.scenario.rules import Rules
 from dsse_ros.search.observation import Observation
 
 BeliefRoutePlan: TypeAlias = Callable[[TargetBelief, Sequence[Cell], int], Sequence[Sequence[Cell]]]
-"""From a belief, the drones' cells and the steps until the next plan to one route per drone: the
-cells to search in their order, one that is to be searched twice two times; none empty."""
+"""Maps a belief, the drones' cells and the steps until the next plan to one route per drone: the
+cells to search in order, with a cell to search twice listed twice. No route is empty."""
 
 
 class RoutesOnBelief:
-    """Flies routes and plans new ones every few steps, or when a drone is lost; a tactic.
+    """A tactic that flies routes and replans them every few steps, or when the live drones change.
 
     Args:
         plan: Makes the routes.
-        forecast: Of the mission.
+        forecast: Forecast of the mission.
         period: Steps between two plans.
-        seed: For the choice of the cell to step aside to when a way is blocked.
+        seed: Seed for the choice of the cell to step aside to when a route is blocked.
 
     Attributes:
-        drawn: Whether its seed has counted so far.
+        drawn: Whether its seed has made a difference so far.
     """
 
     def __init__(
@@ -50,13 +50,13 @@ class RoutesOnBelief:
         self.drawn = False
 
     def copy(self) -> RoutesOnBelief:
-        """Return one that goes on by itself from here."""
+        """Return an independent copy in the same state."""
         twin = copy.copy(self)
         twin._follower = None if self._follower is None else self._follower.copy()
         return twin
 
     def with_seed(self, seed: int) -> RoutesOnBelief:
-        """Return a copy that draws by this seed."""
+        """Return a copy that draws with this seed."""
         twin = copy.copy(self)
         twin._seed = seed
         if self._follower is not None:
@@ -99,7 +99,7 @@ class RoutePlanning:
     """Makes the tactic `RoutesOnBelief` for each mission.
 
     Args:
-        plan_for: From the forecast of a mission to the plan.
+        plan_for: Returns the plan for the forecast of a mission.
         period: Steps between two plans.
     """
 

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Expanding square search (SS) of the IAMSAR manual, vol. II, for one or more drones.
 
-The search starts at the datum and goes round it in legs of 1, 1, 2, 2, 3, 3, ... track
-spacings with all turns of 90 degrees to starboard. Here the datum is the most probable cell at
-the first observation, the track spacing is one cell, and the first leg goes north: the wind,
-into which the manual lays it, is not observed.
+The search starts at the datum and goes around it in legs of 1, 1, 2, 2, 3, 3, ... track
+spacings. All turns are 90 degrees to starboard. The datum is the most probable cell at the first
+observation, and the track spacing is one cell. The first leg goes north: the manual lays it into
+the wind, which is not observed.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ _STARBOARD_TURNS = ((0, -1), (1, 0), (0, 1), (-1, 0))
 def square_routes(
     cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
 ) -> list[list[Cell]]:
-    """Return the route of each drone; together they have every cell they can get to once.
+    """Return the route of each drone; together the routes visit every reachable cell once.
 
-    One drone flies the square spiral. Several share it: each ring around the datum is cut into
-    contiguous arcs, one per drone, on about the same side of the datum from ring to ring. The arcs
-    go to the drones clockwise as they are seen from the datum.
+    One drone flies the square spiral. Several drones share it: each ring around the datum is cut
+    into contiguous arcs, one per drone. A drone's arcs stay on about the same side of the datum.
+    The arcs are assigned to the drones clockwise, as seen from the datum.
 
     Args:
         cells: Present cell of each drone.
         probability: Map (G, G); the most probable cell is the datum.
-        actions: Measure the way to the ends of an arc.
+        actions: The actions; they measure the distance to the ends of an arc.
     """
     size = len(probability)
     datum = most_probable(probability, 1)[0]
@@ -75,7 +75,7 @@ def shared_square(
     """Divide the square spiral into one route per drone, clockwise from the north-west diagonal.
 
     A drone enters its arc of the next ring at the nearer end. The lengths of the routes differ
-    by one at most. Cells that are not in `water` (G, G) are left out.
+    by one at most. Cells outside `water` (G, G) are left out.
     """
     spiral = square_spiral(datum, size)
     if water is not None:
@@ -105,5 +105,5 @@ def shared_square(
 
 
 def _clockwise(datum: Cell, cell: Cell) -> float:
-    """Return the angle in rad at which a cell is seen, clockwise from the north-west."""
+    """Return the bearing of a cell from the datum in rad, clockwise from the north-west."""
     return (atan2(cell[1] - datum[1], cell[0] - datum[0]) + 0.75 * pi) % (2 * pi)

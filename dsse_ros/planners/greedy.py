@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The greedy policy that the authors of DSSE published in 2024, made deterministic.
 
-Of the N most probable cells in ascending order the i-th belongs to drone i, who moves towards
-it and searches when there.
+It sorts the N most probable cells in ascending order and assigns the i-th to drone i, which moves
+towards it and searches there.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from dsse_ros.scenario.probable_cells import most_probable
 
 
 class Greedy:
-    """Sends each drone to one of the most probable cells of the moment.
+    """Sends each drone to one of the cells that are the most probable now.
 
-    A drone whose next cell is another drone's present or already chosen cell searches where
-    it is. Drone i is the i-th live drone.
+    A drone searches where it is if its next cell is another drone's present or already chosen
+    cell. Drone i is the i-th live drone.
 
     Args:
         actions: Names of the actions by number.
-        seed: Not used, the policy draws nothing.
-        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
+        seed: Not used: the policy draws nothing.
+        area: (G, G) bool [row, col], the cells to search; None for the whole grid.
         apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
 
     Attributes:
@@ -53,7 +53,7 @@ class Greedy:
         self._apart = apart
 
     def copy(self) -> Greedy:
-        """Return itself: it remembers nothing."""
+        """Return itself: the policy has no state."""
         return self
 
     def with_seed(self, seed: int) -> Greedy:
@@ -82,7 +82,7 @@ class Greedy:
         return heed_masks(actions, cells, infos, self._actions, apart=self._apart)
 
     def _goals(self, present: Sequence[Cell], probability: NDArray[np.float32]) -> list[Cell]:
-        """Return the goal of each drone, of the cells that it can get to."""
+        """Return the goal of each drone, among the cells that it can reach."""
         goals = list(present)
         for drones, water in self._actions.by_water(present):
             reached = probability if water is None else np.where(water, probability, -np.inf)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Heeding the action masks: what is done in place of an action that a mask forbids."""
+"""Masking: replaces actions that an action mask forbids or that would end in an occupied cell."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from dsse_ros.scenario.actions import ActionSet
 
 
 def is_aloft(info: Mapping[str, Any]) -> bool:
-    """Return whether a drone goes home, or is there: it takes no commands and meets nobody."""
+    """Return whether a drone is returning or home: it takes no commands and cannot collide."""
     return info.get("status") in ("returning", "home")
 
 
 def is_under_way(info: Mapping[str, Any]) -> bool:
-    """Return whether a slower drone is between two cells: it takes no commands until it arrives."""
+    """Return whether a slower drone is between two cells and takes no commands until it arrives."""
     return info.get("status") == "under_way"
 
 
@@ -32,17 +32,18 @@ def heed_masks(
     *,
     apart: bool = False,
 ) -> dict[str, int]:
-    """Return the actions, with others in place of those that the masks forbid.
+    """Return the actions, with those that the masks forbid replaced.
 
-    Such a drone searches where it is, or does the first action that is left to it if it may not.
-    One that would meet another then searches: if it may not, it is sent home, above the others.
+    A drone whose action is forbidden searches where it is or, if it may not search, does its
+    first allowed action. Then a drone that would enter another drone's cell searches instead. If
+    it may not search, the search command sends it home, above the others.
 
     Args:
         actions: By agent.
         present: Cells of the agents.
-        infos: By agent; one without `action_mask` may do anything.
+        infos: By agent; an agent without `action_mask` may do anything.
         action_set: The actions.
-        apart: Whether drones are kept out of the cells of others, see `keep_apart`.
+        apart: Whether to keep drones out of the cells of others, see `keep_apart`.
     """
     heeded = dict(actions)
     for agent, action in actions.items():
@@ -73,15 +74,14 @@ def keep_apart(
 ) -> dict[str, int]:
     """Return the actions, with a search in place of each move to a cell that may not be free.
 
-    A drone that is slower than others stays in its cell for some steps after it has been commanded
-    to leave it, and arrives later in the next one. Neither is free for others until then. So no
-    drone goes where another one is, and those that have no choice, as they are under way, have
-    their next cells before all others.
+    A slower drone stays in its cell for some steps after the command to leave it. Until it arrives
+    in the next cell, neither cell is free for others. No drone may therefore enter the cell of
+    another one, and drones under way, which have no choice, get their next cells before all others.
 
     Args:
         actions: By agent; the masks allow them.
         present: Cells of the agents.
-        infos: By agent; one without `action_mask` may do anything.
+        infos: By agent; an agent without `action_mask` may do anything.
         action_set: The actions.
     """
     kept = dict(actions)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Policies trained elsewhere: neural networks in ONNX files, run by onnxruntime (extra `onnx`).
 
-A model has inputs of these names, any of them, all float32 with the drones as the first axis:
+A model has any of these inputs, all float32 with the drones as the first axis:
 
 | Input | Shape | What it is |
 | --- | --- | --- |
@@ -12,13 +12,13 @@ A model has inputs of these names, any of them, all float32 with the drones as t
 | `probability` | (N, G, G) | the map [y, x] over its maximum |
 | `action_mask` | (N, A) | 0 where a move would leave the grid or the area |
 
-In `positions` a drone that is out of the search stays where it was. The first output is (N, A): a
-score of each action. A drone does the action with the highest score of those that its mask allows.
-The metadata `dsse_ros` of the file is a JSON object with `actions` (their names by number), `rules`
-(the name of the profile) and, where the model fits no other, `grid_size` and `num_drones`. With
-`"observe": "belief"` in it `probability` is the belief: where drones observe the map, the planner
-keeps a belief of its own. With `"avoid_collisions": true` no drone is sent into another one's cell:
-one that has to give way searches where it is.
+In `positions`, a drone that is out of the search keeps its last cell. The first output is (N, A):
+a score of each action. A drone does the action with the highest score among those that its mask
+allows. The metadata `dsse_ros` of the file is a JSON object with `actions` (their names by number),
+`rules` (the name of the profile) and, if the model fits one size only, `grid_size` and
+`num_drones`. With `"observe": "belief"`, `probability` is the belief: if drones observe the map,
+the planner keeps its own belief. With `"avoid_collisions": true`, the planner never sends a drone
+into another one's cell: a drone that has to give way searches where it is.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Policy:
 
     Args:
         session: The model.
-        apart: The actions of the search, if drones are to be kept out of one another's cells.
+        apart: The actions of the search, to keep drones out of one another's cells; else None.
     """
 
     def __init__(
@@ -75,11 +75,11 @@ class Policy:
     ) -> None:
         self._session, self._apart = session, apart
         self._inputs = [one.name for one in session.get_inputs()]
-        # Of all drones, those out of the search too.
+        # Cells of all drones, including those out of the search.
         self._cells: dict[Hashable, Cell] = {}
 
     def copy(self) -> Policy:
-        """Return one that goes on by itself from here; the model is shared."""
+        """Return an independent copy in the same state; the model is shared."""
         twin = copy.copy(self)
         twin._cells = dict(self._cells)
         return twin
@@ -95,12 +95,12 @@ class Policy:
     ) -> list[int]:
         """Return the allowed action with the highest score for every live drone.
 
-        One that has to give way searches where it is.
+        A drone that has to give way searches where it is.
 
         Args:
-            present: Their cells.
+            present: Cells of the live drones.
             probability: (G, G), the map [y, x].
-            masks: (N, A), their action masks.
+            masks: (N, A), action masks of the live drones.
         """
         self._cells.update(present)
         names = list(self._cells)
@@ -112,7 +112,7 @@ class Policy:
                 f"model: scores of shape {scores.shape} are not allowed; {masks.shape}, one per "
                 "drone and action"
             )
-        # Where nothing is allowed nothing is forbidden.
+        # A mask that allows nothing counts as no mask.
         barred = (masks == 0) & masks.any(axis=1, keepdims=True)
         best: list[int] = np.where(barred, -np.inf, scores).argmax(axis=1).tolist()
         if self._apart is None:
@@ -127,18 +127,18 @@ class Policy:
 
 
 def _ends(actions: ActionSet, cells: Sequence[Cell], numbers: Sequence[int]) -> list[Cell]:
-    """Return where the actions lead drones from their cells."""
+    """Return the cells that the actions lead to."""
     moves = [actions.moves[number] for number in numbers]
     return [(x + dx, y + dy) for (x, y), (dx, dy) in zip(cells, moves, strict=True)]
 
 
 class OnnxPlanner:
-    """Flies a policy on what the drones observe.
+    """Flies a policy on the drones' observations.
 
     Args:
-        policy: What is flown.
+        policy: The policy.
         apart: The actions of the search, if drones may be slow to leave their cells, see
-            `heeding.keep_apart`.
+            `heeding.keep_apart`; else None.
 
     Attributes:
         drawn: False: a model draws nothing.
@@ -150,7 +150,7 @@ class OnnxPlanner:
         self._policy, self._apart = policy, apart
 
     def copy(self) -> OnnxPlanner:
-        """Return one that goes on by itself from here; the model is shared."""
+        """Return an independent copy in the same state; the model is shared."""
         return OnnxPlanner(self._policy.copy(), self._apart)
 
     def with_seed(self, seed: int) -> OnnxPlanner:
@@ -178,8 +178,8 @@ class OnnxOnBelief:
     """Flies a policy on a belief; a `Tactic`.
 
     Args:
-        policy: What is flown.
-        actions: Those of the search, in its area.
+        policy: The policy.
+        actions: The actions of the search, in its area.
         grid_size: G.
 
     Attributes:
@@ -193,7 +193,7 @@ class OnnxOnBelief:
         self._masks = actions.masks(grid_size)
 
     def copy(self) -> OnnxOnBelief:
-        """Return one that goes on by itself from here; the model is shared."""
+        """Return an independent copy in the same state; the model is shared."""
         twin = copy.copy(self)
         twin._policy = self._policy.copy()
         return twin
@@ -224,18 +224,18 @@ class OnnxTactics:
         new_policy: Makes the policy of a mission.
     """
 
-    # As environments that observe the belief.
+    # The same as in environments that observe the belief.
     drift_samples = DRIFT_SAMPLES
 
     def __init__(self, new_policy: Callable[[], Policy]) -> None:
         self._new_policy = new_policy
 
     def horizon(self, rules: Rules) -> int:
-        """Return 0: it looks at the present."""
+        """Return 0: the model sees the present belief only."""
         return 0
 
     def start(self, forecast: TargetForecast, seed: int) -> OnnxOnBelief:
-        """Return the tactic for a mission; it draws nothing."""
+        """Return the tactic for a mission; the seed makes no difference."""
         actions = forecast.rules.action_set.within(forecast.scenario.area_mask)
         return OnnxOnBelief(self._new_policy(), actions, forecast.scenario.grid_size)
 
@@ -250,9 +250,9 @@ def encode(
 
     Args:
         cells: (col, row) of all M drones.
-        numbers: The N drones that are to act.
+        numbers: The N drones to act.
         probability: (G, G), the map [y, x].
-        masks: (N, A), their action masks.
+        masks: (N, A), action masks of the N drones.
     """
     places = np.asarray(cells, np.float32) / max(len(probability) - 1, 1)
     likely = probability / max(float(probability.max()), float(np.finfo(np.float32).tiny))
@@ -271,21 +271,21 @@ def encode(
 
 
 def read_model(model: str = "") -> onnxruntime.InferenceSession:
-    """Return the model in an ONNX file, by default the one of this package.
+    """Return the model in an ONNX file, by default that of this package.
 
     Raises:
-        FieldError: If there is none, or it has inputs that are not known.
+        FieldError: If the file is missing or unreadable, or the model has an unknown input.
     """
     path = Path(model).expanduser() if model else SHIPPED
     if not path.is_file():
         raise FieldError(f"model: {shown(model)} is not allowed; no such file")
     options = onnxruntime.SessionOptions()
-    # The same sums in the same order on any machine, and no core taken from the nodes.
+    # One thread: the same sums in the same order on any machine, and all other cores stay free.
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
     try:
         session = onnxruntime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
-    except Exception as error:  # Of classes that are not public.
+    except Exception as error:  # The exception classes of onnxruntime are not public.
         reason = " ".join(str(error).split())
         raise FieldError(f"model: {shown(model)} cannot be read: {reason}") from None
     unknown = [one.name for one in session.get_inputs() if one.name not in INPUTS]
@@ -298,12 +298,12 @@ def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
     """Return the planner of a model.
 
     Args:
-        search: What is searched.
+        search: The rules and the scenario.
         seed: Not used: a model draws nothing.
         model: ONNX file, by default the model of this package.
 
     Raises:
-        FieldError: If there is no such model, or it is one of another search.
+        FieldError: If the model cannot be read, or does not fit the search.
     """
     session = read_model(model)
     stated = _metadata(session.get_modelmeta().custom_metadata_map, search)
@@ -315,10 +315,10 @@ def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
 
 
 def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:
-    """Return what a model states of itself: `observe` is `map` or `belief`.
+    """Return the metadata of a model, with `observe` set to `map` or `belief`.
 
     Raises:
-        FieldError: If it is of another one, or does not state which.
+        FieldError: If the metadata is missing, or does not fit the search.
     """
     try:
         stated = json.loads(metadata[METADATA])

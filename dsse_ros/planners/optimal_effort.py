@@ -1,14 +1,14 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Optimal allocation of search effort over the cells, then routed.
+"""Optimal allocation of search effort over the cells, and routes to search them.
 
-Which cells to search how often, if flying between them took no time: Koopman, "The theory of
-search III: the optimum distribution of searching effort" (1957), and Stone, "Theory of Optimal
-Search" (1975), chapter 2. For the exponential detection function 1 - exp(-a z) the optimum levels
-what is left of the probability: z = ln(p a / l) / a where p a > l, with a Lagrange multiplier l so
-that the effort is spent. Searches are whole, so that k of them detect with 1 - (1 - POD)^k; this
-is the exponential function with a = -ln(1 - POD) at whole numbers, and to take the search of the
-greatest gain, one by one, is optimal.
+The allocation gives how often to search each cell if flying between cells took no time: Koopman,
+"The theory of search III: the optimum distribution of searching effort" (1957), and Stone, "Theory
+of Optimal Search" (1975), chapter 2. For the exponential detection function 1 - exp(-a z) the
+optimum levels the remaining probability: z = ln(p a / l) / a where p a > l, with a Lagrange
+multiplier l that spends exactly the effort. The number of searches is whole: k searches detect
+with 1 - (1 - POD)^k. This is the exponential function with a = -ln(1 - POD) at whole numbers, and
+it is optimal to choose the search with the greatest gain, one by one.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ def make_optimal_effort(
 ) -> BeliefPlanner:
     """Return a planner that allocates the effort of the next steps and routes it.
 
-    The effort is what the drones could search if they did not have to move.
+    The effort is the number of searches that the drones could do if they did not have to move.
 
     Args:
-        search: What it may know: rules and scenario.
-        seed: For the choice of the cell to step aside to when a way is blocked.
+        search: The rules and the scenario.
+        seed: Seed for the choice of the cell to step aside to when a route is blocked.
         learn_drift: See `BeliefPlanner`.
         period: Steps between two plans.
     """
@@ -57,31 +57,31 @@ def make_optimal_effort(
 
 
 LookAround = Sequence[tuple[int, int, float]]
-"""Looks of a search: dx, dy and POD, see `sensors.sensor.Look`."""
+"""Looks of a search, each dx, dy and POD: see `sensors.sensor.Look`."""
 
 SURE_LOOK: LookAround = [(0, 0, 1.0)]
-"""A look at the searched cell that detects for certain."""
+"""A look at the searched cell with a POD of 1."""
 
 
 def looks_of_search(belief: TargetBelief) -> LookAround:
-    """Return what a search by the first drone looks at, with the mean POD of the missing."""
+    """Return the looks of a search by the first drone, with the mean POD of missing persons."""
     forecast = belief.forecast
     looks = searches_of(forecast.scenario, forecast.rules, [(0, 0)])
     return [(*cell, belief.mean_pod(pods)) for cell, pods in looks]
 
 
 def expected_finds(likely: NDArray[np.float64], looks: LookAround) -> NDArray[np.float64]:
-    """Return what a search in each cell finds, (G, G) [row, col].
+    """Return the expected finds of a search in each cell, (G, G) [row, col].
 
     Args:
         likely: (G, G) probability of containment, [row, col].
-        looks: What a search looks at.
+        looks: Looks of a search.
     """
     return np.sum([_seen(likely, look) for look in looks], axis=0) if looks else 0.0 * likely
 
 
 def _seen(likely: NDArray[np.float64], look: tuple[int, int, float]) -> NDArray[np.float64]:
-    """Return what a look finds, by the cell of the drone, (G, G)."""
+    """Return the expected finds of a look, by the cell of the drone, (G, G)."""
     dx, dy, pod = look
     rows, cols = likely.shape
     around = np.pad(likely, ((abs(dy), abs(dy)), (abs(dx), abs(dx))))
@@ -89,18 +89,18 @@ def _seen(likely: NDArray[np.float64], look: tuple[int, int, float]) -> NDArray[
 
 
 def allocate(likely: NDArray[np.float64], looks: LookAround, searches: int) -> dict[Cell, int]:
-    """Return how often to search which cells (col, row) so that the POS is greatest.
+    """Return how often to search each cell (col, row) for the greatest POS.
 
     Args:
         likely: (G, G) probability of containment, [row, col].
-        looks: What a search looks at.
-        searches: How many there are to allocate; fewer are where nothing is left to gain.
+        looks: Looks of a search.
+        searches: Searches to allocate; the function allocates fewer if nothing is left to gain.
     """
     if not looks:
         return {}
     rows, cols = likely.shape
     parts = [_seen(likely, look) for look in looks]
-    # Where searches overlap, those of the greatest gain may not be the first ones any more.
+    # Searches can overlap and take gain from each other, so consider more cells than searches.
     count = min(searches * len(looks) ** 2, likely.size)
     best = np.argpartition(-np.sum(parts, axis=0) if looks[1:] else -likely, count - 1, axis=None)
     gains = [(-float(sum(part.flat[i] for part in parts)), int(i)) for i in best[:count]]
@@ -111,7 +111,7 @@ def allocate(likely: NDArray[np.float64], looks: LookAround, searches: int) -> d
         _, i = gains[0]
         gain = -float(sum(part.flat[i] for part in parts))
         if gain > gains[0][0]:
-            # Another search has taken some of it.
+            # Another search has taken some of the gain.
             heapq.heapreplace(gains, (gain, i))
             continue
         if gain == 0.0:
@@ -131,16 +131,16 @@ def allocate(likely: NDArray[np.float64], looks: LookAround, searches: int) -> d
 def nearest_routes(
     present: Sequence[Cell], searches: dict[Cell, int], actions: ActionSet
 ) -> list[list[Cell]]:
-    """Deal cells to drones: the one that is free first takes the cell nearest to it.
+    """Assign cells to drones: always the cell and drone where the drone arrives first.
 
     Args:
         present: Cells of the drones.
-        searches: How often to search which cells.
-        actions: Measure the ways.
+        searches: How often to search each cell.
+        actions: The actions; they measure the distances.
 
     Returns:
-        The cells that each drone searches in their order, one that is searched twice two times; its
-        own cell where nothing is left for it. Cells that no drone can get to are left out.
+        The cells that each drone searches, in order, with a cell to search twice listed twice. A
+        drone without any gets its own cell. Cells that no drone can reach are left out.
     """
     left = dict(searches)
     routes: list[list[Cell]] = [[] for _ in present]

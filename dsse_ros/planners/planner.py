@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a planner is: a policy from the drones' observations to their actions."""
+"""The interface of a planner: a policy from the drones' observations to their actions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dsse_ros.search.observation import Observation as Observation
 
 
 class Planner(Protocol):
-    """A policy for one mission; it keeps what it needs to remember between the steps."""
+    """A policy for one mission; it may keep state between steps."""
 
     def __call__(
         self,
@@ -29,42 +29,42 @@ class Planner(Protocol):
 
         Args:
             observations: By live agent, in the fixed order of the agents.
-            infos: By agent; `action_mask` int8 (A,), 0 where a move would leave the grid or the
-                area that is searched. Where there are several persons, `found_person`, whether the
-                drone has found one in the last step, and with sensors that look at several cells at
-                once `finds`, a bit for each look of the action that has. Over ROS also `step`, the
-                steps done, `action`, what the drone has done last, and where the step does not wait
-                for ever, `decision_time_s`, the wall time that there is for the answer. With
-                faults, or drones of different kinds, `status`, `action` and, where it runs down,
-                `battery`: see `faults.Faults.infos`.
+            infos: By agent. `action_mask`, int8 (A,), is 0 where a move would leave the grid or the
+                search area. With several persons, `found_person` is whether the drone found one
+                in the last step; with sensors that look at several cells at once, `finds` has a
+                bit for each look of the action that found one. Over ROS, `step` is the number of
+                steps done, `action` is the drone's last action, and `decision_time_s` is the wall
+                time for the answer, if the step has a limit. With faults, or drones of different
+                kinds, there are `status`, `action` and, if batteries run down, `battery`: see
+                `faults.Faults.infos`.
         """
         ...
 
 
 @runtime_checkable
 class SharedPlanner(Planner, Protocol):
-    """A planner that missions with seeds of their own can share until it first draws.
+    """A planner that missions with different seeds can share until it first draws.
 
     Attributes:
-        drawn: Whether its seed has counted so far.
+        drawn: Whether its seed has made a difference so far.
     """
 
     @property
     def drawn(self) -> bool: ...  # noqa: D102
 
     def copy(self) -> SharedPlanner:
-        """Return one that goes on by itself from here."""
+        """Return an independent copy in the same state."""
         ...
 
     def with_seed(self, seed: int) -> SharedPlanner:
-        """Return a copy as if it had been made with this seed; it must not have drawn yet."""
+        """Return a copy as if made with this seed; the planner must not have drawn yet."""
         ...
 
 
 class Search(Protocol):
-    """What a planner may know of a search besides the observations.
+    """What a planner may know about a search besides the observations.
 
-    An environment is one, and of rules and a scenario `SearchDefinition` makes one.
+    An environment implements it, and so does `SearchDefinition`, from rules and a scenario.
     """
 
     @property
@@ -74,22 +74,22 @@ class Search(Protocol):
 
     @property
     def scenario(self) -> Scenario:
-        """What is searched."""
+        """The scenario."""
         ...
 
     @property
     def mission_scenario(self) -> Scenario:
-        """The scenario with what the mission under way has replaced in it."""
+        """The scenario, with the fields that the current mission overrides."""
         ...
 
     @property
     def observed(self) -> str:
-        """`map`, or `belief` where drones observe that in place of the map of the rules."""
+        """`map`, or `belief` if drones observe the belief instead of the map of the rules."""
         ...
 
     @property
     def steps_done(self) -> int | None:
-        """Steps of the mission that are done, None where only the infos may say it."""
+        """Steps done in the mission; None if only the infos may contain them."""
         ...
 
 
@@ -99,7 +99,7 @@ def number_of(agent: Hashable) -> int:
 
 
 PlannerFactory: TypeAlias = Callable[..., Planner]
-"""Called with a `Search`, the keyword `seed` and, as keywords, the planner's own options."""
+"""Takes a `Search`, the keyword `seed` and the planner's own options as keywords."""
 
 
 def cells_of(observations: Mapping[str, AgentObservation]) -> list[Cell]:
@@ -112,5 +112,5 @@ def cells_of(observations: Mapping[str, AgentObservation]) -> list[Cell]:
 
 
 def probability_of(observations: Mapping[str, AgentObservation]) -> NDArray[np.float32]:
-    """Return the map (G, G) that all drones share; there must be an observation."""
+    """Return the map (G, G) that all drones share, from at least one observation."""
     return Observation(*next(iter(observations.values()))).probability

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Random actions: the baseline that any planner has to beat."""
+"""Random actions: the baseline that any planner should beat."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from dsse_ros.scenario.actions import ActionSet
 class RandomMoves:
     """Draws uniformly among the actions that the mask allows.
 
-    Of drones whose draws would end in one cell only one moves: those that `resolve_conflicts`
-    refuses search where they are.
+    If several drones draw a move to the same cell, only one moves: a drone that
+    `resolve_conflicts` refuses searches where it is.
 
     Args:
         actions: Names of the actions by number.
-        seed: Of all draws.
-        area: Not used, the masks say what leaves it.
+        seed: Seed of all draws.
+        area: Not used: the masks forbid moves out of the area.
         apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
 
     Attributes:
@@ -50,11 +50,11 @@ class RandomMoves:
         self.drawn = False
 
     def copy(self) -> RandomMoves:
-        """Return one that goes on by itself from here."""
+        """Return an independent copy in the same state."""
         return copy.deepcopy(self)
 
     def with_seed(self, seed: int) -> RandomMoves:
-        """Return a copy that draws by this seed."""
+        """Return a copy that draws with this seed."""
         twin = copy.copy(self)
         twin._rng = np.random.default_rng(seed)
         return twin

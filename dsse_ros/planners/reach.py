@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How far drones can go and still come home with the reserve of their batteries."""
+"""How far drones can fly and still come home with their battery reserve."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Reach:
     """The reach of the drones of a mission.
 
     Args:
-        scenario: It has batteries.
+        scenario: A scenario with batteries.
         rules: The rules of the search.
     """
 
@@ -26,15 +26,15 @@ class Reach:
         paces = paces_of_drones(scenario, rules)
         ways = ways_home(actions, mask, scenario.grid_size, scenario.drones_positions, paces)
         self._home = ways.steps * scenario.battery_return + scenario.battery_reserve
-        # Of a plan it is not known yet which of its steps are searches.
+        # A planned step may be a move or a search, so it counts as the one that costs more.
         self._step = max(scenario.battery_move, scenario.battery_search)
 
     def beyond(self, drone: int, battery: float, steps: int) -> NDArray[np.bool_]:
-        """Return the cells from which a drone may not come home after steps 1, 2, ..., (H, G, G).
+        """Return the cells from which a drone may not get home after steps 1, 2, ..., (H, G, G).
 
         Args:
-            drone: Its number.
-            battery: What is in its battery, percent.
+            drone: Number of the drone.
+            battery: Its charge, percent.
             steps: H.
         """
         left = battery - self._step * np.arange(1, steps + 1)

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Planners by name: those of this package, and those that other packages register.
 
-A package adds planners by entry points of the group `dsse_ros.planners`: the name of the planner,
-and a `PlannerFactory`. In its setup.py, for example:
+A package adds planners with entry points of the group `dsse_ros.planners`. Each maps the name of a
+planner to a `PlannerFactory`. In its setup.py, for example:
 
     entry_points={"dsse_ros.planners": ["my_planner = my_package.my_module:make_my_planner"]}
 """
@@ -34,7 +34,7 @@ from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 
 GROUP = "dsse_ros.planners"
-"""Of the entry points."""
+"""Group of the entry points."""
 
 PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
     {
@@ -46,7 +46,7 @@ PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
         "random": RandomMoves,
     }
 )
-"""The planners that need to know no more than actions and area; called as `make_planner` is."""
+"""Planners that need only the actions and the area; see `make_planner` for their arguments."""
 
 BELIEF_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType(
     {
@@ -55,10 +55,10 @@ BELIEF_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType(
         "optimal_effort": make_optimal_effort,
     }
 )
-"""The planners that know the rules and the scenario too, as they keep a belief."""
+"""Planners that keep a belief, and therefore need the rules and the scenario too."""
 
 COVERAGE_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType({"astar": make_astar})
-"""The planners for a coverage task only."""
+"""Planners for coverage tasks only."""
 
 
 def _from_actions(make: Callable[..., Planner], search: Search, **options: Any) -> Planner:
@@ -77,7 +77,7 @@ _FACTORIES: Mapping[str, PlannerFactory] = MappingProxyType(
         **COVERAGE_PLANNERS,
     }
 )
-"""The planners of this package that need no extra."""
+"""Planners of this package that need no extra."""
 
 _WITH_EXTRAS = (
     EntryPoint("onnx", "dsse_ros.planners.onnx:make_onnx", GROUP),
@@ -86,7 +86,7 @@ _WITH_EXTRAS = (
 
 
 def _registered() -> dict[str, list[EntryPoint]]:
-    """Return the planners that are loaded when they are asked for; a name may be there twice."""
+    """Return the planners that are loaded on request, by name; several may share a name."""
     found: dict[str, list[EntryPoint]] = {entry.name: [entry] for entry in _WITH_EXTRAS}
     own = {*_FACTORIES, *found}
     for entry in entry_points(group=GROUP):
@@ -96,7 +96,7 @@ def _registered() -> dict[str, list[EntryPoint]]:
 
 
 PLANNER_NAMES = (*_FACTORIES, *_registered())
-"""All that are installed. A name of this package stays its own."""
+"""All installed planners. Other packages cannot replace a planner of this package."""
 
 
 def load_planner(name: str) -> PlannerFactory:
@@ -115,7 +115,7 @@ def load_planner(name: str) -> PlannerFactory:
         raise FieldError(f"planner: {name!r} is registered more than once: {values}")
     try:
         factory = entries[0].load()
-    except Exception as error:  # Code of others may raise anything.
+    except Exception as error:  # Third-party code may raise anything.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise FieldError(f"planner: {name!r} cannot be loaded: {reason}") from error
     if not callable(factory):
@@ -128,14 +128,14 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
     """Return a planner for missions of an environment, or of any search.
 
     Args:
-        search: An environment, or a `SearchDefinition`. Nothing hidden is read from it.
+        search: An environment, or a `SearchDefinition`. The planner reads nothing hidden from it.
         name: One of `PLANNER_NAMES`.
-        seed: Of all that the planner draws.
-        options: Of the planner, such as the fields of `BeamOptions` for `belief`.
+        seed: Seed of the planner's random draws.
+        options: Options of the planner, such as the fields of `BeamOptions` for `belief`.
 
     Raises:
         ValueError: If the name is unknown, the planner's package is defective, an action that the
-            planner needs is missing, or its task is another one.
+            planner needs is missing, or the planner is for another task.
     """
     factory = load_planner(name)
     check_task(name, search.rules)
@@ -143,10 +143,10 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
 
 
 def check_task(name: str, rules: Rules) -> None:
-    """Raise if a planner of this package is for another task than that of the rules.
+    """Check that a planner of this package is for the task of the rules.
 
     Raises:
-        FieldError: If it is.
+        FieldError: If it is for another task.
     """
     for_persons, for_cells = {*BELIEF_PLANNERS, "route"}, {*COVERAGE_PLANNERS}
     if name in (for_persons if rules.covers else for_cells):
@@ -166,18 +166,18 @@ def make_planner(
     area: NDArray[np.bool_] | None = None,
     **options: Any,
 ) -> Planner:
-    """Return a planner that needs to know no more than the actions and the area.
+    """Return a planner that needs only the actions and the area.
 
     Args:
         name: A key of `PLANNERS`.
-        actions: Names of the actions by number, as the rules give them.
-        seed: Of all that the planner draws.
-        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
-        options: Of the planner.
+        actions: Names of the actions by number, as in the rules.
+        seed: Seed of the planner's random draws.
+        area: (G, G) bool [row, col], the cells to search; None for the whole grid.
+        options: Options of the planner.
 
     Raises:
-        ValueError: If the name is unknown, the planner needs to know more, or an action that it
-            needs is missing.
+        ValueError: If the name is unknown, the planner needs the rules and the scenario too, or an
+            action that it needs is missing.
     """
     if isinstance(name, str) and name in PLANNERS:
         return PLANNERS[name](actions, seed=seed, area=area, **options)

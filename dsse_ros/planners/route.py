@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Routes by a solver of vehicle routing problems, OR-Tools, which the extra `routes` installs.
+"""Routes from OR-Tools, a solver of vehicle routing problems, which the extra `routes` installs.
 
-An orienteering problem with a team (Chao, Golden, Wasil, "The team orienteering problem", 1996):
-the drones collect as much of the likely cells' probability as they can within the time, and leave
-out the rest at a penalty.
+This is a team orienteering problem (Chao, Golden, Wasil, "The team orienteering problem", 1996):
+the drones collect as much of the probability in the likely cells as they can in the given time.
+Cells that they leave out cost a penalty.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ except ImportError as error:
     raise ImportError(f"{error}; {pip_install('routes')}") from error
 
 MICRO = 1_000_000
-"""The solver counts in whole numbers."""
+"""Scale of the gains: the solver takes whole numbers only."""
 NEVER = 1_000_000
 """Steps to a cell that cannot be reached."""
 
@@ -48,12 +48,13 @@ def make_route(
     """Return a planner that flies the routes of a solver.
 
     Args:
-        search: What it may know: rules and scenario.
-        seed: For the choice of the cell to step aside to when a way is blocked.
+        search: The rules and the scenario.
+        seed: Seed for the choice of the cell to step aside to when a route is blocked.
         learn_drift: See `BeliefPlanner`.
         period: Steps between two plans.
-        reach: Steps that a route may take once the drones are there; the mission's end comes first.
-        cells_per_drone: How many of the most likely cells the routes are chosen from.
+        reach: Steps that a route may take after the drones have arrived, unless the mission ends
+            sooner.
+        cells_per_drone: Number of the most likely cells per drone to choose the routes from.
     """
 
     def plan_for(forecast: TargetForecast) -> BeliefRoutePlan:
@@ -90,37 +91,37 @@ def _steps(distance: int) -> int:
 def solve(
     ways: Sequence[Sequence[int]], gains: Sequence[float], drones: int, time: int
 ) -> list[list[int]]:
-    """Return the nodes that each drone searches, in their order.
+    """Return the nodes that each drone searches, in order.
 
     Args:
         ways: (N + K, N + K) moves between any two nodes, the N drones first.
-        gains: (K,) what a search of each of the others finds.
+        gains: (K,) expected finds of a search of each of the K other nodes.
         drones: N.
         time: Steps that a route may take; a search takes one.
     """
     end = len(ways)
     manager = pywrapcp.RoutingIndexManager(end + 1, drones, list(range(drones)), [end] * drones)
     routing = pywrapcp.RoutingModel(manager)
-    # The search of a node is part of the way from it; drones end where they are.
+    # The search of a node counts as part of the way from it. Routes end at their last node.
     durations = np.zeros((end + 1, end + 1), int)
     durations[:end, :end] = ways
     durations[drones:end] += 1
     transit = routing.RegisterTransitMatrix(durations.tolist())
     routing.AddDimension(transit, 0, time, True, "time")
     times = routing.GetDimensionOrDie("time")
-    # Of two routes that collect the same the shorter one is better.
+    # Of two routes with the same gain, the shorter one is better.
     routing.SetArcCostEvaluatorOfAllVehicles(transit)
     for k, gain in enumerate(gains):
         index = manager.NodeToIndex(drones + k)
         worth = round(MICRO * gain)
         routing.AddDisjunction([index], worth)
-        # The sooner, the better: what is collected at the end is worth half.
+        # Sooner is better: a gain collected at the end counts half.
         times.SetCumulVarSoftUpperBound(index, 0, worth // (2 * time))
     parameters = pywrapcp.DefaultRoutingSearchParameters()
     parameters.first_solution_strategy = (
         routing_enums_pb2.FirstSolutionStrategy.PARALLEL_CHEAPEST_INSERTION
     )
-    # It ends at a local optimum, not at a time, so that the same seed gives the same mission.
+    # Stop at a local optimum, not at a time limit, so that the same seed gives the same mission.
     parameters.local_search_metaheuristic = (
         routing_enums_pb2.LocalSearchMetaheuristic.GREEDY_DESCENT
     )

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Planner that flies every drone along a route of its own and searches each cell on it."""
+"""Planner that flies each drone along its own route and searches each cell on it."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ MAX_WAIT = 2
 RoutePlan: TypeAlias = Callable[
     [Sequence[Cell], NDArray[np.float32], ActionSet], Sequence[Sequence[Cell]]
 ]
-"""From the drones' cells and the map (G, G) to one route per drone, none empty."""
+"""Maps the drones' cells, the map (G, G) and the actions to one route per drone, none empty."""
 
 
 @dataclass
 class Track:
-    """How far one drone is along its route, which it flies to and fro."""
+    """Progress of one drone along its route, which it flies back and forth."""
 
     route: Sequence[Cell]
     index: int = 0
     stride: int = 1
     finished: bool = False
-    """Whether the whole route was searched once."""
+    """Whether the drone has searched the whole route once."""
     waited: int = 0
     """Turns spent in front of a blocked cell."""
 
@@ -44,12 +44,12 @@ class Track:
         return self.route[self.index]
 
     def skip_covered(self, left: NDArray[np.float32]) -> None:
-        """Go on to the next cell of the route where probability is left, or to its end."""
+        """Advance to the next cell of the route where probability is left, or to its end."""
         while not self.finished and left[self.goal[1], self.goal[0]] <= 0:
             self.advance()
 
     def advance(self) -> None:
-        """Note that the goal was searched; the end of the route is where it turns back."""
+        """Go on to the next goal; turn back at the end of the route."""
         self.index += self.stride
         if not 0 <= self.index < len(self.route):
             self.finished = True
@@ -60,21 +60,21 @@ class Track:
 class RouteFollower:
     """Flies each drone along its route: to the next cell, search there, and on.
 
-    The routes are planned from the first observation. A drone that has searched its whole
-    route waits for the others in flight, next to the route's end and without searching;
-    when all live drones have done so, each flies its route backwards, and so on to and fro.
+    It plans the routes from the first observation. A drone that has searched its whole route
+    waits for the others, flying next to the route's end without searching. When all live drones
+    have finished, each flies its route backwards, and so on back and forth.
 
-    No two drones ever go to one cell: a drone whose way is blocked searches where it is, and
-    steps aside after `MAX_WAIT` turns. An agent that was not there before makes it plan afresh.
+    Two drones never enter the same cell: a drone whose path is blocked searches where it is, and
+    steps aside after `MAX_WAIT` turns. The planner makes new routes if a new agent appears.
 
-    Where a drone covers a cell by being in it, it flies over the cells of its route that are left
-    to cover, without a search in each.
+    In coverage tasks, where a drone covers each cell that it enters, it flies over the cells of its
+    route that are left to cover, without a search.
 
     Args:
         plan: Makes the routes.
         actions: Names of the actions by number.
-        seed: For the choice of the cell to step aside to.
-        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
+        seed: Seed for the choice of the cell to step aside to.
+        area: (G, G) bool [row, col], the cells to search; None for the whole grid.
         covers: Whether the task is to cover cells.
         apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
 
@@ -107,14 +107,14 @@ class RouteFollower:
         self._swept = False
 
     def copy(self) -> RouteFollower:
-        """Return one that goes on by itself from here."""
+        """Return an independent copy in the same state."""
         twin = copy.copy(self)
         twin._rng, twin._tracks = copy.deepcopy((self._rng, self._tracks))
         twin._shuffled = list(self._shuffled)
         return twin
 
     def with_seed(self, seed: int) -> RouteFollower:
-        """Return a copy that draws by this seed."""
+        """Return a copy that draws with this seed."""
         twin = self.copy()
         twin._rng = np.random.default_rng(seed)
         for length in self._shuffled:
@@ -162,7 +162,7 @@ class RouteFollower:
                 requested.append(self._actions.towards(cell, track.goal))
 
         if self._apart:
-            # A cell with another drone in it may not get free.
+            # A cell with another drone in it may stay occupied.
             occupied = set(present)
             free = [
                 cell if end in occupied else end
@@ -172,7 +172,7 @@ class RouteFollower:
             granted = resolve_conflicts_with_yielding(present, free, exits)
         else:
             granted = resolve_conflicts_with_yielding(present, requested, exits)
-        # Where all get on with their ways, the order of the other exits has not counted.
+        # If all drones take their preferred exit, the random order of the others does not matter.
         self.drawn = self.drawn or any(
             present[drone] == way or granted[drone] != way for drone, way in ways.items()
         )
@@ -196,11 +196,11 @@ class RouteFollower:
 
     @staticmethod
     def _holding_cell(track: Track, cell: Cell) -> Cell:
-        """Return the route's last cell, from there the one before: it has to fly on."""
+        """Return the route's last cell or, once there, the one before it: a drone keeps moving."""
         return track.route[-1] if cell != track.route[-1] else track.goal
 
     def _exits(self, cell: Cell, ahead: Cell) -> list[Cell]:
-        """Return the neighbouring cells, the one on the way first; the own cell is none."""
+        """Return the neighbouring cells, the one ahead first, without the drone's own cell."""
         others = self._actions.neighbours(cell, self._size)
         self._rng.shuffle(others)
         self._shuffled.append(len(others))

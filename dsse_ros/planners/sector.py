@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sector search (VS) of the IAMSAR manual, vol. II and III, for one or more drones.
 
-The search passes the datum again and again: three equilateral triangles, each with a corner at the
-datum, all turns 120 degrees to starboard, the datum passed straight on. The next pattern is turned
-by 30 degrees. Here the datum is the most probable cell at the first observation and the first leg
-goes north: the drift, along which the manual lays it, is not observed.
+The search passes the datum again and again. A pattern is three equilateral triangles with a corner
+at the datum. All turns are 120 degrees to starboard, and the datum is crossed without a turn. The
+next pattern is rotated by 30 degrees. The datum is the most probable cell at the first observation.
+The first leg goes north: the manual aligns it with the drift, which is not observed.
 """
 
 from __future__ import annotations
@@ -23,28 +23,29 @@ from dsse_ros.scenario.probable_cells import most_probable
 
 TURN_DEG = 120
 HEADINGS_DEG = (0, 240, 120)
-"""Of the first legs of a pattern's triangles, clockwise from north."""
+"""Headings of the first legs of a pattern's triangles, clockwise from north."""
 PATTERN_TURN_DEG = 30
 
 
 def sector_routes(
     cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
 ) -> list[list[Cell]]:
-    """Return the route of each drone, whole patterns together.
+    """Return the route of each drone; together the routes form whole patterns.
 
-    One drone flies the triangles one after the other. Several deal them out.
+    One drone flies the triangles one after the other. Several drones take them in turn.
 
     Args:
         cells: Present cell of each drone.
         probability: Map (G, G); the most probable cell is the datum.
-        actions: Have the area, if there is one.
+        actions: The actions, with the area if there is one.
     """
     size = len(probability)
     datum = most_probable(probability, 1)[0]
     farthest = hypot(*(max(c, size - 1 - c) for c in datum))
     routes = [[cell] for cell in cells]
     for drones, water in actions.by_water(cells):
-        # Until a pattern reaches beyond the grid, and then until each has as many triangles.
+        # Patterns until one reaches beyond the grid, repeated so that each drone has as many
+        # triangles.
         count = 3 * len(drones) * _patterns(farthest, size)
         legs = list(islice(triangles(datum, size), count))
         for i, drone in enumerate(drones):
@@ -55,13 +56,13 @@ def sector_routes(
 
 
 def _inside(cells: list[Cell], size: int, water: NDArray[np.bool_] | None) -> list[Cell]:
-    """Return the cells that are on the grid and, where there is an area, in this water."""
+    """Return the cells that are on the grid and, with an area, in this connected component."""
     inside = [cell for cell in cells if max(cell) < size and min(cell) >= 0]
     return inside if water is None else [(col, row) for col, row in inside if water[row, col]]
 
 
 def _patterns(farthest: float, size: int) -> int:
-    """Return how many patterns there are until both of the greatest radius are through."""
+    """Return how many patterns there are up to and including both of the greatest radius."""
     return 2 * max(1, -int(-farthest // _radius(size)))
 
 
@@ -73,7 +74,7 @@ def _radius(size: int) -> int:
 def triangles(datum: Cell, size: int) -> Iterator[list[Cell]]:
     """Yield the cells of one triangle after the other, from the datum to the datum.
 
-    Each second pattern fills the gaps of the one before; the next one reaches farther.
+    Every second pattern fills the gaps of the one before; the pattern after it reaches farther.
     """
     for pattern in count():
         radius = _radius(size) * (1 + pattern // 2)
@@ -90,7 +91,7 @@ def triangles(datum: Cell, size: int) -> Iterator[list[Cell]]:
 
 
 def line(start: tuple[float, float], end: tuple[float, float]) -> list[Cell]:
-    """Return the cells along a straight leg, neighbours all, both ends included."""
+    """Return the cells along a straight leg, each a neighbour of the last, both ends included."""
     steps = max(1, *(abs(round(b) - round(a)) for a, b in zip(start, end, strict=True)))
     return [
         (

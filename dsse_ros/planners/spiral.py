@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Spiral search: round the datum and outwards, for one or more drones.
+"""Spiral search: around the datum and outwards, for one or more drones.
 
-Archimedes' spiral with a track spacing of one cell. N drones fly N arms of it, each turned by a
-part of the circle; an arm's turns are N cells apart, the others between them. The datum is the most
-probable cell at the first observation.
+An Archimedean spiral with a track spacing of one cell. N drones fly N arms, rotated evenly around
+the datum. The turns of one arm are N cells apart, with the other arms between them. The datum is
+the most probable cell at the first observation.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from dsse_ros.scenario.probable_cells import most_probable
 def spiral_routes(
     cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
 ) -> list[list[Cell]]:
-    """Return the route of each drone; together they have every cell they can get to once.
+    """Return the route of each drone; together the routes visit every reachable cell once.
 
-    The arms go to the drones clockwise as they are seen from the datum.
+    The arms are assigned to the drones clockwise, as seen from the datum.
 
     Args:
         cells: Present cell of each drone.
         probability: Map (G, G); the most probable cell is the datum.
-        actions: Have the area, if there is one.
+        actions: The actions, with the area if there is one.
     """
     datum = most_probable(probability, 1)[0]
     routes = [[cell] for cell in cells]
@@ -50,7 +50,7 @@ def arms(datum: Cell, size: int, count: int) -> list[list[Cell]]:
         for col in range(size):
             cell = (col, row)
             radius, angle = hypot(col - datum[0], row - datum[1]), turns(datum, cell)
-            # At this angle arm i passes at the radii count * (angle + m) - i, m = 0, 1, ...
+            # Arm i crosses this angle at the radii count * (angle + m) - i, m = 0, 1, ...
             winding = round(radius - count * angle)
             arm = -winding % count
             places[arm].append(((winding + arm) / count + angle, cell))
@@ -58,5 +58,5 @@ def arms(datum: Cell, size: int, count: int) -> list[list[Cell]]:
 
 
 def turns(datum: Cell, cell: Cell) -> float:
-    """Return the angle at which a cell is seen, in turns clockwise from the east, from 0 to 1."""
+    """Return the bearing of a cell from the datum, in turns clockwise from east, from 0 to 1."""
     return atan2(cell[1] - datum[1], cell[0] - datum[0]) / (2 * pi) % 1.0

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Parallel sweep: the grid is divided among the drones, each covers its share lane by lane."""
+"""Parallel sweep: divides the grid among the drones; each covers its share lane by lane."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ def sweep_routes(
 ) -> list[list[Cell]]:
     """Return the route of each drone through its share, from the corner nearest to it.
 
-    The shares go to the drones from west to east, then from north to south, so that drones in
-    the default start (row by row from the north-west corner) never cross on their way there.
+    The shares are assigned from west to east, then from north to south, so that drones at the
+    default start (row by row from the north-west corner) never cross on their way there.
 
-    In an area the cells that drones can get to, lane by lane, are cut into one piece for each, all
-    as long.
+    In an area, the reachable cells are listed lane by lane and cut into pieces of equal length,
+    one per drone.
 
     Args:
         cells: Present cell of each drone.
         probability: Any map (G, G); only its size matters.
-        actions: Measure the way to the corners.
+        actions: The actions; they measure the distance to the corners.
     """
     if actions.area is not None:
         return _area_routes(cells, actions)
@@ -41,7 +41,7 @@ def sweep_routes(
 
 
 def _area_routes(cells: Sequence[Cell], actions: ActionSet) -> list[list[Cell]]:
-    """Return the route of each drone through its piece of the cells that it can get to."""
+    """Return the route of each drone through its piece of the cells that it can reach."""
     routes = [[cell] for cell in cells]
     for members, water in actions.by_water(cells):
         assert water is not None
@@ -59,8 +59,8 @@ def _area_routes(cells: Sequence[Cell], actions: ActionSet) -> list[list[Cell]]:
 def shares(size: int, count: int) -> list[tuple[range, range]]:
     """Divide a size x size grid into count <= size**2 blocks (columns, rows).
 
-    Vertical strips whose widths differ by one at most; with more blocks than columns each
-    column is cut into bands of rows. In order of columns, then rows.
+    The blocks are vertical strips whose widths differ by one at most. With more blocks than
+    columns, each column is cut into bands of rows. They are ordered by column, then row.
     """
     if count <= size:
         return [(cols, range(size)) for cols in split(size, count)]
@@ -79,7 +79,7 @@ def split(length: int, parts: int) -> list[range]:
 
 
 def boustrophedon(cols: range, rows: range) -> list[Cell]:
-    """Return the cells of a block column by column, each second column in reverse."""
+    """Return the cells of a block column by column, every second column in reverse."""
     return [
         (col, row)
         for turn, col in enumerate(cols)

@@ -18,7 +18,7 @@ from rclpy.qos import (
 )
 
 KEY = "offered_qos_profiles"
-"""Of a channel's metadata."""
+"""Key of a channel's metadata."""
 
 _POLICIES = {
     "history": HistoryPolicy,
@@ -39,10 +39,10 @@ def to_yaml(profiles: Sequence[QoSProfile]) -> str:
 
 
 def from_yaml(text: str) -> list[QoSProfile]:
-    """Return the profiles in such a text: the inverse of `to_yaml` up to what is no policy of ours.
+    """Return the profiles in a YAML text of rosbag2: the inverse of `to_yaml`, for our policies.
 
     Raises:
-        ValueError: If the text is none.
+        ValueError: If the text does not contain profiles.
     """
     try:
         return [_profile(values) for values in yaml.safe_load(text) or []]
@@ -52,7 +52,7 @@ def from_yaml(text: str) -> list[QoSProfile]:
 
 
 def common(profiles: Sequence[QoSProfile], depth: int) -> QoSProfile:
-    """Return the strictest quality of service that all of these offer, none: the laxest."""
+    """Return the strictest QoS that all of these offer; the most permissive if there are none."""
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
     latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
     return QoSProfile(

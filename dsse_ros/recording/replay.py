@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Flies the missions of a bag again: its commands go through a fresh world, without a node.
+"""Replays the missions of a bag: gives its commands to a new world, without a node.
 
-What is compared are the step reports. What is no command is taken from them: which drones were lost
-with their vehicles, and what a drone did that had no command.
+The replay compares step reports. From the recorded reports it takes what is not in the commands:
+which drones were lost with their vehicles, and the actions of drones without a command.
 """
 
 from __future__ import annotations
@@ -54,8 +54,7 @@ _FIRST = ("action", "held", "col", "row")
 """Fields of a drone that are compared first: the others follow from them."""
 
 LATENCY_NS = 100_000_000
-"""On its way for as long as that, a command may have missed the step that it was published
-before."""
+"""Transport time within which a command may have missed the step after its publication."""
 _SURE_NS = 500_000_000
 """What was published that long before the diagnostics is counted in them."""
 
@@ -108,7 +107,7 @@ class _Refusal:
 
 @dataclass
 class _Recording:
-    """What a bag has of one namespace."""
+    """The recorded messages of one namespace."""
 
     infos: dict[tuple[int, int], AgentsInfo] = field(default_factory=dict)
     events: list[_Command | _Report] = field(default_factory=list)
@@ -119,8 +118,8 @@ def replay(
 ) -> Iterator[ReplayedMission]:
     """Replay all missions of a bag, and yield each when it is done.
 
-    Messages are ordered by the time at which they were published: of one machine, and where they
-    caused each other, that is the order in which they were taken.
+    Messages are ordered by their publish time. On one machine, or if one caused the other, this is
+    the order in which they were taken.
 
     Args:
         messages: Of a bag, as `read_bag` yields them.
@@ -153,7 +152,7 @@ def _collect(messages: Iterable[Recorded]) -> tuple[dict[str, _Recording], list[
         if match is None:
             continue
         name = match["name"] or match["command"]
-        # A latched message comes again to a subscription that is made anew.
+        # A new subscription receives a latched message again.
         if one.type_name != _TYPES[name] or (one.topic, time_ns) in seen:
             continue
         seen.add((one.topic, time_ns))
@@ -209,7 +208,7 @@ class _Run:
         self._pending: list[_Command] = []
 
     def replay(self, events: Sequence[_Command | _Report]) -> list[ReplayedMission]:
-        """Return how all missions have gone."""
+        """Return the outcome of all missions."""
         flight: _Flight | None = None
         outcome: ReplayedMission | None = None
         for event in events:
@@ -280,8 +279,8 @@ class _Run:
     def _taken(self, flight: _Flight, report: _Report) -> int:
         """Return how many of the commands were taken before the step of a report.
 
-        All that were published before, unless the step came to something else with them, and the
-        last ones may have been on their way still: in lockstep a step is due as soon as every drone
+        These are all commands published before the step, unless the step differs with them and the
+        last ones may still have been on their way. In lockstep a step is due as soon as every drone
         has a command, in real time at any time.
         """
         count = len(self._pending)
@@ -297,7 +296,7 @@ class _Run:
         return count
 
     def _step_mode(self, time_ns: int) -> str:
-        """Return the mode at a time, as far as the diagnostics say it."""
+        """Return the mode at a time, as far as the diagnostics contain it."""
         before = [status for status in self._statuses if status.time_ns <= time_ns]
         known = before[-1:] or self._statuses[:1]
         return known[0].step_mode if known else "lockstep"
@@ -335,7 +334,7 @@ class _Run:
 
 
 class _Flight:
-    """A mission that is flown again."""
+    """A mission during its replay."""
 
     def __init__(self, info: AgentsInfo, outcome: ReplayedMission, last: _Flight | None) -> None:
         assert info.definition is not None and info.seed is not None
@@ -345,7 +344,7 @@ class _Flight:
         if last is not None and last.info.definition == info.definition:
             self.mission: Mission = last.mission
             self.mission.reset(info.seed)
-            # It knows which joint action was the last one, and came once more.
+            # Keep the intake: it recognizes a last joint action that is sent again.
             self._intake: CommandIntake = last._intake
             self._reasons = last._reasons
         else:
@@ -423,7 +422,7 @@ class _Flight:
         expected_ns = self._expected_ns(report.step, stamp_ns)
         own = step_report_of(mission, self.info.frame, self.outcome.run_id)
         message = step_report_message(self.info.frame, own, report.message.header.stamp)
-        # Not the bytes of the whole message: rclpy leaves those between two fields as they are.
+        # Do not compare the bytes of the message: rclpy leaves padding between fields undefined.
         if message == report.message and stamp_ns == expected_ns:
             return None
         if own.dtype != report.points.dtype:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How the replay of a mission has gone."""
+"""The outcome of the replay of a mission."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Difference:
-    """The first thing that is not the same.
+    """The first difference.
 
     Attributes:
         step: Step of the mission.
@@ -35,7 +35,7 @@ class Difference:
 
 @dataclass
 class ReplayedMission:
-    """How the replay of a mission has gone.
+    """The outcome of the replay of a mission.
 
     Attributes:
         namespace: Of its topics, with a slash at the end.

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded missions in a bag: what was published of them."""
+"""Recorded missions from a bag."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _READ: dict[str, Callable[[Any], Any]] = {
     "step_report": step_report_from_message,
     "mission_report": mission_report_from_message,
 }
-"""Topics, and what reads their messages."""
+"""Topics, and the readers of their messages."""
 _TYPES = {
     "agents": "std_msgs/msg/String",
     "step_report": "sensor_msgs/msg/PointCloud2",
@@ -37,7 +37,7 @@ _TYPES = {
     BELIEF: "sensor_msgs/msg/Image",
     PROBABILITY: "sensor_msgs/msg/Image",
 }
-"""Their types, and those of the maps; a topic of that name and another type is somebody else's."""
+"""Their types, and those of the maps; a topic with another type belongs to other software."""
 
 Key = tuple[int, int]
 """Run and mission."""
@@ -65,11 +65,11 @@ class MissionBag:
         max_cells: Cells of the largest grid.
 
     Attributes:
-        missions: Those of which a step was recorded, in this order.
+        missions: Missions with a recorded step, in order.
 
     Raises:
-        FieldError: If the bag cannot be read or has no step, or the namespace is not in it, or it
-            is of a larger grid.
+        FieldError: If the bag cannot be read, has no step, does not have the namespace, or has a
+            larger grid.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class MissionBag:
         assert record.run_id is not None
         heard = self._reports[record.run_id, record.number].heard
         steps = record.steps.tolist()
-        # Runs begin with the same stamps: of two maps the one is meant that came with the report.
+        # Runs begin with the same stamps: take the map that came with the report.
         of_stamp = {heard[steps[k]][0]: k for k in wanted if steps[k] in heard}
         nearest_ns: dict[int, int] = {}
         maps: Maps = {}

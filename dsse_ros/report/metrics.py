@@ -18,18 +18,18 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Curves:
-    """How a mission went, after each of its K recorded steps.
+    """The course of a mission, after each of its K recorded steps.
 
     Attributes:
         times_s: (K,) mission time since the start.
         pos: (K,) cumulative probability of success; None if not known.
         num_searches: (K,) searches so far.
         cells_searched: (K,) different cells searched so far.
-        path_length_m: (K,) flown so far by all drones.
+        path_length_m: (K,) distance that all drones have flown so far.
         num_in_flight: (K,) drones in the search after the step.
         num_detections: (K,) finds so far.
-        num_collisions: (K,) pairs of drones so far that a step has put into one cell.
-        separation_m: (K,) least distance of two drones in the search; NaN with less than two.
+        num_collisions: (K,) pairs of drones in the same cell after a step, so far.
+        separation_m: (K,) least distance of two drones in the search; NaN with fewer than two.
     """
 
     times_s: Floats
@@ -61,7 +61,7 @@ def effort(record: RecordedMission, num_steps: int | None = None) -> Ints:
 
 
 def num_cells(record: RecordedMission) -> int:
-    """Return of how many cells the search area is."""
+    """Return the number of cells of the search area."""
     return record.grid_size**2 if record.area is None else int(record.area.sum())
 
 
@@ -76,9 +76,9 @@ def _first_searches(record: RecordedMission) -> Ints:
 
 
 def _meetings(record: RecordedMission) -> tuple[Ints, Floats]:
-    """Return pairs of drones in one cell, (K,), and the least distance of two, (K,) in metres.
+    """Return the pairs of drones in one cell, (K,), and the least distance of two, (K,) in metres.
 
-    Looked at are drones that were in the search before the step.
+    Only drones that were in the search before the step count.
     """
     pairs = np.zeros(len(record.steps), np.int64)
     nearest_m = np.full(len(record.steps), np.nan)
@@ -94,7 +94,7 @@ def _meetings(record: RecordedMission) -> tuple[Ints, Floats]:
 
 
 def curves(record: RecordedMission) -> Curves:
-    """Return how a mission went."""
+    """Return the course of a mission."""
     pairs, nearest_m = _meetings(record)
     out = record.terminated | record.truncated
     return Curves(
@@ -115,22 +115,23 @@ def _pos(record: RecordedMission, of: Curves) -> float | None:
 
 
 def _horizon(record: RecordedMission) -> int | None:
-    """Return the number of steps that a mission has time for, None if it is not known."""
+    """Return the number of steps in a mission's time limit, None if unknown."""
     if record.rules is not None and record.scenario is not None:
         limit = record.scenario.timestep_limit + record.rules.time_out_grace
         return limit + int(record.rules.time_out_acts)
-    # A last step without an action has found the time out.
+    # A last step without an action has detected the timeout.
     acted = np.asarray(record.acted.any(axis=1))
     return int(record.steps[acted].max(initial=0)) if record.complete and not acted[-1] else None
 
 
 def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, float | None]:
-    """Return the least and the most that E[min(T, H)] can be, in seconds; None for not known.
+    """Return the lower and upper bounds of E[min(T, H)], in seconds; None if unknown.
 
-    T is the time until the searches detect, H the horizon. It is the sum of P(T > t) = 1 - POS over
-    the steps up to H, each with the POS of the steps before it. What was searched after the first
-    find was chosen by luck, and after the record is not known: at least the next step would have
-    detected for sure, at most no other one would have.
+    T is the time until the searches detect, H the horizon. The expectation is the sum of
+    P(T > t) = 1 - POS over the steps up to H, each with the POS of the steps before it. Searches
+    after the first find depended on it, and searches after the record are unknown. The lower bound
+    assumes that the next step would have detected for certain, the upper bound that no later step
+    would have.
     """
     if of.pos is None or record.covers:
         return None, None
@@ -138,7 +139,7 @@ def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, f
     acted = record.acted.any(axis=1)
     end = int(finds[0]) if len(finds) else int(np.flatnonzero(acted).max(initial=0))
     missed, steps = 1.0 - of.pos[: end + 1], record.steps[: end + 1]
-    # Between recorded steps, and before the first one, the POS has grown at unknown ones.
+    # Between recorded steps, and before the first one, the POS has grown at unknown steps.
     gaps = np.diff(steps, prepend=0)
     earlier = np.concatenate([[1.0], missed[:-1]])
     low = float((earlier * np.minimum(gaps, 1) + missed * np.maximum(gaps - 1, 0)).sum())
@@ -149,14 +150,14 @@ def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, f
     else:
         left = float(missed[-1]) * max(horizon - int(steps[-1]), 0)
         high += left
-        # Nobody was left to search.
+        # No drone was left to search.
         low += left if record.complete and not len(finds) else 0.0
     step_s = _step_s(record)
     return low * step_s, None if high is None else high * step_s
 
 
 def _step_s(record: RecordedMission) -> float:
-    """Return the duration of a step in seconds, 0 where there was none."""
+    """Return the duration of a step in seconds, 0 without steps."""
     return float(record.times_s[-1] / record.steps[-1]) if record.steps[-1] else 0.0
 
 
@@ -194,12 +195,12 @@ class Metric:
     """One number of a mission.
 
     Attributes:
-        name: In files.
-        label: For people.
+        name: Name in files.
+        label: Label in reports.
         unit: `share` (0 to 1), `s`, `m`, or "" for a count or a sum.
         meaning: Its definition.
-        source: Where the definition comes from, "" where it needs none.
-        value: Computes it; None where it is not known, or there is nothing to be measured.
+        source: Source of the definition, "" if it needs none.
+        value: Computes it; None if unknown, or if there is nothing to measure.
     """
 
     name: str

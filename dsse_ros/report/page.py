@@ -18,12 +18,12 @@ class Illustration:
     """A figure as files, and in words.
 
     Attributes:
-        name: Of its files.
-        caption: Below it.
-        alt: What is to be seen, for who cannot.
-        png: Light.
-        svg: Light.
-        dark_svg: For dark pages; None for a figure that is light everywhere.
+        name: Name of its files.
+        caption: Text below it.
+        alt: Alternative text: what the figure shows.
+        png: The light figure.
+        svg: The light figure.
+        dark_svg: For dark pages; None for a figure that is always light.
     """
 
     name: str

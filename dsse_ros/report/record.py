@@ -26,7 +26,7 @@ SEARCH = "search"
 _MCAP = b"\x89MCAP0\r\n"
 """How MCAP files begin."""
 _ROUNDING_M = 6e-4
-"""A log has metres with three decimals."""
+"""Precision of the metres in a log, which have three decimals."""
 _MAX_DECIMALS = 9
 _LONGEST_FIELD = 100
 """Characters of a field of a log; NumPy makes room for as many in every one."""
@@ -34,14 +34,14 @@ _LONGEST_FIELD = 100
 
 @dataclass(frozen=True, eq=False)
 class RecordedMission:
-    """K recorded steps of N drones, and of P persons where these are known.
+    """K recorded steps of N drones, and of P persons if these are known.
 
-    Cells are (col, row), row 0 in the north: where the drones were or, of a bag of drones that
-    observe wrong positions, where they observed to be.
+    Cells are (col, row), row 0 in the north. They are the drones' true cells or, in a bag of drones
+    that observe wrong positions, the observed ones.
 
     Attributes:
         number: Number of the mission.
-        steps: (K,) int64, the steps that were recorded, growing; 0 is the start.
+        steps: (K,) int64, the recorded steps in ascending order; 0 is the start.
         times_s: (K,) float64 mission time since the start of the mission.
         cells: (K, N, 2) int64.
         actions: (K, N) names of the actions, "" for none.
@@ -52,7 +52,7 @@ class RecordedMission:
         held: (K, N) bool.
         grid_size: Cells along a side, G.
         cell_size_m: Side of a cell.
-        probabilities: (K, N) float64, what the map gave the cells searched; None if not recorded.
+        probabilities: (K, N) float64, map values of the cells searched; None if not recorded.
         pos: (K,) float64 cumulative probability of success after each step; None if not recorded.
         coverage_rate: (K,) float64 share of the cells to cover that are covered after each step;
             None if not recorded, or for another task.
@@ -60,10 +60,10 @@ class RecordedMission:
         persons: (K, P, 2) int64; None if not recorded.
         person_found: (K, P) bool; None if not recorded.
         rules: The rules of the search; None if not known.
-        scenario: What was searched; None if not known.
-        seed: Of the mission; None if not known.
-        run_id: Of the simulation; None if not known.
-        area: (G, G) bool [row, col], the cells that are searched; None for all, or if not known.
+        scenario: The scenario; None if not known.
+        seed: Seed of the mission; None if not known.
+        run_id: run_id of the simulation; None if not known.
+        area: (G, G) bool [row, col], the cells to search; None for all, or if not known.
     """
 
     number: int
@@ -97,32 +97,32 @@ class RecordedMission:
 
     @property
     def complete(self) -> bool:
-        """Whether the mission was recorded to its end: no drone is in flight any more."""
+        """Whether the mission was recorded to its end, with no drone left in flight."""
         return bool((self.terminated | self.truncated)[-1].all())
 
     @property
     def missing_steps(self) -> int:
-        """How many steps up to the last one were not recorded."""
+        """Number of steps up to the last one that were not recorded."""
         return int(self.steps[-1]) + 1 - len(self.steps)
 
     @cached_property
     def in_flight(self) -> NDArray[np.bool_]:
-        """Who was in the search before each step, (K, N)."""
+        """Which drones were in the search before each step, (K, N)."""
         out = self.terminated | self.truncated
         return np.vstack([np.ones_like(out[:1]), ~out[:-1]])
 
     @cached_property
     def acted(self) -> NDArray[np.bool_]:
-        """Who was in the search and did its action, (K, N): nobody at the start.
+        """Which drones were in the search and did their actions, (K, N): none at the start.
 
-        In the step that finds the time out no action is done, but by rules that say otherwise.
+        In the step that detects the timeout, no drone acts unless the rules let it.
         """
         acts: NDArray[np.bool_] = self.in_flight & (self.steps > 0)[:, np.newaxis]
         if self.rules is not None and self.scenario is not None:
             limit = self.scenario.timestep_limit + self.rules.time_out_grace
             late = np.asarray((self.steps > limit) & (not self.rules.time_out_acts))
         else:
-            # Everybody runs out of time at once, and nothing else truncates everybody.
+            # The timeout truncates all drones at once, and nothing else does.
             all_out = (self.truncated | ~self.in_flight).all(axis=1) & self.in_flight.any(axis=1)
             late = np.asarray(all_out & ~self.found.any(axis=1) & ~self._off_grid.any(axis=1))
         acts[late] = False
@@ -139,7 +139,7 @@ class RecordedMission:
 
     @cached_property
     def searched(self) -> NDArray[np.bool_]:
-        """Who searched a cell of the grid in each step, (K, N); one that is covered is searched."""
+        """Which drones searched a cell of the grid in each step, (K, N); covering counts too."""
         looked = self.actions == SEARCH
         if self.covers:
             looked |= np.diff(self.cells, axis=0, prepend=self.cells[:1]).any(axis=2)
@@ -149,7 +149,7 @@ class RecordedMission:
     def looked_at(self) -> NDArray[np.int64]:
         """Every look at a cell of the grid, (Q, 4) as (number of the step, drone, col, row).
 
-        Where it is not known what was searched, a search looks at its own cell.
+        Without a known scenario, a search looks at the drone's own cell.
         """
         if self.covers or self.rules is None or self.scenario is None:
             step, drone = np.nonzero(self.searched)
@@ -167,9 +167,9 @@ class RecordedMission:
 
     @cached_property
     def lost(self) -> NDArray[np.bool_]:
-        """Who was out of the search before it ended for all, (K, N).
+        """Which drones were out of the search before it ended for all, (K, N).
 
-        What ends a mission flags every drone that is left. A find or the time does not lose them.
+        The end of a mission flags every remaining drone: a find or the timeout does not lose them.
         """
         lost = self.terminated | self.truncated
         done = self.found[-1].any()
@@ -181,7 +181,7 @@ class RecordedMission:
 
 
 def is_bag(path: str | os.PathLike[str]) -> bool:
-    """Return whether a path is that of a bag: an MCAP file, or a folder as rosbag2 makes them."""
+    """Return whether a path is a bag: an MCAP file, or a folder of rosbag2."""
     if Path(path).is_dir():
         return True
     try:
@@ -194,15 +194,14 @@ def is_bag(path: str | os.PathLike[str]) -> bool:
 def read_csv(
     path: str | os.PathLike[str], max_cells: int = LARGEST_GRID_CELLS
 ) -> list[RecordedMission]:
-    """Return the missions of a log; a step that is there in part, at its end, is left out.
+    """Return the missions of a log, without an incomplete last step.
 
     Args:
         path: The file.
         max_cells: Cells of the largest grid.
 
     Raises:
-        FieldError: If the file cannot be read, or is no log, or holds no step, or is of a larger
-            grid.
+        FieldError: If the file cannot be read, is not a log, has no step, or has a larger grid.
     """
     name = f"file: {os.fspath(path)!r}"
     missions: dict[str, list[list[list[str]]]] = {}
@@ -215,7 +214,7 @@ def read_csv(
     except (UnicodeDecodeError, csv.Error):
         raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)") from None
     if missions:
-        # The last step may be in part: the mission was cut off.
+        # The last step may be incomplete, if the mission was cut off.
         steps = next(reversed(missions.values()))
         if len(steps) > 1 and len(steps[-1]) < len(steps[0]):
             del steps[-1]
@@ -240,7 +239,7 @@ _BY_NUMBER = {
         for faults in (False, True)
     )
 }
-"""Columns of a record by how many they are."""
+"""Columns of a record, by their number."""
 
 
 def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[list[str]]]]:
@@ -252,7 +251,7 @@ def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[l
     rows: list[list[str]] = []
     for row in reader:
         if len(row) != len(columns):
-            # Cut off while it was written; in the middle the step's other rows show it.
+            # The row was cut off. In the middle of a file, the step's other rows reveal that.
             continue
         if max(map(len, row)) > _LONGEST_FIELD:
             raise FieldError(
@@ -331,7 +330,7 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
 def grid_of(
     cells: NDArray[np.int64], east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> tuple[int, float]:
-    """Return the size of a grid and of its cells in metres, of cells and where they are.
+    """Return the size of a grid and of its cells in metres, from cells and their positions.
 
     Args:
         cells: (M, 2) of (col, row).
@@ -346,7 +345,7 @@ def grid_of(
     if from_west[far] > 0 and east_m[far] > 0:
         rough_m = float(east_m[far] / from_west[far])
         size = round(float(north_m[0]) / rough_m + int(cells[0, 1]) + 0.5)
-        # The farther from an edge, the less does rounding count.
+        # The farther from an edge, the less rounding matters.
         cells_off = np.concatenate([from_west, size - 0.5 - cells[:, 1]])
         metres = np.concatenate([east_m, north_m])
         far = int(np.argmax(cells_off))

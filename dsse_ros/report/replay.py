@@ -22,7 +22,7 @@ from dsse_ros.step.looks import looks_of
 from dsse_ros.view.rendering import MissionView
 
 LARGEST_BELIEF_GRID = 50
-"""On larger grids a belief takes long; there the maps are those that drones observe."""
+"""On larger grids a belief takes long, so the maps are those that drones observe."""
 _TOLERANCE = 1e-6
 """Maps are float32."""
 
@@ -32,10 +32,10 @@ Maps = dict[int, NDArray[np.float32]]
 def with_search(
     record: RecordedMission, rules: Rules, scenario: ResolvedScenario
 ) -> RecordedMission:
-    """Return the record with what was searched, and by which rules.
+    """Return the record with its scenario and rules.
 
     Raises:
-        FieldError: If it was recorded in another search.
+        FieldError: If it is a record of another search.
     """
     for name, recorded, given in (
         ("grid_size", record.grid_size, scenario.grid_size),
@@ -46,7 +46,7 @@ def with_search(
             raise FieldError(
                 f"scenario: {name} {given} is not allowed; {recorded} is, as it was recorded"
             )
-    # The step after the last one finds the time out.
+    # The step after the last one detects the timeout.
     last = scenario.timestep_limit + rules.time_out_grace + 1
     if record.steps[-1] > last:
         raise FieldError(
@@ -57,21 +57,21 @@ def with_search(
 
 
 def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, MissionView]:
-    """Return what a picture shows of a mission; the map is the one that drones observed.
+    """Return the views of a mission for pictures, with the map that drones observed.
 
     Args:
         record: The record; it has rules and scenario.
         wanted: Numbers of recorded steps, 0 to K - 1.
 
     Raises:
-        FieldError: If a step of the record has searched a cell of another probability: it is of
+        FieldError: If the probability of a searched cell differs from the record: the record is of
             another scenario, or of other rules.
     """
     assert record.rules is not None and record.scenario is not None
     if record.rules.covers:
         return _views_of_coverage(record, wanted)
     env = SearchEnv(record.scenario, record.rules)
-    # The map knows neither drones nor persons: any seed and any actions give the same.
+    # The map depends on neither drones nor persons: any seed and any actions give the same one.
     env.reset(seed=0)
     hold = np.full(len(record.agents), HOLD, np.int8)
     shown: dict[int, MissionView] = {}
@@ -89,7 +89,7 @@ def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, Mission
 
 
 def with_coverage(record: RecordedMission) -> RecordedMission:
-    """Return the record of a coverage task with its metrics, as far as they can be known."""
+    """Return the record of a coverage task with its metrics, as far as they are known."""
     if record.coverage_rate is not None or record.missing_steps:
         return record
     if record.scenario is None or record.rules is None or not record.rules.covers:
@@ -126,11 +126,11 @@ def _views_of_coverage(record: RecordedMission, wanted: Collection[int]) -> dict
 
 
 def views_of(record: RecordedMission, maps: Maps) -> dict[int, MissionView]:
-    """Return what a picture shows of a mission whose scenario is not known.
+    """Return the views, for pictures, of a mission whose scenario is unknown.
 
     Args:
         record: The record.
-        maps: By the number of a recorded step, what drones observed.
+        maps: Maps that drones observed, by the number of the recorded step.
     """
     nobody, nothing = np.zeros((0, 2), np.int64), np.zeros(0, bool)
     bare = MissionView(
@@ -190,10 +190,10 @@ def forecast_for(record: RecordedMission, made: TargetForecast | None) -> Target
 def follow_belief(
     record: RecordedMission, forecast: TargetForecast, wanted: Collection[int] = ()
 ) -> tuple[NDArray[np.float64], Maps]:
-    """Have a belief learn from the recorded looks, as `sim_node` has it.
+    """Update a belief with the recorded looks, like `sim_node`.
 
-    Which look of an action has found somebody is not recorded: where there were several, nothing is
-    learnt from them.
+    The record does not contain which look of an action found a person: if there were several, the
+    belief learns nothing from them.
 
     Args:
         record: The record; it has every step from the start.

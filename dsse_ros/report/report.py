@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A report: what is recorded of a mission, as a page, figures and tables."""
+"""The report of a recorded mission: a page, figures and tables."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ from dsse_ros.view.rendering import MissionView
 DEFAULT_MAPS = 6
 FACTS = ("pos", "time_to_detection", "expected_time_at_least", "expected_time_at_most", "coverage",
          "path_length", "collisions")  # fmt: skip
-"""Metrics that are read first."""
+"""Metrics at the top of the page."""
 IN_OVERVIEW = ("pos", "time_to_detection", "coverage", "redundancy", "path_length", "collisions")
-"""Metrics that are compared where a file has several missions."""
+"""Metrics for comparing several missions of a file."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a report is made of.
+    """The content of a report.
 
     Attributes:
         record: The mission.
-        views: Maps at chosen recorded steps, 0 to K - 1; empty where no map is known.
-        missions: All missions of the file, with this one.
+        views: Maps at chosen recorded steps, 0 to K - 1; empty if no map is known.
+        missions: All missions of the file, including this one.
         source: Name of the file.
-        notices: What the reader must know.
+        notices: Notices for the reader.
     """
 
     record: RecordedMission
@@ -56,14 +56,14 @@ class Report:
 
     @property
     def num_figures(self) -> int:
-        """How many figures it has."""
+        """Number of figures."""
         return len(self.views) + 4
 
     def write(self, folder: Path, drawn: Callable[[], object] = lambda: None) -> Path:
         """Write all files; returns the path of the page.
 
         Args:
-            folder: It is there.
+            folder: An existing folder.
             drawn: Called after each figure.
 
         Raises:
@@ -86,7 +86,7 @@ class Report:
         return path
 
     def _illustrations(self, of: Curves, done: Work) -> Iterable[tuple[bool, Illustration]]:
-        """Yield the figures, and of each whether it is a map."""
+        """Yield each figure, and whether it is a map."""
         record = self.record
         for k, view in self.views.items():
             figure = figures.map_figure(view)
@@ -207,7 +207,7 @@ class Report:
     def _tables(
         self, of: Curves, done: Work
     ) -> Iterable[tuple[str, Sequence[str], Iterable[Sequence[Any]]]]:
-        """Yield name, columns and rows of each CSV."""
+        """Yield the name, the columns and the rows of each CSV."""
         record, numbers = self.record, metrics(self.record)
         yield (
             "metrics", ("metric", "value", "unit"),
@@ -280,14 +280,14 @@ def _csv(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def chosen_steps(record: RecordedMission, wanted: Sequence[int]) -> list[int]:
-    """Return which recorded steps, 0 to K - 1, maps are drawn of.
+    """Return the recorded steps, 0 to K - 1, to draw maps of.
 
     Args:
         record: The mission.
         wanted: Steps of the mission; none for the start, the end and some between.
 
     Raises:
-        ValueError: If a wanted one was not recorded; the text begins with it.
+        ValueError: If a wanted step was not recorded; the message begins with it.
     """
     if not wanted:
         last = len(record.steps) - 1

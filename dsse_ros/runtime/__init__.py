@@ -1,3 +1,3 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What every node is made of: arguments, parameters, QoS, timers, signals."""
+"""The common parts of the nodes: arguments, parameters, QoS, timers, signals."""

@@ -18,12 +18,12 @@ class Alarm:
         self.due_s = math.inf
 
     def set(self, delay_s: float) -> None:
-        """Ring once after this time, instead of what was set before."""
+        """Ring once after this time, instead of any earlier setting."""
         self._period_s = None
         self.due_s = self._clock() + max(delay_s, 0.0)
 
     def repeat(self, period_s: float) -> None:
-        """Ring every so often, first after one period; what is set like that already goes on."""
+        """Ring periodically, first after one period; no effect if the alarm already does."""
         if self._period_s != period_s:
             self.set(period_s)
             self._period_s = period_s
@@ -34,7 +34,7 @@ class Alarm:
         self.due_s = math.inf
 
     def ring(self, now_s: float) -> None:
-        """Call the callback if it is due; what was missed meanwhile is not made up for."""
+        """Call the callback if it is due, once even if several periods have passed."""
         if self.due_s > now_s:
             return
         if self._period_s is None:
@@ -46,10 +46,10 @@ class Alarm:
 
 
 class Alarms:
-    """The alarms of a node; somebody has to ring them.
+    """The alarms of a node, which its loop has to ring.
 
     Args:
-        clock: Gives the time in seconds; it never runs backwards.
+        clock: Returns the time in seconds; it never runs backwards.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
@@ -69,7 +69,7 @@ class Alarms:
         )
 
     def ring(self) -> None:
-        """Call what is due, each callback once, in the order in which they are due."""
+        """Call the callbacks that are due, each once, in the order of their times."""
         now_s = self._clock()
         for alarm in sorted(self._alarms, key=lambda alarm: alarm.due_s):
             # An earlier callback may have set it anew: then it is for the next time.

@@ -7,16 +7,16 @@ from __future__ import annotations
 import sys
 
 MISSING = 1
-"""Exit code where something that the program needs is not installed."""
+"""Exit code if a dependency of the program is not installed."""
 BAD_INPUT = 2
-"""Exit code after an input that is not allowed."""
+"""Exit code for bad input."""
 FAILED = 3
-"""Exit code where a file could not be written to its end, or a check has failed."""
+"""Exit code if a file could not be written completely, or a check has failed."""
 
 
 def fail(name: str, error: object) -> int:
     """Print what is wrong on one line and return the exit code for it."""
-    # What was printed before comes before it, also where both go to one file.
+    # Keep the order of stdout and stderr if both go to one file.
     sys.stdout.flush()
     print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
     return BAD_INPUT

@@ -14,11 +14,11 @@ from types import FrameType
 
 Handler = Callable[[int, FrameType | None], object]
 
-# A program that `nohup` has started is to outlive its terminal.
+# A program started by `nohup` must outlive its terminal.
 _OF_TERMINAL = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, *_OF_TERMINAL)
 _GRACE_S = 0.2
-"""Wall time that the main thread has to run its handler before the watching thread leaves."""
+"""Wall time in which the main thread must run its handler before the watching thread exits."""
 
 _leaving = threading.RLock()
 _clean_up: list[Callable[[], object]] = []
@@ -26,33 +26,34 @@ _watched = False
 
 
 class Stop:
-    """Handler of signals that only notes that one has come.
+    """Signal handler that only records that a signal has come.
 
     Attributes:
-        wanted: Whether one has.
+        wanted: Whether a signal has come.
     """
 
     wanted = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Note it."""
+        """Record the signal."""
         self.wanted = True
 
 
 def on_signals(handler: Handler | signal.Handlers) -> None:
-    """Have SIGINT, SIGTERM and SIGHUP handled by this."""
+    """Set the handler of SIGINT, SIGTERM and SIGHUP."""
     for number in _SIGNALS:
         signal.signal(number, handler)
 
 
 def leave_on_signals(*clean_up: Callable[[], object]) -> None:
-    """Have them end the process at once, with the code a shell has for the signal.
+    """Make these signals end the process at once, with the shell's exit code for the signal.
 
-    Python runs a handler when the main thread is back from C, and LLVM may optimise one function
-    for seconds: a thread watches too. No exception would do either, as numba loses some.
+    Python runs a handler only after the main thread has returned from C, and LLVM may optimise one
+    function for seconds, so a thread watches too. Raising would not work: Numba can swallow
+    exceptions.
 
     Args:
-        clean_up: Called before; may raise.
+        clean_up: Called before the exit; may raise.
     """
     global _watched
     _clean_up[:] = clean_up
@@ -68,7 +69,7 @@ def leave_on_signals(*clean_up: Callable[[], object]) -> None:
 def _watch(read: int) -> None:
     while numbers := os.read(read, 1):
         time.sleep(_GRACE_S)
-        # Another handler may have taken over meanwhile.
+        # Another handler may be set by now.
         if signal.getsignal(numbers[0]) is _leave:
             _leave(numbers[0], None)
 

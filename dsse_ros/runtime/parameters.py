@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Checked fields as ROS parameters: read what was given, declare what is in force."""
+"""Checked fields as ROS parameters: read the given values, declare the effective ones."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _TYPES = {
 }
 
 QOS_PREFIX = "qos_overrides."
-"""Opens the names of the parameters that override the QoS of a topic."""
+"""Prefix of the parameters that override the QoS of a topic."""
 
 # rclpy's own subscription when use_sim_time is set.
 _CLOCK_PREFIX = f"{QOS_PREFIX}/clock.subscription."
@@ -48,7 +48,7 @@ _NESTED_LIST = re.compile(r"\s*\[[^'\"]*\[")
 def declarable(
     name: str, value: Any = None, descriptor: ParameterDescriptor | None = None
 ) -> tuple[str, Any, ParameterDescriptor]:
-    """Return the parameter as rclpy can declare it; None has a type only where it is dynamic.
+    """Return the parameter in a form that rclpy can declare; None needs a dynamic type.
 
     Raises:
         FieldError: If a parameter that every node has is not true or false.
@@ -67,19 +67,19 @@ def take_overrides(
     """Return the fields and the QoS overrides a node was started with; they are undeclared.
 
     The node must have been made with `automatically_declare_parameters_from_overrides`, so that
-    values of any type arrive here and are judged in one place. What a file gives to several nodes
-    may be another's: then it is left out, and the log says so.
+    values of any type arrive here and are checked in one place. An unknown parameter that a file
+    gives to several nodes may belong to another node: the function leaves it out and logs that.
 
     Args:
         node: The node.
-        known: Names that it has.
+        known: Names of its parameters.
         shared: Names that its file gives to other nodes too.
 
     Raises:
         FieldError: If a name is not known.
     """
     given = {
-        # What has no type was given as an empty list.
+        # A parameter without a type was given as an empty list.
         name: [] if (value := node.get_parameter(name).value) is None else value
         for name in node.get_parameters_by_prefix("")
         if name not in OF_EVERY_NODE and not name.startswith(_CLOCK_PREFIX)
@@ -97,7 +97,7 @@ def take_overrides(
 
 
 def check_flat(arguments: Iterable[str]) -> None:
-    """Raise for a list in a list on the command line: rcl would keep the last one only.
+    """Refuse a nested list on the command line: rcl would keep the last inner list only.
 
     Raises:
         FieldError: If there is one.
@@ -153,12 +153,12 @@ def descriptor(name: str, spec: Spec, *, read_only: bool) -> ParameterDescriptor
 def declare(
     node: Node, specs: Mapping[str, Spec], values: Mapping[str, Any], mutable: Collection[str] = ()
 ) -> None:
-    """Declare one parameter per field with the value in force; one of None can be asked for too."""
+    """Declare one parameter per field with its effective value; None can be read too."""
     for name, spec in specs.items():
         made = descriptor(name, spec, read_only=name not in mutable)
         value = to_ros(spec, values[name])
         if value is None or value == []:
-            # A parameter with a type but no value would spoil the answer about all others.
+            # A parameter with a type but no value would break a request for all parameters.
             value, made.dynamic_typing, made.type = None, True, ParameterType.PARAMETER_NOT_SET
         node.declare_parameter(name, value, made, ignore_override=True)
 

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Subscriptions whose messages wait until they are taken.
 
-For who needs many messages some time later, or only the last one of them: to wake up for each costs
-several times as much.
+For consumers that read messages in batches, or need only the last one: waking up for each message
+costs several times as much.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from rclpy.subscription import Subscription
 
 
 class RawMessage(NamedTuple):
-    """A message as it came.
+    """A received message, not deserialized.
 
     Attributes:
         topic: Its topic.
         data: The message in CDR.
         received_ns: Wall time at which it was received.
         published_ns: Wall time at which it was published.
-        sequence: Its number among those of its publisher.
+        sequence: Sequence number of its publisher.
     """
 
     topic: str
@@ -40,7 +40,7 @@ def polling_node(node: Node) -> Node:
         f"_{node.get_name()}_topics",
         namespace=node.get_namespace(),
         context=node.context,
-        # Neither arguments of the command line nor parameters: they are the other's.
+        # Arguments of the command line and parameters belong to the other node.
         use_global_arguments=False,
         enable_rosout=False,
         start_parameter_services=False,
@@ -48,7 +48,7 @@ def polling_node(node: Node) -> Node:
 
 
 def take_all(subscription: Subscription) -> Iterator[RawMessage]:
-    """Yield what has come of a subscription since, as many messages as its depth at most."""
+    """Yield the new messages of a subscription, at most as many as its depth."""
     handle, kind = subscription.handle, subscription.msg_type
     topic = subscription.topic_name
     with handle:
@@ -64,5 +64,5 @@ def take_all(subscription: Subscription) -> Iterator[RawMessage]:
 
 
 def spun_by_nobody(message: bytes) -> None:
-    """Stand for the callback of a subscription whose messages are taken."""
+    """Stand in for the callback of a subscription whose messages are taken."""
     raise AssertionError("a subscription whose messages are taken")

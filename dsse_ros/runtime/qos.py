@@ -29,15 +29,15 @@ LATCHED = QoSProfile(
 COMPLETE = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-"""Of step reports and POS: a listener that must see each step may fall behind or come late by that
-many, the whole of most missions."""
+"""Step reports and POS: a subscriber that must see each step may fall behind or come late by this
+many steps, which most missions do not exceed."""
 
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """Odometry, clock and diagnostics."""
 
 COMMANDS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-"""What drones do next; never latched: a simulation that is started again numbers its missions and
-steps as the one before, and must not take what that one was commanded."""
+"""Commands to drones, never latched: a restarted simulation numbers its missions and steps like the
+one before, and must not take the commands to that one."""
 
 SENSOR = qos_profile_sensor_data
 """Fixes: fresh rather than complete."""
@@ -62,16 +62,16 @@ _POLICIES: dict[str, tuple[Spec, Callable[[Any], Any]]] = {
 
 
 class Endpoints:
-    """Makes the publishers and subscriptions of a node, with the QoS that its parameters ask for.
+    """Makes the publishers and subscriptions of a node, with the QoS from its parameters.
 
-    The parameters have the names that ROS 2 gives them everywhere,
+    The parameters have the usual names of ROS 2,
     `qos_overrides.<resolved topic>.<publisher or subscription>.<policy>`, with the policies
-    history, depth, reliability and durability. Only those given are declared: all of them would be
-    thousands for a hundred drones.
+    history, depth, reliability and durability. Only the given ones are declared: a hundred drones
+    would have thousands.
 
     Args:
-        node: Makes the endpoints.
-        given: The overrides the node was started with, by name.
+        node: Node of the endpoints.
+        given: The overrides that the node was started with, by name.
     """
 
     def __init__(self, node: AlarmNode, given: Mapping[str, Any]) -> None:
@@ -99,10 +99,10 @@ class Endpoints:
         )
 
     def check_all_used(self) -> None:
-        """Raise if an override is of no endpoint, unless a file gives it to several nodes.
+        """Check that every override has an endpoint, unless a file gives it to several nodes.
 
         Raises:
-            FieldError: If there is one.
+            FieldError: If one does not.
         """
         for name in self._given.keys() - self._node.shared_names:
             raise FieldError(f"{name} is of no topic of {self._node.get_name()}")

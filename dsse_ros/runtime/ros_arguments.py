@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What follows --ros-args on a command line, read without ROS.
+"""Parses the arguments after --ros-args without ROS.
 
-rcl merges the parameters of all files and of -p; from what it hands to a node it can no longer be
-seen which were meant for that node and which for all (design.ros2.org, "ROS Command Line Arguments"
-and "Parameter files").
+rcl merges the parameters of all files and of -p. The merged result does not show which parameters
+were for that node and which for all nodes (design.ros2.org, "ROS Command Line Arguments" and
+"Parameter files").
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import yaml
 
 if TYPE_CHECKING:
-    # `ros2 launch` reads this too, and may have none of what the search needs.
+    # `ros2 launch` imports this too, perhaps without the dependencies of the search.
     from dsse_ros.scenario.fields import Spec
 
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
@@ -26,15 +26,15 @@ _BEGIN, _END = "--ros-args", "--"
 
 
 class UnreadableFileError(ValueError):
-    """A file of parameters that cannot be read as one."""
+    """A file that cannot be read as a file of parameters."""
 
 
 class Given(NamedTuple):
     """A parameter that a node is started with.
 
     Attributes:
-        value: As YAML has it.
-        shared: Whether only sections of files for several nodes have it, such as `/**`.
+        value: The value parsed from YAML.
+        shared: Whether it is only in sections of files for several nodes, such as `/**`.
     """
 
     value: Any
@@ -79,14 +79,14 @@ def namespace_of(ros: Sequence[str]) -> str:
 
 
 def parameters_for(node: str, ros: Sequence[str]) -> dict[str, Given]:
-    """Return the parameters that a node is given; the last to name one counts, as in rcl.
+    """Return the parameters given to a node; the last value of each counts, as in rcl.
 
     Args:
         node: Full name of the node.
-        ros: What follows --ros-args.
+        ros: The arguments after --ros-args.
 
     Raises:
-        UnreadableFileError: If a file cannot be read or is none of parameters.
+        UnreadableFileError: If a file cannot be read, or is not a file of parameters.
     """
     found: dict[str, Given] = {}
     for flag, value in pairs(ros):
@@ -106,7 +106,7 @@ def parameters_for(node: str, ros: Sequence[str]) -> dict[str, Given]:
 
 
 def _sections(path: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Return the nodes that a file of parameters names, by pattern, with what it gives to them."""
+    """Yield the node patterns in a file of parameters, each with its parameters."""
     try:
         with open(path, encoding="utf-8") as file:
             content = yaml.safe_load(file)
@@ -137,7 +137,7 @@ def _flat(prefix: str, part: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _is_for(pattern: str, node: str) -> bool:
-    """Return whether a pattern is one of a node: `*` is one part of its name, `**` any number."""
+    """Return whether a pattern matches a node: `*` is one part of its name, `**` any number."""
     wild = {"*": "/[^/]+", "**": "(/[^/]+)*"}
     parts = [wild.get(part, "/" + re.escape(part)) for part in pattern.strip("/").split("/")]
     return re.fullmatch("".join(parts), "/" + node.strip("/")) is not None
@@ -151,7 +151,7 @@ def _yaml(text: str) -> Any:
 
 
 def from_ros(spec: Spec, value: Any) -> Any:
-    """Return a parameter's value in the shape the field has: cells come as [col, row, ...]."""
+    """Return a parameter's value in the shape of the field: cells come as [col, row, ...]."""
     if spec.kind == "cells" and isinstance(value, Iterable) and not isinstance(value, str | bytes):
         flat = list(value)
         if flat and len(flat) % 2 == 0 and not any(isinstance(v, list | tuple) for v in flat):

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""From the command line to a spinning node and back, with one clear line where it fails."""
+"""Runs a node from its command line to its exit code; failures print one clear line."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from dsse_ros.runtime.ros_arguments import UnreadableFileError, parameters_for, 
 from dsse_ros.search import FieldError
 
 MAX_DOMAIN = 232
-"""The last domain whose ports there are (DDSI-RTPS 2.3, 9.6.1.1)."""
+"""The highest domain id with valid ports (DDSI-RTPS 2.3, 9.6.1.1)."""
 
 _LOOK_S = 0.1
 """Wall time between looks at whether a signal has come."""
@@ -46,13 +46,13 @@ _ELSEWHERE_S = 0.05
 """Wall time between looks at the alarms in another executor's loop."""
 
 _nodes: weakref.WeakSet[Node] = weakref.WeakSet()
-"""All nodes, also those that are still being made."""
+"""All nodes, including those that are still being made."""
 _ros_arguments: list[str] = []
-"""What followed --ros-args on the command line; rcl keeps it, but does not hand it out."""
+"""The arguments after --ros-args; rcl keeps them, but does not return them."""
 
 
 def new_executor() -> Executor:
-    """Return the executor with the least work per message that this rclpy has."""
+    """Return the executor of this rclpy with the least work per message."""
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:
@@ -66,16 +66,16 @@ def new_executor() -> Executor:
 class AlarmNode(Node):
     """A node with alarms instead of timers.
 
-    The EventsExecutor of rclpy 7.1 to 9.1 calls a timer that is due once more for each reset of any
-    other one. `run_node` rings alarms when they are due, any other executor some time later.
+    The EventsExecutor of rclpy 7.1 to 9.1 calls a due timer again for each reset of any other
+    timer. `run_node` rings alarms when they are due, other executors some time later.
 
     Args:
         name: Name of the node.
 
     Attributes:
-        alarms: In seconds of wall time.
-        finished: Whether the node has done what it was started for, and its process ends.
-        shared_names: The parameters that only files give to it, and to other nodes as well.
+        alarms: Alarms, in seconds of wall time.
+        finished: Whether the node has done its work, so that its process ends.
+        shared_names: Parameters that it gets only from files, in sections for several nodes.
     """
 
     finished = False
@@ -95,7 +95,7 @@ class AlarmNode(Node):
     def declare_parameters(
         self, namespace: str, parameters: Any, ignore_override: bool = False
     ) -> list[Any]:
-        """Declare parameters, those too whose value has no type: an empty list.
+        """Declare parameters, including those whose value has no type: an empty list.
 
         Raises:
             FieldError: If a value is not allowed.
@@ -112,14 +112,14 @@ class AlarmNode(Node):
         return take_overrides(self, known, self.shared_names)
 
     def warn(self, kind: str, text: str) -> None:
-        """Log a warning, of each kind one a second at most."""
+        """Log a warning, at most one a second of each kind."""
         now_s = time.monotonic()
         if now_s - self._warned.get(kind, -_WARN_S) >= _WARN_S:
             self._warned[kind] = now_s
             self.get_logger().warning(text)
 
     def debug(self, text: Callable[[], str]) -> None:
-        """Log what is worth making only if somebody wants to read it."""
+        """Log at debug level; make the text only if that level is logged."""
         if self.get_logger().is_enabled_for(LoggingSeverity.DEBUG):
             self.get_logger().debug(text())
 
@@ -127,10 +127,10 @@ class AlarmNode(Node):
 def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | None) -> int:
     """Make a node, spin it until it has ended, SIGINT or SIGTERM; returns the process's exit code.
 
-    The process is taken to end soon after: from then on it ignores both signals.
+    The process should exit soon after the return: from then on it ignores both signals.
 
     Args:
-        name: Opens the line that says what is wrong.
+        name: Start of the error line.
         make_node: Makes the node; may raise FieldError.
         argv: Command line without the program's name, by default the process's own.
     """
@@ -143,7 +143,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
             node = make_node()
         executor = new_executor()
         executor.add_node(node)
-        # A node is left between two callbacks only, so none of them meets a context that is gone.
+        # Stop between two callbacks only, so that no callback runs without a context.
         on_signals(stop)
         # EventsExecutor.spin() of rclpy 7.1 burns a whole core once a timer exists.
         while rclpy.ok() and not (stop.wanted or node.finished):
@@ -154,7 +154,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     except ExternalShutdownException:
         pass
     finally:
-        # Not a handler: Python lets a signal kill it in its last moments, unless it is ignored.
+        # Ignore signals instead of handling them: a signal can kill Python while it exits.
         on_signals(signal.SIG_IGN)
         with contextlib.suppress(Exception):
             if node is not None:
@@ -164,7 +164,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
 
 
 def _destroy_nodes() -> None:
-    """Destroy all nodes: otherwise their files in shared memory would stay."""
+    """Destroy all nodes, because otherwise their files in shared memory would stay."""
     for node in list(_nodes):
         with contextlib.suppress(Exception):
             Node.destroy_node(node)
@@ -181,11 +181,11 @@ def init_ros(arguments: list[str]) -> None:
 
 
 def _init(arguments: list[str]) -> None:
-    """Start rclpy without its signal handlers, which end the context in the midst of a callback.
+    """Start rclpy without its signal handlers, which end the context during a callback.
 
     Raises:
-        FieldError: If an argument is none of ROS's, there is no such domain, or security is asked
-            for in a way that would start the program unprotected.
+        FieldError: If an argument is not a ROS argument, there is no such domain, or security is
+            requested in a way that would start the program unprotected.
     """
     with _silent_rcl():
         rest = remove_ros_args(arguments)[1:]
@@ -195,7 +195,7 @@ def _init(arguments: list[str]) -> None:
             )
         _ros_arguments[:] = split_ros_arguments(arguments)[1]
         if security.enforce(os.environ):
-            # Of a node that is refused; what is wrong is raised.
+            # A refused node emits this warning, and its error is raised anyway.
             warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
         security.check_middleware(os.environ, get_rmw_implementation_identifier())
         discovery.announce_often(os.environ, Path())
@@ -222,7 +222,7 @@ def _as_field_error() -> Iterator[None]:
     ) as error:
         raise FieldError(str(error)) from None
     except Exception as error:
-        # Their classes are not public, and not in the same place in every ROS 2.
+        # The error classes are not public, and their module depends on the ROS 2 version.
         match type(error).__name__:
             case "UnknownROSArgsError":
                 raise FieldError(f"unknown ROS arguments: {error}") from None
@@ -239,6 +239,6 @@ def _silent_rcl() -> Iterator[None]:
     try:
         yield
     finally:
-        # Unless the command line has given it a level.
+        # Keep a level that the command line has set.
         if get_logger_level("rcl") == LoggingSeverity.FATAL:
             set_logger_level("rcl", LoggingSeverity.UNSET)

@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""DDS security that is asked for is had, or the program does not start.
+"""If DDS security is requested, the program starts with it or not at all.
 
-By itself ROS 2 starts unprotected where the environment is misspelt, where the keys are missing and
-the strategy is not Enforce, or where a middleware does not know these variables
-(design.ros2.org, "ROS 2 Robotic Systems Threat Model" and "ROS 2 DDS-Security integration").
+ROS 2 itself starts unprotected if the environment is misspelt, if the keys are missing and the
+strategy is not Enforce, or if a middleware does not know these variables (design.ros2.org, "ROS 2
+Robotic Systems Threat Model" and "ROS 2 DDS-Security integration").
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ ENABLE, STRATEGY, KEYSTORE = (f"ROS_SECURITY_{name}" for name in ("ENABLE", "STR
 
 _ENFORCE = "Enforce"
 _ALLOWED = {ENABLE: ("true", "false", ""), STRATEGY: (_ENFORCE, "Permissive", "")}
-"""What rcl knows, to the letter; it takes anything else for no."""
+"""Values that rcl knows, letter by letter; it treats any other value as no."""
 _HEEDING = (
     "rmw_fastrtps_cpp",
     "rmw_fastrtps_dynamic_cpp",
     "rmw_cyclonedds_cpp",
     "rmw_connextdds",
 )
-"""Middlewares that refuse to start unprotected where the strategy is Enforce."""
+"""Middlewares that refuse to start unprotected if the strategy is Enforce."""
 _WITHOUT = ("have the security libraries", "have security support")
-"""What Fast DDS and Cyclone DDS report where they were built without security."""
+"""What Fast DDS and Cyclone DDS report if they were built without security."""
 
 
 def is_asked_for(environment: Mapping[str, str]) -> bool:
-    """Return whether an environment asks for DDS security.
+    """Return whether an environment requests DDS security.
 
     Raises:
-        FieldError: If it has a value that ROS 2 would take for no.
+        FieldError: If it has a value that ROS 2 would treat as no.
     """
     for name, allowed in _ALLOWED.items():
         if (value := environment.get(name, "")) not in allowed:
@@ -42,12 +42,13 @@ def is_asked_for(environment: Mapping[str, str]) -> bool:
 
 
 def enforce(environment: MutableMapping[str, str]) -> bool:
-    """Have ROS 2 refuse to start unprotected if the environment asks for security.
+    """Make ROS 2 refuse to start unprotected if the environment requests security.
 
-    Before rclpy starts; the environment is the process's own. Returns whether it does.
+    Call it before rclpy starts, with the environment of the process. Returns whether the
+    environment requests security.
 
     Raises:
-        FieldError: If it names no keys, or has a value that ROS 2 would take for no.
+        FieldError: If it names no keys, or has a value that ROS 2 would treat as no.
     """
     if not is_asked_for(environment):
         return False
@@ -58,14 +59,14 @@ def enforce(environment: MutableMapping[str, str]) -> bool:
 
 
 def check_middleware(environment: Mapping[str, str], middleware: str) -> None:
-    """Refuse a middleware that would start unprotected all the same.
+    """Refuse a middleware that would start unprotected anyway.
 
     Args:
-        environment: The process's own.
+        environment: Environment of the process.
         middleware: Name of the ROS middleware.
 
     Raises:
-        FieldError: If the environment asks for security and this one does not heed it.
+        FieldError: If the environment requests security and the middleware ignores that.
     """
     if is_asked_for(environment) and middleware not in _HEEDING:
         raise FieldError(
@@ -75,7 +76,7 @@ def check_middleware(environment: Mapping[str, str], middleware: str) -> None:
 
 
 def explained(error: str, middleware: str) -> str:
-    """Return an error of ROS 2, in other words where the DDS has no security."""
+    """Return an error of ROS 2, explained if the DDS was built without security."""
     if any(text in error for text in _WITHOUT):
         return (
             f"{ENABLE}: 'true' is not allowed; the DDS below {middleware} was built without "

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a drone's network sees: the map and the other drones around it, coarser further away."""
+"""The input of a drone's network: the map and the other drones around it, coarser further away."""
 
 from __future__ import annotations
 
