@@ -22,7 +22,7 @@ def words_of_seeds(seeds: Sequence[int]) -> NDArray[np.uint64]:
     """Return `SeedSequence(seed).generate_state(1, np.uint64)[0]` of each seed, (B,).
 
     Args:
-        seeds: Integers >= 0; below 2^64 they are done all at once.
+        seeds: Integers >= 0; faster, as one array, if all are below 2^64.
     """
     try:
         return _first_words(np.array(seeds, np.uint64))
@@ -32,7 +32,7 @@ def words_of_seeds(seeds: Sequence[int]) -> NDArray[np.uint64]:
 
 
 def _first_words(seeds: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Return the first words of seeds (B,); the algorithm of `SeedSequence`, for arrays."""
+    """Return the first words of seeds (B,), by the algorithm of `SeedSequence` on arrays."""
     constant = INIT_A
 
     def hashed(value: NDArray[np.uint32]) -> NDArray[np.uint32]:
