@@ -1,15 +1,16 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What can be known of where the persons are: the exact filter of the search.
+"""The posterior probability of where the persons are: the exact filter of the search.
 
-The map that drones observe says the same before and after a hundred searches that found nobody.
-A belief learns from them: each failed search takes the probability of detection (POD) off its cell
-and the rest counts for more (Koopman, "Search and Screening", 1946; Stone, "Theory of Optimal
-Search", 1975, chapter 8 for moving targets). Between searches it moves as persons do.
+The map that drones observe is the same before and after a hundred unsuccessful searches. A belief
+is updated by them: each failed search removes the probability of detection (POD) from its cell, and
+the rest is scaled up (Koopman, "Search and Screening", 1946; Stone, "Theory of Optimal Search",
+1975, chapter 8 for moving targets). Between searches the belief moves like the persons.
 
-It knows the scenario and the rules, no person and no random state. For one person the filter is
-exact but for two things that do not show: a person's own drift (`v2`) is one of `drift_samples`
-angles, and cells of less than 1e-13 of the whole count as empty. For several see `search_outcomes`.
+A belief knows the scenario and the rules, but no person and no random state. For one person the
+filter is exact except for two negligible approximations: a person's own drift (`v2`) is one of
+`drift_samples` angles, and cells with less than 1e-13 of the total count as empty. For several
+persons see `search_outcomes`.
 """
 
 from __future__ import annotations
@@ -33,25 +34,25 @@ from dsse_ros.targets.motion import CHANCES, PERSONS
 from dsse_ros.targets.registry import MOTIONS
 
 KEPT_BYTES = 1 << 28
-"""Forecasts up to this size are kept whole, for the missions to come; larger ones pass by."""
+"""Forecasts up to this size are kept for later missions; larger ones are computed step by step."""
 
 
 class Forecast:
-    """How map and persons will move: known in advance, the same for every mission of a scenario.
+    """The motion of map and persons, known in advance and the same in every mission of a scenario.
 
-    Steps of the sea are counted from the start of its drift: the first `first_step` of them are
-    done when a mission begins.
+    Steps of the sea count from the start of its drift; the first `first_step` of them precede the
+    mission.
 
     Args:
-        scenario: Resolved or not; it is resolved with the rules.
+        scenario: The scenario; it is resolved with the rules.
         rules: The rules of the search.
-        horizon: How many steps after the present one can be looked at.
-        drift_samples: K, how many angles stand for those of a person's own drift; where persons
-            have none, K is 1.
+        horizon: Number of steps after the present one that are available.
+        drift_samples: K, number of angles that sample a person's own drift; without own drifts, K
+            is 1.
 
     Attributes:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Which cells are searched, see `kernels`.
+        area: The searched cells, see `kernels`.
         first_step: Steps of the sea before a mission's first observation.
         side: S, columns and rows of the grid with its margins.
         chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
@@ -75,7 +76,7 @@ class Forecast:
         cells = self.side**2
         steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
         if 8 * steps * cells * (1 + CHANCES) > KEPT_BYTES:
-            # Beliefs that share it may be a step apart.
+            # Beliefs that share a forecast may be one step apart.
             steps = horizon + 2
         self._world = np.zeros(1, kernels.WORLDS)
         self._world["vector_x"], self._world["vector_y"] = resolved.vector
@@ -102,7 +103,7 @@ class Forecast:
         kernels.refresh_worlds(*sea, self._circle, span, no_maps)
 
     def look(self, step: int) -> int:
-        """Have a step of the sea ready, and the `horizon` steps after it; returns where it is."""
+        """Prepare a step of the sea and the `horizon` steps after it; return its index."""
         slots = len(self.directions)
         if step < self._ready - slots:
             self._start()
@@ -113,7 +114,7 @@ class Forecast:
                 self._runs, self._circle, self._drifts, self.chances[slot], self.directions[slot],
                 self.apart[slot], self._still,
             )  # fmt: skip
-            # Where the map stays as it was, what was computed for the step before holds again.
+            # If the map does not change, the tables of the previous step remain valid.
             stays = self._ready > 0 and np.array_equal(self.chances[slot], self.chances[before])
             if stays:
                 self.tables[slot] = self.tables[before]
@@ -123,10 +124,10 @@ class Forecast:
         return step % slots
 
     def take_over(self, other: Forecast) -> None:
-        """Have ready what another forecast has, with its tables where the map is the same.
+        """Copy the prepared steps of another forecast, and its tables if the map is the same.
 
         Args:
-            other: Of the same rules, grid, area and number of steps.
+            other: A forecast with the same rules, grid, area and number of steps.
         """
         steps = other._ready
         if steps > len(self.directions):
@@ -140,21 +141,21 @@ class Forecast:
         return Belief(self)
 
     def column(self, cell: Cell) -> int:
-        """Return the column of a belief that stands for a cell (col, row)."""
+        """Return the column of a belief for a cell (col, row)."""
         return (cell[1] + belief_kernels.MARGIN) * self.side + cell[0] + belief_kernels.MARGIN
 
     def cell(self, column: int) -> Cell:
-        """Return the cell (col, row) that a column of a belief stands for."""
+        """Return the cell (col, row) of a column of a belief."""
         row, col = divmod(column, self.side)
         return col - belief_kernels.MARGIN, row - belief_kernels.MARGIN
 
     def most_probable(self, steps: int) -> Cell:
-        """Return the most probable cell of the map that is observed after these steps of the sea.
+        """Return the most probable cell of the map that drones observe after these steps.
 
         Args:
-            steps: At least 1.
+            steps: Steps of the sea, at least 1.
         """
-        # Persons look at the map of the step before where they step first.
+        # If persons move first, they look at the map of the previous step.
         drawn = steps if self.rules.person_first else steps - 1
         chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
@@ -162,24 +163,25 @@ class Forecast:
 
 
 class Belief:
-    """The probability of where the persons are who have not been found.
+    """The probability of the positions of the persons who have not been found.
 
-    Persons who start alike and have the same POD multiplier are one detection class. Who was found
-    is not known by name; `search_outcomes` has what follows from failed searches and finds.
+    Persons with the same start and POD multiplier are one detection class. Finds do not identify
+    the person found; see `search_outcomes` for the updates after failed searches and finds.
 
     Args:
-        forecast: How map and persons move. Beliefs may share one while they are not more than a
+        forecast: Motion of map and persons. Beliefs may share a forecast while they are at most one
             step apart.
 
     Attributes:
-        step: Steps of the mission done.
-        pos: Cumulative probability of success: that searches so far found the person, before
-            anything was known of how they ended; of several persons the expected share of finds.
+        step: Steps done in the mission.
+        pos: Cumulative probability of success: the prior probability, regardless of the outcomes,
+            that the searches so far found the person; with several persons, the expected share
+            found.
         class_of: (n,) int64, the detection class of each person.
         examples: (C,) int64, number of a person of each class.
-        missing: (n,) float64, probability that a person is missing; 1 for a person alone.
-        unfound: (n,) float64, the same before anything was known of how the searches ended; of a
-            person alone see `pos`.
+        missing: (n,) float64, probability that a person is missing; 1 for a single person.
+        unfound: (n,) float64, the same, regardless of the outcomes of the searches; for a single
+            person see `pos`.
         density: (C K, S S) float64, see `belief_kernels`; sums to 1, each class to its share of all
             persons.
     """
@@ -204,7 +206,7 @@ class Belief:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew: what the rules say of where persons are at a mission's first observation."""
+        """Start a new mission with the prior of the rules at its first observation."""
         self.step = -self.forecast.first_step
         self.pos = 0.0
         self.missing[:] = self.unfound[:] = 1.0
@@ -214,7 +216,7 @@ class Belief:
             self.advance()
 
     def _put_persons(self) -> None:
-        """Put the first person in the start cell, the others likewise or scattered about it."""
+        """Put the first person in the start cell, the others there too or scattered around it."""
         scenario, rules = self.forecast.scenario, self.forecast.rules
         g, reach, area = scenario.grid_size, rules.person_scatter, self.forecast.area
         x0, y0 = scenario.person_initial_position
@@ -233,7 +235,7 @@ class Belief:
                 self.density[rows, column] += 1.0 / (persons * self._drifts * len(cells))
 
     def copy(self) -> Belief:
-        """Return a belief of its own with the same content; the forecast is shared."""
+        """Return an independent copy; the forecast is shared."""
         twin = copy.copy(self)
         twin.density = self.density.copy()
         twin.missing, twin.unfound = self.missing.copy(), self.unfound.copy()
@@ -251,7 +253,7 @@ class Belief:
         return self.density * np.repeat(self._weights, self._drifts)[:, None]
 
     def advance(self) -> None:
-        """Let the sea do one step, after the searches of this one have been observed."""
+        """Advance the sea by one step, after the update with this step's searches."""
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
         belief_kernels.predict(
@@ -261,23 +263,23 @@ class Belief:
         self.step += 1
 
     def update(self, looks: Sequence[Looked]) -> None:
-        """Learn that these looks have not found anyone.
+        """Update with looks that found nobody.
 
-        Where nothing is left of the belief, as the person cannot be anywhere by the rules, it
-        starts again from the present map.
+        If no probability is left, because the person cannot be anywhere by the rules, the belief
+        restarts from the present map.
         """
         self._learn(looks, failed=len(looks))
 
     def observe_find(self, look: Looked) -> None:
-        """Learn that this look has found a person, and that others are left.
+        """Update with a look that found a person while others are still missing.
 
-        Where it looks for one person only, others may be in the cell as before. Where it looks for
-        all, those whom it detects are found.
+        A look for one person leaves the others in the cell as before. A look for all finds everyone
+        whom it detects.
         """
         self._learn([look], failed=0)
 
     def _learn(self, looks: Sequence[Looked], *, failed: int) -> None:
-        """Learn from looks of which the first ones have found nobody."""
+        """Update with looks, of which the first `failed` found nobody."""
         if not looks:
             return
         forecast = self.forecast
@@ -291,16 +293,16 @@ class Belief:
         )  # fmt: skip
 
     def futures(self, count: int, horizon: int, rng: np.random.Generator) -> Futures:
-        """Draw futures of the persons who are missing, by the law of their motion.
+        """Draw futures of the missing persons from their motion model.
 
-        They are drawn systematically: each cell has its share of them, rounded up or down. The
-        steps of a future depend on one another, so that from the second one on the shares of cells
-        are only near to those of the belief: up to .11 off where it was measured, whatever M is.
+        Sampling is systematic: each cell gets its share of the futures, rounded up or down. The
+        steps of a future depend on each other, so from the second step on the shares of cells only
+        approximate those of the belief: the measured error is up to .11, whatever M is.
 
         Args:
             count: M.
             horizon: H, at most that of the forecast.
-            rng: What is drawn with.
+            rng: Generator of the draws.
         """
         forecast, slots = self.forecast, self._slots(horizon)
         offset, *offsets = rng.random(horizon + 1)
@@ -314,10 +316,10 @@ class Belief:
         return Futures(cells, self.examples[rows // self._drifts])
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
-        """Return what looks to come may find, by the exact filter.
+        """Return the expected finds of future looks, by the exact filter.
 
         Args:
-            looks: Those of the next `horizon` steps.
+            looks: Looks in the next `horizon` steps.
             horizon: H, at most that of the forecast.
             gamma: Discount of a find per step.
         """
@@ -332,7 +334,7 @@ class Belief:
         return Expected(float(finds), left)
 
     def _slots(self, horizon: int) -> NDArray[np.int64]:
-        """Return where the forecast has the steps to come, (H,)."""
+        """Return the indices of the next steps in the forecast, (H,)."""
         first = self.step + self.forecast.first_step
         self.forecast.look(first)
         return np.arange(first, first + horizon) % len(self.forecast.directions)
@@ -345,7 +347,7 @@ class Belief:
     def poc(self) -> NDArray[np.float64]:
         """Return the probability of containment of every cell, (G, G) as [y, x].
 
-        It sums to 1, less the probability that the person has walked off the grid (`v1`).
+        It sums to 1 minus the probability that the person has walked off the grid (`v1`).
         """
         g = self.forecast.scenario.grid_size
         out = np.empty((g, g))

@@ -1,15 +1,15 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled filter: how a belief about persons moves on, and learns from a failed search.
+"""The compiled filter: motion of a belief about persons, and its update after a failed search.
 
-A belief is (C K, S S) float64: row m K + k has the persons of detection class m and drift k, its
-columns are the cells row by row, S = G + 2 `MARGIN` along a side. Off the grid is who walked off
-it (`person_walks_blind`). Steps to neighbours are numbered as in `person_motion`.
+A belief is (C K, S S) float64. Row m K + k is for the persons of detection class m and drift k;
+columns are the cells row by row, S = G + 2 `MARGIN` along a side. Persons who walked off the grid
+(`person_walks_blind`) are in its margin. Steps to neighbours are numbered as in `targets.motion`.
 
-The sea is that of `sea_map`, and how probable a person's steps are says its motion in
-`person_motion`. `search_outcomes` has what follows from searches for several persons,
-`follow_kernels` the step of many beliefs.
+The sea is that of `sea_map`; the motions in `targets` set the probabilities of a person's steps.
+See `search_outcomes` for searches for several persons, and `follow_kernels` for the step of many
+beliefs.
 """
 
 from __future__ import annotations
@@ -20,36 +20,36 @@ from dsse_ros.targets.person_kernels import DRIFT_RANGES, gathered_step, own_dri
 from dsse_ros.targets.sea_map import cell_probability, drift_per_step, map_step, step_within
 
 MARGIN = 3
-"""Cells around the grid: one that a person can come back from, one that it cannot, and one where
-nobody ever is, so that every cell has neighbours."""
+"""Cells around the grid: one from which a person can return, one from which it cannot, and one that
+is always empty, so that every cell has neighbours."""
 
 ROW = CHANCES + STEPS + SCRATCH
-"""Length of what `transition` writes to."""
+"""Length of the array that `transition` writes to."""
 
 NEGLIGIBLE = 1e-13
-"""Probability below which a cell counts as empty: without it a few cells' belief would spread over
-the whole grid, each cell with a table to compute."""
+"""Probability below which a cell counts as empty. Otherwise a belief in a few cells would spread
+over the whole grid, and every cell would need a table."""
 
 
 NOTHING_LEFT = 1e-9
-"""Share of a belief that searches have left below which it cannot be true, as nobody is there."""
+"""Remaining share of a belief below which it is impossible: nobody can be in its cells."""
 
 
 @part
 def index_of(c, x, y):
-    """Return the column of a belief that stands for a cell."""
+    """Return the column of a belief for a cell."""
     return (y + MARGIN) * (c.grid_size + 2 * MARGIN) + x + MARGIN
 
 
 @part
 def offset_of(c, step):
-    """Return how far the column of a neighbour is from that of a cell."""
+    """Return the offset from the column of a cell to that of its neighbour."""
     return (step // 3 - 1) * (c.grid_size + 2 * MARGIN) + step % 3 - 1
 
 
 @part
 def is_lost(c, i):
-    """Return whether a column is so far off the grid that no window reaches it any more."""
+    """Return whether a column is so far off the grid that no window reaches it."""
     side = c.grid_size + 2 * MARGIN
     x, y = i % side, i // side
     return x <= 1 or y <= 1 or x >= side - 2 or y >= side - 2
@@ -57,13 +57,13 @@ def is_lost(c, i):
 
 @kernel
 def start_sea(constants, worlds, drifts):
-    """Set map and drifts to where `kernels.reset_world` has them before the first step.
+    """Set map and drifts to their state in `kernels.reset_world` before the first step.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        worlds: (1,) of `kernels.WORLDS`, start and vector set; no draw is made from it.
-        drifts: (K,) of `motion.PERSONS` out. Where persons have a drift of their own it is
-            the middle of K equally probable parts of its angles.
+        worlds: (1,) of `kernels.WORLDS`, with start and vector set; its generator is not used.
+        drifts: (K,) of `motion.PERSONS` out. If each person has an own drift, these are the middles
+            of K equally probable ranges of its angle.
     """
     c, w, count = constants[0], worlds[0], len(drifts)
     w.t = w.map_steps = 0
@@ -84,7 +84,7 @@ def start_sea(constants, worlds, drifts):
 def forecast_step(
     constants, worlds, gauss, tails, area, runs, circle, drifts, chances, directions, apart, still,
 ):  # fmt: skip
-    """Advance map and drifts by one step and write what persons step by.
+    """Advance map and drifts by one step and write the values that set the persons' next step.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
@@ -98,8 +98,8 @@ def forecast_step(
         chances: (S S,) float64 out, the probability of every cell that persons look at.
         directions: (K,) int64 out, the direction of each drift, see `PersonMotion`, or
             `STAND_STILL`.
-        apart: (K,) bool out, the drifts whose persons are where they were scattered to, each in a
-            cell of its own.
+        apart: (K,) bool out, the drifts whose persons are still where they were scattered to, each
+            in a separate cell.
         still: (K,) bool in and out, the same before the next step.
     """
     c, w = constants[0], worlds[0]
@@ -119,7 +119,10 @@ def forecast_step(
 
 @part
 def step_of_drift(c, area, x, y, direction):
-    """Return the step that a drift in this direction adds to, from a cell of the grid."""
+    """Return the step from a cell of the grid whose probability a drift in this direction raises.
+
+    It stays within the grid and the area.
+    """
     dx, dy = direction % 3 - 1, direction // 3 - 1
     to_x, to_y = step_within(area, c.grid_size, x, y, dx, dy)
     return 3 * (to_y - y + 1) + to_x - x + 1
@@ -127,14 +130,14 @@ def step_of_drift(c, area, x, y, direction):
 
 @part
 def transition(c, area, chances, i, row):
-    """Write what a table has of a cell, by the persons' motion.
+    """Write the table column of a cell, from the persons' motion.
 
     Args:
         c: The constants.
         area: Of `kernels.Sea`.
         chances: (S S,) of `forecast_step`.
         i: Column of the cell.
-        row: (`ROW`,) float64 out, the first `CHANCES`; the rest is scratch.
+        row: (`ROW`,) float64; the first `CHANCES` are out, the rest is scratch.
     """
     if is_lost(c, i):
         row[:CHANCES] = 0.0
@@ -150,13 +153,13 @@ def transition(c, area, chances, i, row):
 
 @part
 def complete(c, area, chances, table, i, row):
-    """Have the column of a cell in a table.
+    """Compute the column of a cell in a table, if it is not known yet.
 
     Args:
         c: The constants.
         area: Of `kernels.Sea`.
         chances: (S S,) of `forecast_step`.
-        table: (`CHANCES`, S S) float64; the first row is negative where nothing is known yet.
+        table: (`CHANCES`, S S) float64; the first row is negative in columns not known yet.
         i: Column of the cell.
         row: (`ROW`,) float64 scratch.
     """
@@ -190,7 +193,7 @@ def look_up(c, area, chances, table, i, direction, row):
 
 @inlined
 def add_products(out, a, ta, b, tb, c, tc, d, td, e, te, f, tf, g, tg, h, th, i, ti):
-    """Write the sum of nine products of arrays of one length: the compiler makes vectors of it."""
+    """Write the sum of nine products of equally long arrays; the compiler vectorizes this form."""
     for j in range(len(out)):
         out[j] = (
             a[j] * ta[j] + b[j] * tb[j] + c[j] * tc[j]
@@ -201,8 +204,8 @@ def add_products(out, a, ta, b, tb, c, tc, d, td, e, te, f, tf, g, tg, h, th, i,
 
 @part
 def gather(now, table, after, low, high, side):
-    """Write what the steps from all cells bring to the cells low..high - 1."""
-    # The cells that the steps 8 to 0 come from.
+    """Write the probability that steps from all cells bring to the cells low..high - 1."""
+    # The cells where the steps 8 to 0 start.
     a, b, c = low - side - 1, low - side, low - side + 1
     d, e, f = low - 1, low, low + 1
     g, h, i = low + side - 1, low + side, low + side + 1
@@ -219,7 +222,7 @@ def gather(now, table, after, low, high, side):
 
 @part
 def drop_negligible(now, known):
-    """Empty the negligible cells of a row; returns how many others are not in a table."""
+    """Empty the negligible cells of a row; return how many other cells the table lacks."""
     unknown = 0
     for i in range(len(now)):
         here = now[i] if now[i] > NEGLIGIBLE else 0.0
@@ -230,11 +233,11 @@ def drop_negligible(now, known):
 
 @part
 def add_drift(c, area, y, now, added, direction, after):
-    """Add what the drift adds to a step from the cells of row y of the grid, see `complete`."""
+    """Add the drift's contribution to a step from the cells of grid row y, see `complete`."""
     start, end = index_of(c, 0, y), index_of(c, c.grid_size, y)
     inner = 0
     if area is None and 0 < y < c.grid_size - 1:
-        # All but the first and the last can step as the drift does.
+        # All cells but the first and the last allow the drift's step.
         inner = c.grid_size - 2
         low = start + offset_of(c, direction) + 1
         out, shares = after[low : low + inner], now[start + 1 : end - 1]
@@ -249,7 +252,7 @@ def add_drift(c, area, y, now, added, direction, after):
 
 @part
 def move_row(c, area, now, chances, table, direction, after, row):
-    """Let the persons of one row of a belief take their step, see `predict`."""
+    """Advance one row of a belief by the persons' step, see `predict`."""
     count, side = len(now), c.grid_size + 2 * MARGIN
     unknown = drop_negligible(now, table[0])
     first, last = 0, count
@@ -272,7 +275,7 @@ def move_row(c, area, now, chances, table, direction, after, row):
 
 @kernel
 def predict(constants, area, belief, chances, table, directions, scratch):
-    """Let the persons of a belief take their step; what it sums to stays as it is.
+    """Advance a belief by the persons' step; its sum does not change.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
@@ -293,17 +296,17 @@ def predict(constants, area, belief, chances, table, directions, scratch):
 
 @kernel
 def search(constants, belief, pods, x, y):
-    """Learn that a search of a cell failed.
+    """Update a belief with a failed search of a cell.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         belief: (C K, S S) float64.
         pods: (C,) float64, probability of detection.
-        x: Column of the cell; off the grid nobody is looked for.
+        x: Column of the cell; a search off the grid has no effect.
         y: Row of the cell.
 
     Returns:
-        What was taken away.
+        The probability removed.
     """
     c = constants[0]
     if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
@@ -320,7 +323,7 @@ def search(constants, belief, pods, x, y):
 
 @part
 def total_of(shares):
-    """Return a sum, by eight sums at once: each addition waits for the one before."""
+    """Return a sum, from eight partial sums, because each addition waits for the previous one."""
     a = b = c = d = e = f = g = h = 0.0
     eights = len(shares) // 8
     for j in range(0, 8 * eights, 8):
@@ -339,9 +342,9 @@ def total_of(shares):
 
 @kernel
 def normalise(belief):
-    """Scale a belief so that it sums to 1; returns what it summed to.
+    """Scale a belief so that it sums to 1; return its previous sum.
 
-    0 leaves it as it is: so it has none.
+    A belief with sum 0 is not scaled.
     """
     total = 0.0
     for k in range(belief.shape[0]):
@@ -356,7 +359,7 @@ def normalise(belief):
 
 @part
 def detectable(c, belief, pods, x, y):
-    """Return what `search` would take away, 0 off the grid."""
+    """Return the probability that `search` would remove, 0 off the grid."""
     if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
         return 0.0
     i, drifts, share = index_of(c, x, y), len(belief) // len(pods), 0.0

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Which forecast a search has: that of a motion, or that of an ensemble."""
+"""Choice of the forecast of a search: that of a motion, or that of an ensemble."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def forecast_for(
     """Return the forecast of a scenario.
 
     Args:
-        scenario: Resolved or not; it is resolved with the rules.
+        scenario: The scenario; it is resolved with the rules.
         rules: The rules of the search.
-        horizon: How many steps after the present one can be looked at.
-        drift_samples: See `Forecast`; an ensemble has none.
+        horizon: Number of steps after the present one that are available.
+        drift_samples: See `Forecast`; ensembles ignore it.
     """
     if is_ensemble(rules):
         return EnsembleForecast(scenario, rules, horizon=horizon)

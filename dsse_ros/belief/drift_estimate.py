@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""Which drift explains where the datum was observed.
+"""Estimate of the drift from the observed cells of the datum.
 
-The datum moves by whole cells, so that its cells so far leave a range of drifts along each axis
-that would have put it there; the range narrows with time.
+The datum moves by whole cells, so the cells observed so far leave a range of possible drifts along
+each axis. The range narrows with time.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from dsse_ros.targets.sea_map import drift, drift_per_step
 POINTS = 33
 """Drifts along each axis that are compared at a time."""
 ROUNDS = 6
-"""How often the range that is compared is narrowed about the best."""
+"""How often the compared range is narrowed around the best drifts."""
 KEPT, HALVINGS = 200, 14
-"""How many drifts are refined where that range is not one, and how often."""
+"""Number of drifts to refine if the best drifts do not form one range, and how often."""
 FIRST_OBSERVED = 4
-"""Steps of the sea from which the most probable cell is the datum; before, a circle about the datum
-of the step before (`circle_on_previous_datum`) may be too small to contain it."""
+"""Step of the sea from which the most probable cell is the datum. Earlier, a circle around the
+previous datum (`circle_on_previous_datum`) may be too small to contain it."""
 RELATIVE_ERROR = 0.5
-"""Standard deviation of what a drift is assumed to be, as a share of it."""
+"""Standard deviation of the assumed drift, as a share of the drift."""
 LEAST_DRIFT = 1e-3
-"""Cells per step: a slower drift that is assumed counts as this one for its error."""
+"""Cells per step; the error of a slower assumed drift is that of this drift."""
 
 
 @kernel
 def misfits(constants, worlds, area, seen, drifts, out):
-    """Count by how many cells drifts miss where the datum was observed.
+    """Count the cells by which drifts miss the observed datum.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        worlds: (1,) of `kernels.WORLDS`, start set; the rest is scratch.
+        worlds: (1,) of `kernels.WORLDS`, with the start set; the rest is scratch.
         area: Of `kernels.Sea`.
         seen: (T, 2) int64, the datum (x, y) after step 1, 2, ... of the sea, -1 where not observed.
         drifts: (M, 2) float64, cells per step.
@@ -70,7 +70,7 @@ class DriftEstimate:
     """Estimates a mission's drift from the observed cells of the datum.
 
     Args:
-        scenario: Its `vector` is what is assumed.
+        scenario: Its `vector` is the assumed drift.
         rules: The rules of the search.
     """
 
@@ -84,14 +84,15 @@ class DriftEstimate:
         self._observed: dict[int, Cell] = {}
 
     def observe(self, step: int, datum: Cell) -> None:
-        """Note where the datum is after this many steps of the sea, at least `FIRST_OBSERVED`."""
+        """Record the datum after this many steps of the sea, at least `FIRST_OBSERVED`."""
         self._observed[step] = datum
 
     def vector(self) -> tuple[float, float] | None:
         """Return the vector of a scenario with the estimated drift, None if no drift is possible.
 
-        The estimate is the posterior mean: that of a normal distribution about the assumed drift,
-        over the drifts that explain all observed cells, or the one of them that is nearest to it.
+        The estimate is the posterior mean of a normal prior around the assumed drift, over the
+        drifts that explain all observed cells. If the mean itself does not explain them, the
+        estimate is the nearest drift that does.
         """
         steps = max(self._observed, default=0)
         seen = np.full((steps, 2), -1, np.int64)
@@ -110,7 +111,7 @@ class DriftEstimate:
         weights = np.exp(error.min() - error)
         mean = weights @ possible / weights.sum()
         if self._misfits(seen, mean[None])[0]:
-            # Between drifts that explain it, but none of them.
+            # The mean lies between drifts that explain the cells, but does not explain them.
             mean = possible[np.argmin(((possible - mean) ** 2).sum(axis=1))]
         speed = float(self._constants["cell_size"][0] / self._constants["step_duration_s"][0])
         return vector_of_increment(self._rules, (float(mean[0]), float(mean[1])), speed)
@@ -121,9 +122,9 @@ class DriftEstimate:
         return missed
 
     def _narrowed(self, seen: NDArray[np.int64], reach: float) -> NDArray[np.float64]:
-        """Return drifts (M, 2) that explain what was seen, all over the range of those that do.
+        """Return drifts (M, 2) that explain the observations, from the whole range of such drifts.
 
-        The datum gets further with more drift, so that the range is narrowed about the best.
+        The datum moves further with more drift, so the range is narrowed around the best drifts.
         """
         middle, half = np.zeros(2), np.full(2, reach)
         possible = np.zeros((0, 2))
@@ -136,16 +137,16 @@ class DriftEstimate:
             if missed.min() == 0:
                 possible = best
             low, high = best.min(axis=0), best.max(axis=0)
-            # Others as good are within a point of these.
+            # Equally good drifts are within one point of these.
             spacing = 2.0 * half / (POINTS - 1)
             middle, half = (low + high) / 2, (high - low) / 2 + spacing
         return possible
 
     def _refined(self, seen: NDArray[np.int64], reach: float) -> NDArray[np.float64]:
-        """Return drifts (M, 2) that explain what was seen, where they are in no one range.
+        """Return drifts (M, 2) that explain the observations, if these do not form one range.
 
-        At an edge more drift may get the datum less far: it stays when a step would lead out. So
-        the drifts around each of the best ones are looked at, and closer and closer.
+        At an edge the datum may move less far with more drift, because it stays when a step would
+        lead out. Therefore the drifts around each of the best ones are compared, closer each time.
         """
         line = np.linspace(-reach, reach, 4 * POINTS - 3)
         drifts = np.stack([axis.ravel() for axis in np.meshgrid(line, line)], axis=1)
@@ -155,7 +156,7 @@ class DriftEstimate:
             missed = self._misfits(seen, drifts)
             if missed.min() == 0:
                 return drifts[missed == 0]
-            # Of those that miss alike, the nearest to the assumed one.
+            # Among drifts with equal misfit, prefer the nearest to the assumed one.
             away = np.hypot(*(drifts - self._assumed).T)
             best = drifts[np.lexsort((away, missed))[:KEPT]]
             spacing /= 2.0

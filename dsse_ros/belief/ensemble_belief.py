@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What can be known of where the persons are who follow an ensemble: weights of its particles.
+"""The belief about persons who follow an ensemble: weights of its particles.
 
-A failed search takes the probability of detection off the particles in its cell, and the rest
-counts for more. Time only moves on along the tracks. The filter is exact for the particles; what it
-misses of the law is what M particles do.
+A failed search removes the probability of detection from the particles in its cell, and the rest is
+scaled up. With time the particles move along their tracks. The filter is exact for the particles;
+its only error is that M particles approximate the model.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ class EnsembleForecast:
     After the last step of the tracks nothing moves.
 
     Args:
-        scenario: Resolved or not; it is resolved with the rules.
-        rules: The rules of the search; persons follow an ensemble.
-        horizon: How many steps after the present one can be looked at.
+        scenario: The scenario; it is resolved with the rules.
+        rules: The rules of the search; persons must follow an ensemble.
+        horizon: Number of steps after the present one that are available.
 
     Attributes:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Which cells are searched, see `kernels`.
+        area: The searched cells, see `kernels`.
         first_step: Steps of the sea before a mission's first observation.
         side: S, columns and rows of the grid with its margins.
-        cells: (T, M, 2) int16, cells (x, y) of the particles by steps of the sea.
-        weights: (M,) float64, their weights.
+        cells: (T, M, 2) int16, cells (x, y) of the particles by step of the sea.
+        weights: (M,) float64, weights of the particles.
         maps: (T, G, G) float32, see `SeaTracks`.
 
     Raises:
@@ -66,14 +66,14 @@ class EnsembleForecast:
 
     @cached_property
     def columns(self) -> NDArray[np.int32]:
-        """(T, M) int32, `cells` as columns; a particle outside is in the nearest margin."""
-        # The outermost cells are left out: nobody is ever in them.
+        """(T, M) int32, `cells` as columns; a particle off the grid is in the nearest margin."""
+        # The outermost cells stay empty.
         within = np.clip(self.cells, 1 - MARGIN, self.side - MARGIN - 2).astype(np.int32) + MARGIN
         columns: NDArray[np.int32] = within[..., 1] * self.side + within[..., 0]
         return columns
 
     def row(self, step: int) -> int:
-        """Return where the tracks have a step of the sea."""
+        """Return the index of a step of the sea in the tracks."""
         return min(step, len(self.cells) - 1)
 
     def belief(self) -> EnsembleBelief:
@@ -81,36 +81,35 @@ class EnsembleForecast:
         return EnsembleBelief(self)
 
     def column(self, cell: Cell) -> int:
-        """Return the column that stands for a cell (col, row)."""
+        """Return the column of a cell (col, row)."""
         return (cell[1] + MARGIN) * self.side + cell[0] + MARGIN
 
     def cell(self, column: int) -> Cell:
-        """Return the cell (col, row) that a column stands for."""
+        """Return the cell (col, row) of a column."""
         row, col = divmod(column, self.side)
         return col - MARGIN, row - MARGIN
 
     def most_probable(self, steps: int) -> Cell:
-        """Return the most probable cell of the map that is observed after these steps."""
+        """Return the most probable cell of the map that drones observe after these steps."""
         return most_probable(self.maps[self.row(steps)], 1)[0]
 
 
 class EnsembleBelief:
     """The weights of the particles of one mission; a `TargetBelief`.
 
-    Persons with the same POD are one detection class: all start alike and move independently. Who
-    was found is not known by name; `search_outcomes` has what follows from searches for several
-    persons.
+    Persons with the same POD are one detection class: all start alike and move independently. Finds
+    do not identify the person found; see `search_outcomes` for searches for several persons.
 
     Args:
         forecast: The particles. Beliefs may share one.
 
     Attributes:
-        step: Steps of the mission done.
+        step: Steps done in the mission.
         pos: Cumulative probability of success, see `TargetBelief`.
         class_of: (n,) int64, the detection class of each person.
         examples: (C,) int64, number of a person of each class.
-        missing: (n,) float64, probability that a person is missing; 1 for a person alone.
-        unfound: (n,) float64, the same before anything was known of how the searches ended.
+        missing: (n,) float64, probability that a person is missing; 1 for a single person.
+        unfound: (n,) float64, the same, regardless of the outcomes of the searches.
         weights: (C, M) float64, see `particle_kernels`; they sum to 1.
     """
 
@@ -128,7 +127,7 @@ class EnsembleBelief:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew: what the ensemble says of a mission's first observation."""
+        """Start a new mission with the weights of the ensemble."""
         self.step = 0
         self.pos = 0.0
         self.missing[:] = self.unfound[:] = 1.0
@@ -136,7 +135,7 @@ class EnsembleBelief:
         self.weights[:] = shares[:, None] * self.forecast.weights
 
     def copy(self) -> EnsembleBelief:
-        """Return a belief of its own with the same content; the forecast is shared."""
+        """Return an independent copy; the forecast is shared."""
         twin = copy.copy(self)
         twin.weights = self.weights.copy()
         twin.missing, twin.unfound = self.missing.copy(), self.unfound.copy()
@@ -154,27 +153,27 @@ class EnsembleBelief:
         return self.weights * self._scale[:, None]
 
     def _cells(self) -> NDArray[np.int16]:
-        """Return where the particles are now, (M, 2)."""
+        """Return the present cells of the particles, (M, 2)."""
         return self.forecast.cells[self.forecast.row(self.forecast.first_step + self.step)]
 
     def advance(self) -> None:
-        """Let the sea do one step, after the looks of this one."""
+        """Advance the sea by one step, after the update with this step's looks."""
         self.step += 1
 
     def update(self, looks: Sequence[Looked]) -> None:
-        """Learn that these looks have not found anyone.
+        """Update with looks that found nobody.
 
-        Where nothing is left of the weights, as the persons cannot be anywhere by the particles,
-        they start again from those of the ensemble.
+        If no weight is left, because no particle is possible any more, the weights restart from
+        those of the ensemble.
         """
         self._learn(looks, failed=len(looks))
 
     def observe_find(self, look: Looked) -> None:
-        """Learn that this look has found a person, and that others are left."""
+        """Update with a look that found a person while others are still missing."""
         self._learn([look], failed=0)
 
     def _learn(self, looks: Sequence[Looked], *, failed: int) -> None:
-        """Learn from looks of which the first ones have found nobody."""
+        """Update with looks, of which the first `failed` found nobody."""
         if not looks:
             return
         self.pos = particle_kernels.learn_looks(
@@ -188,7 +187,7 @@ class EnsembleBelief:
     def poc(self) -> NDArray[np.float64]:
         """Return the probability of containment of every cell, (G, G) as [y, x].
 
-        What is outside the grid or the area is in none.
+        Probability outside the grid or the area is in no cell.
         """
         g = self.forecast.scenario.grid_size
         out = np.empty((g, g))
@@ -209,18 +208,18 @@ class EnsembleBelief:
         return float(self.of_missing()[:, ~inside].sum())
 
     def futures(self, count: int, horizon: int, rng: np.random.Generator) -> Futures:
-        """Draw futures of the persons who are missing: tracks of particles, by their weights.
+        """Draw futures of the missing persons: tracks of particles, by their weights.
 
-        They are drawn systematically: each particle has its share of them, rounded up or down.
+        Sampling is systematic: each particle gets its share of the futures, rounded up or down.
 
         Args:
             count: M.
             horizon: H; after the last step of the tracks nothing moves.
-            rng: What is drawn with.
+            rng: Generator of the draws.
         """
         sums = np.cumsum(self.of_missing())
         wanted = (np.arange(count) + rng.random()) * (sums[-1] / count)
-        # A rounding may put the last one beyond the end, or on a weight of 0.
+        # Rounding may put the last draw beyond the end, or on a particle of weight 0.
         last = int(np.searchsorted(sums, sums[-1]))
         drawn = np.minimum(np.searchsorted(sums, wanted, side="right"), last)
         of_class, particle = np.divmod(drawn, len(self.forecast.weights))
@@ -228,10 +227,10 @@ class EnsembleBelief:
         return Futures(np.ascontiguousarray(cells), self.examples[of_class])
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
-        """Return what looks to come may find, exactly for the particles.
+        """Return the expected finds of future looks, exactly for the particles.
 
         Args:
-            looks: Those of the next `horizon` steps.
+            looks: Looks in the next `horizon` steps.
             horizon: H.
             gamma: Discount of a find per step.
         """
@@ -244,7 +243,7 @@ class EnsembleBelief:
         return Expected(float(finds), left)
 
     def _columns(self, horizon: int) -> NDArray[np.int32]:
-        """Return the columns of the particles from now on, (H + 1, M)."""
+        """Return the columns of the particles now and in the next H steps, (H + 1, M)."""
         forecast = self.forecast
         first = forecast.first_step + self.step
         rows = np.minimum(np.arange(first, first + horizon + 1), len(forecast.columns) - 1)

@@ -1,7 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled step of many beliefs: each learns from the searches of its world, and moves on.
+"""The compiled step of many beliefs: update with the searches of each world, then motion.
 
 Arrays are those of `belief_kernels` and `search_outcomes`, with a first axis of B worlds.
 """
@@ -37,7 +37,7 @@ def learn(
     c, constants, belief, class_of, missing, unfound, apart, chances, pos, numbers, hazard,
     seen, rows, pods, failed, count,
 ):  # fmt: skip
-    """Let a belief learn from the looks of a step; returns the POS with them.
+    """Update a belief with the looks of a step; return the new POS.
 
     Args:
         c: The constants.
@@ -48,14 +48,14 @@ def learn(
         unfound: (n,) float64, in and out.
         apart: (K,) of `forecast_step`.
         chances: (S S,) of `forecast_step`.
-        pos: The POS before.
+        pos: The POS before the step.
         numbers: (`OF_CLASS`, C) float64 scratch.
         hazard: (n,) float64 scratch.
-        seen: (Q, 2) int64, columns and rows of what was looked at.
+        seen: (Q, 2) int64, columns and rows of the cells looked at.
         rows: (Q,) int64, the row of `pods` of each look.
         pods: (L, C) float64.
-        failed: How many looks found nobody; they come first.
-        count: How many looks there are.
+        failed: Number of looks that found nobody; they come first.
+        count: Number of looks.
     """
     several = len(missing) > 1
     if several and count > 0:
@@ -91,7 +91,7 @@ def learn_looks(
     constants, belief, class_of, missing, unfound, apart, chances, pos, numbers, hazard, seen, rows,
     pods, failed, count,
 ):  # fmt: skip
-    """Let one belief learn, see `learn`; returns the POS."""
+    """Update one belief, see `learn`; return the POS."""
     return learn(
         constants[0], constants, belief, class_of, missing, unfound, apart, chances, pos, numbers,
         hazard, seen, rows, pods, failed, count,
@@ -99,7 +99,7 @@ def learn_looks(
 
 
 class Followed(NamedTuple):
-    """Worlds after a step, and what was done in it.
+    """Worlds after a step, and the actions of the step.
 
     Attributes:
         constants: (1,) of `constants.CONSTANTS`.
@@ -129,13 +129,13 @@ class Followed(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """What is computed once for all missions of a scenario.
+    """Tables computed once for all missions of a scenario.
 
     Attributes:
         start: (C K, S S) float64, the belief at a mission's first observation.
         pods: (L, C) float64, POD of each look by detection class.
         class_of: (n,) int64, see `search_outcomes`.
-        chances: (R, S S) of `forecast_step`; that of step s of the sea is at s % R.
+        chances: (R, S S) of `forecast_step`; step s of the sea is at s % R.
         tables: (R, `CHANCES`, S S) of `complete`.
         directions: (R, K) of `forecast_step`.
         apart: (R, K) of `forecast_step`.
@@ -175,8 +175,8 @@ class Scratch(NamedTuple):
         scratch: Of `predict`.
         numbers: (`OF_CLASS`, C) float64.
         hazard: (n,) float64.
-        seen: (Q, 2) int64, of `list_looks`, room for all looks of a step.
-        rows: (Q,) int64, likewise.
+        seen: (Q, 2) int64, of `list_looks`, with room for all looks of a step.
+        rows: (Q,) int64, of `list_looks`, of the same length.
     """
 
     scratch: NDArray[np.float64]
@@ -186,7 +186,7 @@ class Scratch(NamedTuple):
     rows: NDArray[np.int64]
 
 
-# Called as `kernels.step_worlds`: with the fields of the tuples.
+# Called like `kernels.step_worlds`, with the fields of the tuples as separate arguments.
 @kernel
 def follow_worlds(
     constants, area, worlds, drones, finds, kinds, looks, offsets, actions, live, done,
@@ -195,7 +195,7 @@ def follow_worlds(
     scratch, numbers, hazard, seen, rows,
     first, last,
 ):  # fmt: skip
-    """Let the beliefs of the worlds first..last - 1 follow a step that is done.
+    """Update the beliefs of the worlds first..last - 1 after a step.
 
     The arguments begin with the fields of `Followed`, `Tables`, `Beliefs` and `Scratch`.
     """
@@ -236,7 +236,7 @@ def write_beliefs(constants, beliefs, class_of, missing, weights, scratch, maps,
                 scratch[i] += weight * beliefs[b, k, i]
         for y in range(c.grid_size):
             for x in range(c.grid_size):
-                # A sum of shares may be a rounding above 1.
+                # Rounding may put a sum of shares above 1.
                 maps[b, y, x] = min(scratch[index_of(c, x, y)], 1.0)
 
 

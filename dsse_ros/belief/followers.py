@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What follows the beliefs of many worlds of one scenario: that of a motion, or of an ensemble."""
+"""Update of the beliefs of many worlds of one scenario, for motions and for ensembles."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
 
 DRIFT_SAMPLES = 64
-"""Angles of a person's own drift: with these, the POS is within .006 of what it is with 1024."""
+"""Angles of a person's own drift: with 64, the POS is within .006 of the POS with 1024."""
 
 
 class Follower(Protocol):
-    """Moves the beliefs of B worlds on, and writes them; threads may share it.
+    """Advances and writes the beliefs of B worlds; threads may share it.
 
     Attributes:
         start: (C K, S S) float64 of a motion or (C, M) of an ensemble: a belief at a mission's
@@ -41,12 +41,12 @@ class Follower(Protocol):
     def follow(
         self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int
     ) -> None:
-        """Learn from what was looked at in the step of worlds first..last - 1, and move on.
+        """Update worlds first..last - 1 with the looks of the step, and advance them.
 
         Args:
             followed: The worlds, after the step.
             pods: (L, C) float64, POD of each look by detection class.
-            beliefs: Their beliefs, in and out.
+            beliefs: The beliefs of the worlds, in and out.
             first: Number of the first world.
             last: Number of the last world, plus one.
         """
@@ -59,15 +59,15 @@ class Follower(Protocol):
         ...
 
     def prepare(self) -> None:
-        """Compute what a whole mission needs, once, instead of in the first one."""
+        """Compute the tables of a whole mission now, instead of in the first mission."""
         ...
 
 
 def follower_of(scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Follower:
-    """Return what follows B worlds of a scenario.
+    """Return the follower for B worlds of a scenario.
 
     Raises:
-        FieldError: If the worlds of a batch cannot share a forecast, as it would be too large.
+        FieldError: If a forecast shared by a batch of worlds would be too large.
     """
     if is_ensemble(rules):
         return EnsembleFollower(scenario, rules)
@@ -104,13 +104,13 @@ class MotionFollower:
         self._rules = rules
         self._num_worlds = num_worlds
         belief = Belief(forecast := self._new_forecast())
-        # One for each thread that asks: while one reads its tables another would write them.
+        # One forecast per thread: another thread would change its tables during a read.
         self._forecasts = deque([forecast])
         self.start = belief.density
         self.class_of, self.examples = belief.class_of, belief.examples
 
     def __getstate__(self) -> dict[str, object]:
-        # Forecasts are large, and are made again at the first use.
+        # Forecasts are large, so copies make them again at the first use.
         return {**vars(self), "_forecasts": deque()}
 
     def _new_forecast(self) -> Forecast:
@@ -126,7 +126,7 @@ class MotionFollower:
         return forecast
 
     def prepare(self) -> None:
-        """Compute how persons move in a whole mission, if that is not too large to be kept."""
+        """Compute the persons' motion for a whole mission, if that is not too large to keep."""
         forecast = self._forecasts[0]
         steps = self._scenario.timestep_limit + self._rules.time_out_grace
         if len(forecast.directions) > forecast.first_step + steps:
@@ -182,11 +182,11 @@ class EnsembleFollower:
         self.class_of, self.examples = belief.class_of, belief.examples
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Particles are large, and follow from the scenario: a copy shares them.
+        # Particles are large and follow from the scenario, so copies share them.
         return type(self), self._made_of
 
     def prepare(self) -> None:
-        """Do nothing: all is known."""
+        """Do nothing: the particles are already complete."""
 
     def follow(
         self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int

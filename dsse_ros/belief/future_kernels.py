@@ -1,7 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled look ahead of a belief: sampled futures of the persons, and searches to come."""
+"""The compiled forecast of a belief: sampled futures of the persons, and future searches."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from dsse_ros.compiled.jit import compiled
 from dsse_ros.targets.motion import STAND_STILL, STEPS
 
 GOLDEN = 0.6180339887498949
-"""Multiples of it fill [0, 1) evenly: neighbours in a sample draw different steps."""
+"""Its multiples modulo 1 fill [0, 1) evenly, so neighbours in a sample draw different steps."""
 
 
 @compiled()
 def sample(density, count, offset, rows, cells):
-    """Draw scenarios systematically: each cell has its share of them, rounded up or down.
+    """Draw scenarios systematically: each cell gets its share of them, rounded up or down.
 
     Args:
         density: (C K, S S) float64, sums to about 1.
@@ -42,7 +42,7 @@ def sample(density, count, offset, rows, cells):
 
 @compiled()
 def roll(constants, area, chances, tables, directions, slots, offsets, rows, cells):
-    """Let the persons of all scenarios take their steps.
+    """Advance the persons of all scenarios by their steps.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
@@ -50,10 +50,10 @@ def roll(constants, area, chances, tables, directions, slots, offsets, rows, cel
         chances: (R, S S), of a `Forecast`.
         tables: (R, 10, S S), of a `Forecast`.
         directions: (R, K), of a `Forecast`.
-        slots: (H,) int64, where the forecast has the steps.
-        offsets: (H,) float64 in [0, 1), of the draws.
+        slots: (H,) int64, indices of the steps in the forecast.
+        offsets: (H,) float64 in [0, 1), offsets of the draws.
         rows: (M,) of `sample`.
-        cells: (H + 1, M) int64, the first row given, the others out.
+        cells: (H + 1, M) int64; the first row is in, the others are out.
     """
     c = constants[0]
     row = np.empty(ROW)
@@ -82,7 +82,7 @@ def expect(
     constants, area, density, chances, tables, directions, slots, steps, columns, pods, gamma,
     side, belief, scratch, left,
 ):  # fmt: skip
-    """Return the discounted finds of looks to come, by the exact filter.
+    """Return the discounted finds of future looks, by the exact filter.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
@@ -91,7 +91,7 @@ def expect(
         chances: (R, S S), of a `Forecast`.
         tables: (R, 10, S S), of a `Forecast`.
         directions: (R, K), of a `Forecast`.
-        slots: (H,) int64, where the forecast has the steps.
+        slots: (H,) int64, indices of the steps in the forecast.
         steps: (Q,) int64 of `LooksToCome`.
         columns: (Q,) int64 of `LooksToCome`.
         pods: (Q, C) float64, POD of each look by detection class.
@@ -99,7 +99,7 @@ def expect(
         side: S.
         belief: (C K, S S) float64 scratch.
         scratch: Of `belief_kernels.predict`.
-        left: (S S,) float64 out, where the persons are in the end who were not found.
+        left: (S S,) float64 out, final distribution of the persons not found.
     """
     belief[:] = density
     worth, value, q = 1.0, 0.0, 0

@@ -1,7 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled list of what was looked at in a step, for the beliefs that learn from it."""
+"""The compiled list of the looks of a step, for the update of beliefs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dsse_ros.compiled.jit import part
 
 @part
 def list_looks(c, drones, finds, kinds, looks, offsets, actions, live, seen, rows):
-    """Write what the drones of a world looked at: first what found nobody, then the finds.
+    """Write the looks of a world's drones: first those that found nobody, then the finds.
 
     Args:
         c: The constants.
@@ -27,7 +27,7 @@ def list_looks(c, drones, finds, kinds, looks, offsets, actions, live, seen, row
         rows: (Q,) int64 out, the number of each look.
 
     Returns:
-        How many found nobody, and how many there are.
+        Number of looks that found nobody, and number of looks.
     """
     failed = count = 0
     for turn in range(2):

@@ -1,11 +1,11 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled filter of an ensemble: the weights of its particles, which searches change.
+"""The compiled filter of an ensemble: searches change the weights of its particles.
 
-Weights are (C, M) float64: row m has the persons of detection class m, and sums to their share of
-all persons. `cells` (M, 2) int16 are where the particles are now, or (T, M, 2) by steps of the sea.
-Persons move independently: nobody is `APART`. Other arguments mean the same as in
+Weights are (C, M) float64: row m is for the persons of detection class m, and sums to their share
+of all persons. `cells` (M, 2) int16 are the present cells of the particles, or (T, M, 2) the cells
+by step of the sea. Persons move independently: nobody is `APART`. Other arguments are as in
 `search_outcomes`.
 """
 
@@ -33,23 +33,23 @@ from dsse_ros.targets.sea_map import is_open
 def learn_look(
     c, cells, weights, pods, class_of, missing, unfound, numbers, hazard, x, y, found
 ):  # fmt: skip
-    """Let the weights learn how the search of a cell has ended.
+    """Update the weights with the outcome of the search of a cell.
 
-    It stands between `open_classes` and `close_weights`, with others of the same step.
+    Call it for all searches of a step between `open_classes` and `close_weights`.
 
     Args:
         c: The constants.
         cells: (M, 2) int16.
         weights: (C, M) float64, in and out.
-        pods: (C,) float64, of this search.
+        pods: (C,) float64, POD of this search.
         class_of: (n,) int64.
         missing: (n,) float64, in and out.
         unfound: (n,) float64, in and out.
         numbers: (`OF_CLASS`, C) float64.
         hazard: (n,) float64 scratch.
-        x: Column of the cell; off the grid nobody is looked for.
+        x: Column of the cell; a search off the grid has no effect.
         y: Row of the cell.
-        found: Whether the search has found somebody.
+        found: Whether the search found somebody.
     """
     if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
         return
@@ -63,7 +63,7 @@ def learn_look(
     if not conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
         return
     if len(missing) == 1:
-        # One person alone counts as missing until the mission is over.
+        # A single person counts as missing until the mission is over.
         missing[0] = 1.0
     for m in range(len(pods)):
         left = numbers[LEFT_MIXED, m]
@@ -74,7 +74,7 @@ def learn_look(
 
 @part
 def close_weights(weights, class_of, numbers, prior):
-    """Scale each class to its share of all persons; where nothing is left it starts from `prior`.
+    """Scale each class to its share of all persons; an empty class restarts from `prior`.
 
     Args:
         weights: (C, M) float64, in and out.
@@ -99,24 +99,24 @@ def learn(
     c, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
     seen, rows, pods, failed, count,
 ):  # fmt: skip
-    """Let the weights learn from the looks of a step; returns the POS with them.
+    """Update the weights with the looks of a step; return the new POS.
 
     Args:
-        c: As in `learn_look`, as all without a word.
+        c: As in `learn_look`, like all arguments without a description.
         cells: (M, 2) int16.
         weights: (C, M) float64, in and out.
         prior: (M,) of `close_weights`.
         class_of: (n,) int64.
         missing: (n,) float64, in and out.
         unfound: (n,) float64, in and out.
-        pos: The POS before.
+        pos: The POS before the step.
         numbers: (`OF_CLASS`, C) float64 scratch.
         hazard: (n,) float64 scratch.
-        seen: (Q, 2) int64, columns and rows of what was looked at.
+        seen: (Q, 2) int64, columns and rows of the cells looked at.
         rows: (Q,) int64, the row of `pods` of each look.
         pods: (L, C) float64.
-        failed: How many looks found nobody; they come first.
-        count: How many looks there are.
+        failed: Number of looks that found nobody; they come first.
+        count: Number of looks.
     """
     if count == 0:
         return pos
@@ -135,7 +135,7 @@ def learn_looks(
     constants, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard, seen, rows,
     pods, failed, count,
 ):  # fmt: skip
-    """Let the weights of one belief learn, see `learn`; returns the POS."""
+    """Update the weights of one belief, see `learn`; return the POS."""
     return learn(
         constants[0], cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
         seen, rows, pods, failed, count,
@@ -144,7 +144,7 @@ def learn_looks(
 
 @kernel
 def write_poc(constants, area, cells, weights, class_of, missing, scale, out):
-    """Write the probability of every cell, out (G, G) as [y, x], of the missing persons.
+    """Write the missing persons' probability of every cell, out (G, G) as [y, x].
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
@@ -176,20 +176,20 @@ def follow_particles(
     numbers, hazard, seen, rows,
     first, last,
 ):  # fmt: skip
-    """Let the beliefs of the worlds first..last - 1 follow a step that is done.
+    """Update the beliefs of the worlds first..last - 1 after a step.
 
     Args:
-        constants: Of `follow_kernels.Followed`, as those up to `done`.
-        area: Likewise.
-        worlds: Likewise.
-        drones: Likewise.
-        finds: Likewise.
-        kinds: Likewise.
-        looks: Likewise.
-        offsets: Likewise.
-        actions: Likewise.
-        live: Likewise.
-        done: Likewise.
+        constants: See `follow_kernels.Followed`.
+        area: See `Followed`.
+        worlds: See `Followed`.
+        drones: See `Followed`.
+        finds: See `Followed`.
+        kinds: See `Followed`.
+        looks: See `Followed`.
+        offsets: See `Followed`.
+        actions: See `Followed`.
+        live: See `Followed`.
+        done: See `Followed`.
         cells: (T, M, 2) int16.
         prior: (M,) of `close_weights`.
         pods: (L, C) float64.
@@ -202,7 +202,7 @@ def follow_particles(
         numbers: (`OF_CLASS`, C) float64 scratch.
         hazard: (n,) float64 scratch.
         seen: (Q, 2) int64 scratch, of `list_looks`.
-        rows: (Q,) int64 scratch, likewise.
+        rows: (Q,) int64 scratch, of `list_looks`.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
@@ -245,23 +245,23 @@ def write_particles(
         write_poc(constants, area, now, weights[b], class_of, missing[b], scale, maps[b])
         for y in range(c.grid_size):
             for x in range(c.grid_size):
-                # A sum of shares may be a rounding above 1.
+                # Rounding may put a sum of shares above 1.
                 maps[b, y, x] = min(maps[b, y, x], 1.0)
 
 
 @compiled()
 def expect_particles(columns, weights, steps, looked, pods, gamma, grid_size, left):
-    """Return the discounted finds of looks to come, exactly for the particles.
+    """Return the discounted finds of future looks, exactly for the particles.
 
     Args:
-        columns: (H + 1, M) int32, where the particles are from now on.
+        columns: (H + 1, M) int32, columns of the particles now and in the next H steps.
         weights: (C, M) float64, of the missing persons.
         steps: (Q,) of `LooksToCome`.
         looked: (Q,) int64, the columns of `LooksToCome`.
         pods: (Q, C) float64.
         gamma: Discount per step.
         grid_size: G.
-        left: (S S,) float64 out, where the persons are in the end who were not found.
+        left: (S S,) float64 out, final distribution of the persons not found.
     """
     kept = weights.copy()
     side = grid_size + 2 * MARGIN

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The contract of a belief: what a planner, an environment and a report ask it."""
+"""The interface of a belief for planners, environments and reports."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from dsse_ros.step.looks import Looked
 
 
 class Futures(NamedTuple):
-    """Where persons may be from now on.
+    """Sampled futures of the persons.
 
     Attributes:
-        cells: (H + 1, M) int64 columns of each of M futures, the present one first.
-        persons: (M,) int64, number of a person whose POD is that of the one in the future.
+        cells: (H + 1, M) int64, columns of each of M futures, the present one first.
+        persons: (M,) int64, number of a person with the POD of the person in each future.
     """
 
     cells: NDArray[np.int64]
@@ -29,11 +29,11 @@ class Futures(NamedTuple):
 
 
 class LooksToCome(NamedTuple):
-    """Looks that may be done, in the order in which they are.
+    """Possible future looks, in the order of their execution.
 
     Attributes:
-        steps: (Q,) int64, how many steps from now, not falling.
-        columns: (Q,) int64, what they look at, see `TargetForecast`.
+        steps: (Q,) int64, number of steps from now, never decreasing.
+        columns: (Q,) int64, columns of the cells to look at, see `TargetForecast`.
         pods: (Q, P) float64, POD of each person.
     """
 
@@ -43,11 +43,11 @@ class LooksToCome(NamedTuple):
 
 
 class Expected(NamedTuple):
-    """What looks to come may find.
+    """Expected result of future looks.
 
     Attributes:
-        finds: The discounted number of finds, as a share of the persons who are missing.
-        left: (S S,) float64, where those are in the end who were not found.
+        finds: The discounted number of finds, as a share of the missing persons.
+        left: (S S,) float64, final distribution of the persons not found.
     """
 
     finds: float
@@ -55,10 +55,10 @@ class Expected(NamedTuple):
 
 
 class TargetForecast(Protocol):
-    """What is known of the persons in advance, the same for every mission of a scenario.
+    """Advance knowledge of the persons, the same in every mission of a scenario.
 
-    Steps of the sea are counted from the start of its drift: the first `first_step` of them are
-    done when a mission begins. A column is a cell of the grid with its margins, S along a side.
+    Steps of the sea count from the start of its drift; the first `first_step` of them precede the
+    mission. A column is a cell of the grid with its margins, S along a side.
     """
 
     scenario: ResolvedScenario
@@ -73,11 +73,11 @@ class TargetForecast(Protocol):
         ...
 
     def column(self, cell: Cell) -> int:
-        """Return the column that stands for a cell (col, row)."""
+        """Return the column of a cell (col, row)."""
         ...
 
     def cell(self, column: int) -> Cell:
-        """Return the cell (col, row) that a column stands for."""
+        """Return the cell (col, row) of a column."""
         ...
 
     def most_probable(self, steps: int) -> Cell:
@@ -86,13 +86,14 @@ class TargetForecast(Protocol):
 
 
 class TargetBelief(Protocol):
-    """The probability of where the persons are who have not been found.
+    """The probability of the positions of the persons who have not been found.
 
     Attributes:
-        forecast: What is known in advance.
-        step: Steps of the mission done.
-        pos: Cumulative probability of success: that searches so far found the person, before
-            anything was known of how they ended; of several persons the expected share of finds.
+        forecast: The advance knowledge of the persons.
+        step: Steps done in the mission.
+        pos: Cumulative probability of success: the prior probability, regardless of the outcomes,
+            that the searches so far found the person; with several persons, the expected share
+            found.
     """
 
     step: int
@@ -115,35 +116,35 @@ class TargetBelief(Protocol):
         ...
 
     def advance(self) -> None:
-        """Let the sea do one step, after the looks of this one."""
+        """Advance the sea by one step, after the update with this step's looks."""
         ...
 
     def update(self, looks: Sequence[Looked]) -> None:
-        """Learn that these looks have not found anyone."""
+        """Update with looks that found nobody."""
         ...
 
     def observe_find(self, look: Looked) -> None:
-        """Learn that this look has found a person, and that others are left."""
+        """Update with a look that found a person while others are still missing."""
         ...
 
     def futures(self, count: int, horizon: int, rng: np.random.Generator) -> Futures:
-        """Return M futures of the persons who are missing, H steps long, drawn with `rng`."""
+        """Return `count` futures of the missing persons, `horizon` steps long, drawn with `rng`."""
         ...
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
-        """Return what looks to come may find.
+        """Return the expected finds of future looks.
 
         Args:
-            looks: Those of the next `horizon` steps.
+            looks: Looks in the next `horizon` steps.
             horizon: H, at most that of the forecast.
             gamma: Discount of a find per step.
         """
         ...
 
     def copy(self) -> TargetBelief:
-        """Return a belief of its own with the same content; the forecast is shared."""
+        """Return an independent copy; the forecast is shared."""
         ...
 
     def reset(self) -> None:
-        """Start anew: what is known at a mission's first observation."""
+        """Start a new mission with the prior at its first observation."""
         ...

@@ -1,24 +1,22 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""What the outcome of a search means for several persons, compiled: who is missing, and where.
+"""The effect of a search's outcome with several persons, compiled: who is missing, and where.
 
-A drone learns whether its search has found someone, not whom. Persons who start alike and have the
-same POD are one detection class: its persons who are missing are as probable in each cell. Persons
-move independently.
+A drone learns whether its search found someone, not whom. Persons with the same start and POD are
+one detection class: its missing persons have the same distribution. Persons move independently.
 
-Where a search looks for all in its cell, it looks for each person alone: after a find and after a
-failed search the same is known of those who are still missing. Where it looks for one, that is the
-first in the cell by number: after a find others may be there, who were not looked for. Persons who
-were scattered over different cells are apart until their first step: no two of them are in one
-cell.
+A search for all persons in its cell looks for each person separately: a find and a failed search
+give the same knowledge of those still missing. A search for one person finds the first one in the
+cell by number: after a find there may be others, for whom it did not look. Persons scattered over
+different cells are apart until their first step: no two of them share a cell.
 
-After each search persons count as independent of each other again, which is exact unless the search
-looked for one where several may have been. docs/ros.md says what is exact and what the tests hold.
+After each search persons count as independent of each other again. This is exact unless the search
+looked for one person where several may have been; see docs/ros.md.
 
-Of the searches that were done, each person has its own hazards, as the finds of others leave them.
-The product of one minus these is the probability that missions with the same searches have not
-found it; its mean over the persons is one minus the POS.
+In the searches done, each person has its own hazards, given the finds of others. The product of one
+minus the hazards is the probability that missions with the same searches have not found the person.
+Its mean over the persons is one minus the POS.
 
 Arguments with the same names mean the same everywhere, with n persons in C classes:
 
@@ -36,18 +34,19 @@ from dsse_ros.belief.belief_kernels import NOTHING_LEFT, index_of, total_of
 from dsse_ros.compiled.jit import kernel, part
 
 TOTAL, APART, MIXED, LEFT_APART, LEFT_MIXED, ELSEWHERE = range(6)
-"""Numbers of a class: what its belief sums to; the probability that a missing person of it is in
-the searched cell, apart from all others or not; by how much the outcome changes these two, relative
-to the probability that the person is elsewhere; how probable the outcome is if it is there."""
+"""Numbers of a class: the sum of its belief; the probability that a missing person of the class is
+in the searched cell, apart from all others or not; the factors of the outcome on these two,
+relative to the probability that the person is elsewhere; the probability of the outcome if the
+person is elsewhere."""
 OF_CLASS = 6
 
 SURE = 1e-9
-"""A probability closer to 0 or 1 is not in question."""
+"""A probability closer to 0 or 1 than this counts as certain."""
 
 
 @part
 def hazards(one_find, pods, class_of, missing, numbers, hazard):
-    """Write the hazards of a search; returns the probability that it finds anyone."""
+    """Write the hazards of a search; return the probability that it finds anyone."""
     total, nobody, none, occupied = 0.0, 1.0, 1.0, 0.0
     for p in range(len(missing)):
         m = class_of[p]
@@ -65,7 +64,7 @@ def hazards(one_find, pods, class_of, missing, numbers, hazard):
 
 @part
 def what_is_left(one_find, pods, class_of, missing, hazard, found, total, numbers):
-    """Write `LEFT_APART` and `LEFT_MIXED`: what a search leaves of the classes in its cell.
+    """Write `LEFT_APART` and `LEFT_MIXED`: the remaining shares of the classes in the cell.
 
     Args:
         one_find: As in the module.
@@ -82,7 +81,7 @@ def what_is_left(one_find, pods, class_of, missing, hazard, found, total, number
         numbers[ELSEWHERE, m] = 0.0
     if not one_find:
         return
-    # Whom the persons before this one leave to be looked for, and what is detected of those.
+    # Probabilities that persons before this one leave it to be looked for, or are detected.
     none, occupied, before, before_mixed = 1.0, 0.0, 0.0, 0.0
     for p in range(len(missing)):
         m, share = class_of[p], missing[p]
@@ -92,7 +91,7 @@ def what_is_left(one_find, pods, class_of, missing, hazard, found, total, number
         if alone + mixed < 1.0 - SURE:
             after = max(total - before - detected, 0.0) / (1.0 - alone - mixed)
         if found:
-            # Another person is found.
+            # The find is another person.
             numbers[LEFT_APART, m] += share * before_mixed
             numbers[LEFT_MIXED, m] += share * before
             numbers[ELSEWHERE, m] += share * (before + after)
@@ -110,17 +109,18 @@ def what_is_left(one_find, pods, class_of, missing, hazard, found, total, number
             numbers[LEFT_APART, m] /= numbers[ELSEWHERE, m]
             numbers[LEFT_MIXED, m] /= numbers[ELSEWHERE, m]
         else:
-            # All its persons are found: where one would be if it were not.
+            # All persons of the class are found: write where one would be if it were missing.
             numbers[LEFT_APART, m] = numbers[LEFT_MIXED, m] = 1.0 - pods[m]
 
 
 @part
 def update_missing(one_find, missing, hazard, found, total):
-    """Update who is missing by the outcome of a search.
+    """Update the probabilities of being missing with the outcome of a search.
 
-    After a find as many are missing as before, less those that it was expected to find: one, where
-    it looks for one. It is one at least, as the search goes on. After a failed search it is as many
-    as before, and those less probably whom it would have detected. With two persons this is exact.
+    A find reduces the expected number of missing persons by the expected number of finds, which is
+    one in a search for one person. At least one stays missing, because the search continues. A
+    failed search keeps their number, but persons whom it would have detected are less likely to be
+    missing. With two persons this is exact.
 
     Args:
         one_find: As in the module.
@@ -135,7 +135,7 @@ def update_missing(one_find, missing, hazard, found, total):
         count += missing[p]
         expected += detected
         if found:
-            # Another person is found, and where it looks for all, this one is not.
+            # The find is another person; in a search for all, this one is not detected.
             others = total - detected
             if not one_find:
                 others = (1.0 - hazard[p]) * max(
@@ -168,7 +168,7 @@ def update_missing(one_find, missing, hazard, found, total):
 
 @kernel
 def weigh_classes(class_of, missing, weights):
-    """Write how much more of the missing persons are of each class than of all persons, (C,)."""
+    """Write the ratio of each class's share of the missing to its share of all persons, (C,)."""
     count = 0.0
     for p in range(len(missing)):
         count += missing[p]
@@ -186,7 +186,7 @@ def weigh_classes(class_of, missing, weights):
 
 @part
 def open_classes(class_of, numbers):
-    """Write what each class of a belief sums to: its share of all persons."""
+    """Write the sum of each class of a belief: its share of all persons."""
     numbers[TOTAL, :] = 0.0
     for p in range(len(class_of)):
         numbers[TOTAL, class_of[p]] += 1.0 / len(class_of)
@@ -194,18 +194,18 @@ def open_classes(class_of, numbers):
 
 @part
 def conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
-    """Draw what follows from the outcome of a search; returns whether anything does.
+    """Compute the effect of a search's outcome; return whether it has any.
 
     Args:
         c: The constants.
-        pods: See `search_outcomes`, as all that follow.
+        pods: See the module, like all that follow.
         class_of: (n,) int64.
         missing: (n,) float64, in and out.
         unfound: (n,) float64, in and out.
         numbers: (`OF_CLASS`, C) float64: `TOTAL`, `APART` and `MIXED` in, `TOTAL`, `LEFT_APART` and
-            `LEFT_MIXED` out, by which the classes are to be multiplied in the cell.
+            `LEFT_MIXED` out, the factors for the classes in the cell.
         hazard: (n,) float64 scratch.
-        found: Whether the search has found somebody.
+        found: Whether the search found somebody.
     """
     total = hazards(c.one_find_per_search, pods, class_of, missing, numbers, hazard)
     for p in range(len(unfound)):
@@ -227,23 +227,23 @@ def conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
 def learn_outcome(
     c, belief, pods, class_of, missing, unfound, apart, numbers, hazard, x, y, found
 ):  # fmt: skip
-    """Let the belief of several persons learn how the search of a cell has ended.
+    """Update the belief about several persons with the outcome of the search of a cell.
 
-    It stands between `open_classes` and `close_classes`, with others of the same step.
+    Call it for all searches of a step between `open_classes` and `close_classes`.
 
     Args:
         c: The constants.
         belief: (C K, S S) float64.
-        pods: See `search_outcomes`, as all that follow.
+        pods: See the module, like all that follow.
         class_of: (n,) int64.
         missing: (n,) float64.
         unfound: (n,) float64.
         apart: (K,) of `forecast_step`.
         numbers: (`OF_CLASS`, C) float64.
         hazard: (n,) float64 scratch.
-        x: Column of the cell; off the grid nobody is looked for.
+        x: Column of the cell; a search off the grid has no effect.
         y: Row of the cell.
-        found: Whether the search has found somebody.
+        found: Whether the search found somebody.
     """
     if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
         return
@@ -269,8 +269,8 @@ def learn_outcome(
 def close_classes(belief, class_of, missing, numbers, chances):
     """Scale each class of a belief to its share of all persons.
 
-    Where nothing is left of a class, as its persons cannot be anywhere by the rules, it starts
-    again from the present map.
+    If no probability is left of a class, because its persons cannot be anywhere by the rules, the
+    class restarts from the present map.
     """
     classes = numbers.shape[1]
     drifts = len(belief) // classes

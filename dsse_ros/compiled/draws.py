@@ -1,7 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""Random draws of a world, from the generator of its own: SplitMix64 (Steele et al. 2014)."""
+"""Random draws from a world's own generator: SplitMix64 (Steele et al. 2014)."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A product written past the caches: for compiled code that fills more memory than they hold.
+"""A product written past the caches, for compiled code that fills more memory than they hold.
 
-An ordinary store first reads the line that it writes to, and puts others out of the cache.
+An ordinary store first reads the cache line that it writes to, and evicts other lines.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 LANES = 4
 """Elements written at once."""
 ALIGNMENT = 16
-"""Bytes that the address of the first one must be a multiple of."""
+"""Required alignment of the first element, in bytes."""
 
 
 def _stream_product(_: Any, out: Any, start: Any, factor: Any, weights: Any) -> Any:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor, a kind of drone or a model of targets must keep, as tests that anybody can run.
+"""Conformance tests for your own sensors, kinds of drones, beliefs and target models.
 
-Each of them raises `AssertionError` with one line that says which promise is broken.
+Each test raises `AssertionError` with one line that names the broken promise.
 """

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a belief must keep, whatever the law by which its persons move."""
+"""The promises of a belief, tested for any target model."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ STEPS = 12
 FUTURES = 20_000
 TOLERANCE = 1e-9
 SAMPLED = 5.0 * FUTURES**-0.5
-"""How far a share of the futures may be off, at most."""
+"""Largest error of a share of the futures."""
 
 
 def belief_test(belief: TargetBelief, *, horizon: int = 4, seed: int = 0) -> None:
-    """Test a belief: it follows Bayes' rule, and what it expects is what follows.
+    """Test that a belief follows Bayes' rule and that its expectations come true.
 
     Args:
-        belief: At the start of a mission for one person. It is used, and reset in the end.
-        horizon: How far its forecast can look ahead.
-        seed: Of the looks that it learns from.
+        belief: A belief at the start of a mission for one person. The test resets it at the end.
+        horizon: Steps that its forecast can look ahead.
+        seed: Seed of the looks.
 
     Raises:
-        AssertionError: If it breaks a promise; one line says which.
+        AssertionError: If the belief breaks a promise; one line names it.
     """
     persons = belief.forecast.scenario.person_amount
     assert persons == 1, f"person_amount must be 1, got {persons}"
@@ -88,7 +88,7 @@ def _test_looks(belief: TargetBelief, rng: np.random.Generator) -> None:
 
 
 def _test_expectation(belief: TargetBelief, horizon: int, rng: np.random.Generator) -> None:
-    """Test that what looks are expected to find is what the POS gains once they are done."""
+    """Test that the expected finds of looks equal the gain in POS after the looks."""
     size, forecast, ahead = belief.forecast.scenario.grid_size, belief.forecast, belief.copy()
     before = belief.poc()
     steps = np.sort(rng.integers(0, horizon, 6))
@@ -109,7 +109,7 @@ def _test_expectation(belief: TargetBelief, horizon: int, rng: np.random.Generat
 
 
 def _test_futures(belief: TargetBelief, horizon: int, rng: np.random.Generator) -> None:
-    """Test that futures begin where the belief is, and that one generator draws the same."""
+    """Test that futures start from the belief, and that equal generators draw equal futures."""
     seed = int(rng.integers(1 << 30))
     drawn = [belief.futures(FUTURES, horizon, np.random.default_rng(seed)) for _ in range(2)]
     cells, persons = drawn[0]
@@ -121,7 +121,7 @@ def _test_futures(belief: TargetBelief, horizon: int, rng: np.random.Generator) 
 
 
 def _shares(belief: TargetBelief, columns: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return which share of these columns is in each cell of the grid, (G, G)."""
+    """Return the share of these columns in each cell of the grid, (G, G)."""
     side, size = belief.forecast.side, belief.forecast.scenario.grid_size
     counts = np.bincount(columns, minlength=side**2).reshape(side, side) / len(columns)
     margin = (side - size) // 2
@@ -130,7 +130,7 @@ def _shares(belief: TargetBelief, columns: NDArray[np.int64]) -> NDArray[np.floa
 
 
 def _test_copy(belief: TargetBelief) -> None:
-    """Test that a copy goes on by itself."""
+    """Test that a copy is independent."""
     poc, pos, step = belief.poc(), belief.pos, belief.step
     twin = belief.copy()
     assert np.array_equal(twin.poc(), poc) and twin.pos == pos, "copy: another belief"

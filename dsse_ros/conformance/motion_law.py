@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The promises of a motion of persons, tested: what it draws is as probable as it says.
+"""The promises of a motion of persons, tested: its draws have the probabilities that it states.
 
-The motion is compiled into a small sea of its own, as it need not be one of the search.
+The motion is compiled into a separate small sea, because it need not be registered.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from dsse_ros.targets.person_kernels import gathered_step
 from dsse_ros.targets.sea_map import map_step
 
 COUNT = 20_000
-"""Persons that are played."""
+"""Number of simulated persons."""
 TOLERANCE = 1e-9
-"""How far a sum of chances may be from 1."""
+"""Tolerance for a sum of chances, which is 1."""
 
 FINE, NOT_A_CHANCE, NOT_ONE, NOT_A_STEP, NO_CHANCE = range(5)
 BROKEN = {
@@ -70,17 +70,17 @@ class _Sea(NamedTuple):
 def motion_test(
     model: PersonMotion, scenario: Scenario, rules: Rules, steps: int, seed: int
 ) -> None:
-    """Test that persons do what their motion says, step after step.
+    """Test that persons follow their motion's probabilities, step after step.
 
     Args:
         model: The motion.
-        scenario: Where.
-        rules: By which rules; `person_motion` does not matter.
-        steps: How many steps of the sea are played.
-        seed: Of the draws.
+        scenario: The scenario.
+        rules: The rules; `person_motion` has no effect.
+        steps: Number of steps of the sea to simulate.
+        seed: Seed of the draws.
 
     Raises:
-        AssertionError: If a promise is broken; one line says which.
+        AssertionError: If a promise is broken; one line names it.
     """
     resolved = scenario.resolve(rules)
     play, spread = _kernels(model)
@@ -97,7 +97,7 @@ def _played(
     play: Callable[..., Any],
     spread: Callable[..., Any],
 ) -> NDArray[np.int64]:
-    """Play persons, compare them with their chances, and return their last cells (N, 2)."""
+    """Simulate persons, compare them with their chances, and return their last cells (N, 2)."""
     truth, known = (_new_sea(model, scenario, rules) for _ in range(2))
     truth.worlds["rng"] = seed
     side = scenario.grid_size + 2 * MARGIN
@@ -149,7 +149,7 @@ def _new_sea(model: PersonMotion, scenario: ResolvedScenario, rules: Rules) -> _
 
 
 def _columns(persons: NDArray[np.void], side: int) -> NDArray[np.int64]:
-    """Return the columns of a belief that persons are in; who is lost is in the nearest one."""
+    """Return the persons' columns in a belief; persons too far off the grid get the nearest one."""
     x, y = (np.clip(persons[axis] + MARGIN, 0, side - 1) for axis in ("x", "y"))
     columns: NDArray[np.int64] = y * side + x
     return columns
@@ -162,7 +162,7 @@ def _checked(
     side: int,
     direction: int,
 ) -> int:
-    """Return what is broken by the steps that persons took, `FINE` if nothing is."""
+    """Return the promise that the persons' steps break, `FINE` if they break none."""
     dx, dy = after["x"] - before["x"], after["y"] - before["y"]
     if (np.maximum(abs(dx), abs(dy)) > 1).any():
         return NOT_A_STEP
@@ -174,12 +174,12 @@ def _checked(
 
 
 def _kernels(model: PersonMotion) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return the compiled step of the sea, and of what is known of it."""
+    """Return the compiled step of the sea, and that of the knowledge of it."""
     move, chances = model.move, model.chances
 
     @njit
     def play(constants, worlds, gauss, tails, area, runs, circle, persons):
-        """Advance map and persons by one step, as `kernels.sea_step` does."""
+        """Advance map and persons by one step, like `kernels.sea_step`."""
         c, w = constants[0], worlds[0]
         if not c.person_first:
             map_step(c, w, gauss, tails, area, runs, circle)
@@ -193,7 +193,7 @@ def _kernels(model: PersonMotion) -> tuple[Callable[..., Any], Callable[..., Any
 
     @njit
     def spread(constants, area, map_now, direction, now, after, steps_of, row):
-        """Spread probability over the cells, as `belief_kernels.predict` does, and check it."""
+        """Spread probability over the cells, like `belief_kernels.predict`, and check it."""
         c = constants[0]
         side = c.grid_size + 2 * MARGIN
         out = row[:CHANCES]

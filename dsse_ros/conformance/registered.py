@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Offers something by a name of its own, for as long as it is tested."""
+"""Temporary registration under a unique name, for tests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 @contextmanager
 def registered(registry: dict[str, T], thing: T) -> Iterator[str]:
-    """Have a registry offer a thing while the block lasts; yields its name there."""
+    """Register a thing during the block; yield its name."""
     name = "under_test"
     assert name not in registry, f"{name} is registered already"
     registry[name] = thing

@@ -1,8 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a kind of drone keeps its promises in missions, alone and among drones of another kind.
+"""The promises of a kind of drone, tested in missions, alone and with drones of another kind.
 
-In a test of your own:
+In your own test:
 
     searcher_test(Searcher(doc="flies slowly", speed=4.0))
 """
@@ -27,24 +27,25 @@ from dsse_ros.searchers.searcher import Searcher
 GRID = 9
 STEPS = 80
 ENDURANCE_STEPS = 2000
-"""Of the longest endurance that is flown to its end."""
+"""Longest endurance that the test flies to its end."""
 
 
 def searcher_test(searcher: Searcher, *, rules: str | Rules = "v2", seed: int = 0) -> None:
     """Fly missions with a kind of drone and check that it keeps its promises.
 
-    A cell takes it the whole number of steps that its speed asks for; under way it can do nothing
-    but arrive; it never leaves the grid by an action that its mask allows; it does its own moves
-    only; it flies no longer than its endurance; the same seed gives the same mission, and a
-    snapshot goes on bit for bit. The kind is registered while this lasts, and no longer.
+    A cell takes the whole number of steps that follows from the speed. During a move the only
+    possible action completes it. Actions that the mask allows never leave the grid. The drone does
+    only its own moves, and flies no longer than its endurance. The same seed gives the same
+    mission, and a mission continues from a snapshot bit for bit. The kind is registered only during
+    the test.
 
     Args:
         searcher: The kind of drone.
         rules: The name of a profile or a `Rules` value, without coverage.
-        seed: Of the missions and of what the drones are commanded.
+        seed: Seed of the missions and of the commands.
 
     Raises:
-        AssertionError: If a promise is broken, on one line.
+        AssertionError: If a promise is broken; one line names it.
     """
     _check(isinstance(searcher, Searcher), f"{searcher!r} is no Searcher")
     _check(bool(searcher.doc), "doc is empty; it says what the kind is")
@@ -58,7 +59,7 @@ def searcher_test(searcher: Searcher, *, rules: str | Rules = "v2", seed: int = 
 
 
 def _env(swarm: tuple[str, ...], rules: str | Rules, steps: int) -> SearchEnv:
-    """Return an environment in which no drone ends but by its endurance, or by leaving the grid."""
+    """Return an environment where drones end only by endurance or by leaving the grid."""
     corners = [(0, 0), (GRID - 1, GRID - 1), (GRID - 1, 0), (0, GRID - 1)]
     try:
         return parallel_env(
@@ -72,12 +73,12 @@ def _env(swarm: tuple[str, ...], rules: str | Rules, steps: int) -> SearchEnv:
 
 @dataclass
 class _Flight:
-    """What is known of a drone from its commands.
+    """State of a drone derived from its commands.
 
     Attributes:
         needed: Steps that a move takes.
-        heading: The move that it is under way with, None for none.
-        done: Steps of it that are done.
+        heading: The move in progress, None for none.
+        done: Steps of this move that are done.
         flown: Steps since the start.
     """
 
@@ -98,12 +99,12 @@ def _flights(env: SearchEnv) -> dict[str, _Flight]:
 
 
 def _fly(env: SearchEnv, seed: int, swarm: tuple[str, ...]) -> list[Any]:
-    """Fly a mission by actions that the masks allow, check it, and return what it handed out."""
+    """Fly a mission with actions that the masks allow, check it, and return its results."""
     rng = np.random.default_rng(seed)
     flights = _flights(env)
     _, infos = env.reset(seed=seed)
     seen: list[Any] = []
-    # Whether the last step still lets drones act is a matter of the rules.
+    # Leave out the last step: the rules decide whether drones still act in it.
     for _ in range(STEPS - 1):
         if not env.agents:
             break
@@ -130,7 +131,7 @@ def _kind_of(env: SearchEnv, agent: str) -> Searcher:
 
 
 def _check_mask(env: SearchEnv, agent: str, mask: NDArray[np.int8], flight: _Flight) -> None:
-    """Check what a drone may do next."""
+    """Check the actions that a drone's mask allows."""
     allowed = np.flatnonzero(mask).tolist()
     names = [env.rules.actions[action] for action in allowed]
     _check(bool(allowed), f"{agent}: the action mask allows nothing")
@@ -154,7 +155,7 @@ def _check_move(
     info: dict[str, Any],
     flight: _Flight,
 ) -> None:
-    """Check what a drone has made of an action that its mask allowed, and note it."""
+    """Check and record the effect of an action that the drone's mask allowed."""
     move = env.rules.action_set.moves[action]
     flight.flown += 1
     flight.done = flight.needed if move == (0, 0) else flight.done + 1
@@ -163,7 +164,7 @@ def _check_move(
     status = info.get("status", "searching")
     limit = endurance_steps(_kind_of(env, agent), env.scenario.step_duration_s)
     if limit and flight.flown > limit and "battery" not in info:
-        # It has landed, and the next step takes it out.
+        # A drone that has landed is taken out in the next step.
         _check(False, f"{agent}: still in the search after its endurance of {limit} steps")
     _check(
         tuple(moved.tolist()) == expected,
@@ -181,7 +182,7 @@ def _check_move(
 
 
 def _check_snapshot(env: SearchEnv, twin: SearchEnv, seed: int) -> None:
-    """Check that a mission goes on from a snapshot, under way or not, whatever it is commanded."""
+    """Check that a mission continues from a snapshot, during moves too, with any commands."""
     rng = np.random.default_rng(seed)
     env.reset(seed=seed)
     for step in range(30):
@@ -196,7 +197,7 @@ def _check_snapshot(env: SearchEnv, twin: SearchEnv, seed: int) -> None:
 
 
 def _check_endurance(searcher: Searcher, name: str, rules: str | Rules) -> None:
-    """Check that a drone flies as long as it can, and no longer."""
+    """Check that a drone flies exactly as long as its endurance."""
     step_s = _env((name,), rules, STEPS).scenario.step_duration_s
     limit = endurance_steps(searcher, step_s)
     if not 0 < limit <= ENDURANCE_STEPS:

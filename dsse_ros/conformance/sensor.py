@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor must keep."""
+"""The promises of a sensor, tested."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from dsse_ros.step.fault_kernels import IDENTIFYING
 from dsse_ros.step.looks import Looks, looks_of
 
 SIGMAS = 5.0
-"""How far a share of many draws may be off."""
+"""Largest error of a share of many draws, in standard deviations."""
 WORLDS = 4000
 STEPS = 12
 
 
 def sensor_test(sensor: Sensor, *, rules: str = "v2", seed: int = 0, **fields: Any) -> None:
-    """Test a sensor: its looks can be, the same each time, and what they promise is what happens.
+    """Test that a sensor's looks are valid, repeatable, and find persons with the stated PODs.
 
     Args:
         sensor: The sensor.
         rules: Name of the profile.
-        seed: Of the missions that are played.
-        fields: Of the scenario and the rules, in place of those of the test.
+        seed: Seed of the simulated missions.
+        fields: Fields of the scenario and the rules that replace those of the test.
 
     Raises:
-        AssertionError: If it breaks a promise.
+        AssertionError: If the sensor breaks a promise.
     """
     assert sensor.doc, "doc: empty; what it sees, without a subject"
     with registered(SENSORS, sensor) as name:
@@ -59,10 +59,10 @@ def sensor_test(sensor: Sensor, *, rules: str = "v2", seed: int = 0, **fields: A
 
 
 def _play(world: World, looks: Looks, rng: np.random.Generator) -> None:
-    """Play missions with random actions, and compare what happens with what the looks promise.
+    """Simulate missions with random actions, and compare the outcomes with the looks' promises.
 
     Raises:
-        AssertionError: If something else happens.
+        AssertionError: If they differ.
     """
     beliefs = WorldBeliefs(world)
     expected = variance = alarms = 0.0
@@ -112,4 +112,4 @@ def _play(world: World, looks: Looks, rng: np.random.Generator) -> None:
 
 
 ROUGH = 0.01
-"""How far POS may be off for several persons of whom one was found, see `search_outcomes`."""
+"""Largest error of POS with several persons after a find, see `search_outcomes`."""

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The promises of a target model, tested: of a motion of persons, or of an ensemble."""
+"""The promises of a target model, either a motion of persons or an ensemble, tested."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ SCENARIO = Scenario(
 def target_model_test(model: TargetModel, *, rules: str | Rules = "v2", seed: int = 0) -> None:
     """Test that a target model keeps the promises that the search and the beliefs rely on.
 
-    A model need not be registered, and is not afterwards. Of a motion that is not, what it draws
-    is compared with its chances; the search and the belief are compared, too, of one that is, as
-    the registered motions are compiled into them.
+    A model need not be registered, and the test does not leave it registered. For every motion the
+    test compares its draws with its chances. For a registered motion it also compares the search
+    with the belief, because these have the registered motions compiled in.
 
     Args:
         model: The model.
         rules: The rules of the search, or the name of their profile; persons move by the model.
-        seed: Of all that is drawn.
+        seed: Seed of all draws.
 
     Raises:
-        AssertionError: If a promise is broken; one line says which.
+        AssertionError: If a promise is broken; one line names it.
     """
     chosen = rules if isinstance(rules, Rules) else profile(rules)
     if isinstance(model, PersonMotion):
@@ -61,7 +61,7 @@ def target_model_test(model: TargetModel, *, rules: str | Rules = "v2", seed: in
 
 
 def _test_tracks(model: Ensemble, rules: Rules, seed: int) -> None:
-    """Test what an ensemble draws by itself."""
+    """Test the draws of an ensemble on its own."""
     scenario = SCENARIO.resolve(rules)
     steps = last_step_of(scenario, rules)
     draws = []
@@ -72,7 +72,7 @@ def _test_tracks(model: Ensemble, rules: Rules, seed: int) -> None:
         except ValueError as error:
             raise AssertionError(f"tracks: {error}") from None
         draws.append(tracks)
-        # A model that draws with this generator is seen.
+        # Detect models that draw from NumPy's global generator.
         np.random.random()  # noqa: NPY002
     first, second = draws
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True)), (
@@ -81,7 +81,7 @@ def _test_tracks(model: Ensemble, rules: Rules, seed: int) -> None:
 
 
 def _test_search(rules: Rules, seed: int) -> None:
-    """Test that persons are where a belief that learns nothing has them, step after step."""
+    """Test that the persons' positions agree with a belief without updates, step after step."""
     scenario = SCENARIO.override(ensemble_seed=seed).resolve(rules)
     world, twin = (World(scenario, rules, WORLDS, write_maps=False) for _ in range(2))
     for one in (world, twin):
@@ -110,7 +110,7 @@ def _test_search(rules: Rules, seed: int) -> None:
 
 
 def _poc(belief: TargetBelief) -> tuple[NDArray[np.float64], float]:
-    """Return the probability of each cell and of all others."""
+    """Return the probability of each cell, and that outside all cells."""
     poc = belief.poc()
     assert (poc >= 0.0).all(), f"step {belief.step}: a probability of containment is below 0"
     total = float(poc.sum())
@@ -122,7 +122,7 @@ def _poc(belief: TargetBelief) -> tuple[NDArray[np.float64], float]:
 
 
 def _inflation(scenario: Scenario, rules: Rules) -> float:
-    """Return the variance of counts over that of draws from exact chances."""
+    """Return the variance of counts divided by that of draws from exact chances."""
     tracks = tracks_of(scenario.resolve(rules), rules)
     if tracks is None:
         return 1.0
@@ -131,7 +131,7 @@ def _inflation(scenario: Scenario, rules: Rules) -> float:
 
 
 def _counted(world: World) -> NDArray[np.int64]:
-    """Return how many persons are in each cell, and last how many are outside the grid."""
+    """Return the number of persons in each cell, and last the number outside the grid."""
     g = world.grid_size
     x, y = world.persons["x"].ravel(), world.persons["y"].ravel()
     inside = (x >= 0) & (x < g) & (y >= 0) & (y < g)
@@ -139,7 +139,7 @@ def _counted(world: World) -> NDArray[np.int64]:
 
 
 def _test_futures(belief: TargetBelief, seed: int) -> None:
-    """Test that futures begin where the belief is and, of an ensemble, go where it goes."""
+    """Test that futures start from the belief and, for an ensemble, follow it."""
     forecast, ahead = belief.forecast, belief.copy()
     g = forecast.scenario.grid_size
     rng = np.random.default_rng(seed)

@@ -1,3 +1,3 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""One mission after the other without ROS: commands, the time of the steps, the log."""
+"""Successive missions without ROS: commands, timing of the steps, the log."""

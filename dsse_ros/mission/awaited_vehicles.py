@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Which vehicles a step waits for, without ROS."""
+"""The vehicles that a step waits for, without ROS."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from msg_adapters.vehicles import Progress
 
 
 class AwaitedVehicles:
-    """What is known of the vehicles that follow the drones.
+    """State of the vehicles that follow the drones.
 
     Args:
-        frame: The grid that they are in.
-        set_battery: Takes the share that is left in the battery of a drone's vehicle.
+        frame: Frame of the grid.
+        set_battery: Called with a drone and the remaining battery share of its vehicle.
 
     Attributes:
-        lost: Why vehicles have dropped out of the mission, by the numbers of their drones.
+        lost: Reasons why vehicles have dropped out of the mission, by drone number.
     """
 
     def __init__(self, frame: GridFrame, set_battery: Callable[[int, float], None]) -> None:
@@ -34,32 +34,32 @@ class AwaitedVehicles:
         self.lost: dict[int, str] = {}
 
     def begin(self) -> None:
-        """Begin a mission: where vehicles were, and which were lost, was in another one."""
+        """Begin a mission: forget the positions and losses of the previous one."""
         self._places.clear()
         self.lost.clear()
 
     def restart_time(self) -> None:
-        """Forget what was reported of stamps, which come again."""
+        """Forget the reports with old stamps, because the same stamps will occur again."""
         self._progress = dict.fromkeys(self._progress, Progress())
 
     def set_stamp(self, stamp_ns: int, *, first: bool) -> None:
-        """Take the stamp of the last step report, which may be the first that counts."""
+        """Set the stamp of the last step report; with `first`, earlier ones do not count."""
         self._last_ns = stamp_ns
         if first:
             self._first_ns = stamp_ns
 
     def set_place(self, drone: int, place: tuple[float, float] | None) -> None:
-        """Take where a vehicle is, (x, y) in metres in the map frame; None if it is not known."""
+        """Set a vehicle's position, (x, y) in metres in the map frame; None if unknown."""
         self._places.pop(drone, None)
         if place is not None:
             self._places[drone] = place
 
     def set_progress(self, drone: int, progress: Progress, run_id: int) -> str:
-        """Take how far a vehicle is; returns why it is lost, empty if it is not in this mission.
+        """Set a vehicle's progress; return why it is lost, "" if it is not lost in this mission.
 
         Args:
             drone: Number of its drone.
-            progress: What it reports, of another run too: that is kept for late listeners.
+            progress: The vehicle's report, possibly a latched one from another run.
             run_id: Identity of this run.
         """
         if progress.run_id not in (0, run_id):
@@ -71,12 +71,12 @@ class AwaitedVehicles:
         return progress.lost if of_this_mission else ""
 
     def late(self, drones: Sequence[int], cells: NDArray[np.int64], radius_m: float) -> list[int]:
-        """Return those of the drones whose vehicles have to arrive before the next step.
+        """Return the drones whose vehicles have to arrive before the next step.
 
         Args:
-            drones: Drones whose vehicles are waited for.
-            cells: (N, 2) of (col, row) where all drones are.
-            radius_m: Distance from the centre of a cell at which a vehicle is there.
+            drones: Drones whose vehicles the step waits for.
+            cells: (N, 2) cells (col, row) of all drones.
+            radius_m: Distance from the centre of a cell within which a vehicle has arrived.
         """
         return [i for i in drones if not self._has_arrived(i, cells[i].tolist(), radius_m)]
 

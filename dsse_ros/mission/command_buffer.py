@@ -14,16 +14,16 @@ from dsse_ros.scenario.actions import Cell
 from dsse_ros.search import HOLD, ActionSet
 
 MISSING_ACTIONS = ("search", "repeat", "hold", "abort")
-"""What a drone without a command does when the step cannot wait."""
+"""Choices for drones without a command when the step cannot wait."""
 
 
 class CommandBuffer:
-    """The last command of each drone: one action for the next step, or cells to go to.
+    """The last command of each drone: one action for the next step, or goal cells.
 
     Args:
         actions: Names of the actions by number.
         num_drones: N.
-        area: (G, G) bool [row, col], the cells that are searched; None for the whole grid.
+        area: (G, G) bool [row, col], the searched cells; None for the whole grid.
     """
 
     def __init__(
@@ -34,13 +34,13 @@ class CommandBuffer:
         self.clear()
 
     def clear(self) -> None:
-        """Drop all commands, goals and what was done before."""
+        """Drop all commands, goals and previous actions."""
         self._actions: dict[int, int] = {}
         self._goals: dict[int, list[Cell]] = {}
         self._last: dict[int, int] = {}
 
     def state(self) -> dict[str, Any]:
-        """Return what outlasts a step, as JSON values: the goals and what was done before."""
+        """Return the state that outlasts a step, as JSON values: goals and previous actions."""
         return {"goals": list(self._goals.items()), "last": list(self._last.items())}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -50,33 +50,33 @@ class CommandBuffer:
         self._last = dict(state["last"])
 
     def set_action(self, drone: int, action: int) -> None:
-        """Set the drone's action for the next step; it replaces any other command."""
+        """Set the drone's action for the next step; this replaces any other command."""
         self._goals.pop(drone, None)
         self._actions[drone] = action
 
     def set_goals(self, drone: int, goals: Sequence[Cell]) -> None:
-        """Send the drone to these cells one after the other; it replaces any other command."""
+        """Send the drone to these cells in order; this replaces any other command."""
         self._actions.pop(drone, None)
         self._goals[drone] = list(goals)
 
     def out_of_reach(self, start: Cell, goals: Sequence[Cell]) -> list[Cell]:
-        """Return the goals that no moves in the area lead to."""
+        """Return the goals that moves in the area cannot reach."""
         ((_, water),) = self._action_set.by_water([start])
         return [] if water is None else [(col, row) for col, row in goals if not water[row, col]]
 
     def missing(self, live: Sequence[int], cells: NDArray[np.int64]) -> list[int]:
-        """Return the live drones without a command; cells (N, 2) are where the drones are."""
+        """Return the live drones without a command; cells (N, 2) are those of the drones."""
         return [i for i in live if i not in self._actions and not self._ahead(i, cells)]
 
     def take(
         self, live: Sequence[int], cells: NDArray[np.int64], missing_action: str
     ) -> NDArray[np.int8]:
-        """Return the joint action (N,) and clear what was for one step.
+        """Return the joint action (N,) and clear the commands for one step.
 
         Args:
             live: Drones still in flight; the others hold.
-            cells: (N, 2) where the drones are.
-            missing_action: What a drone without a command does: search, repeat or hold.
+            cells: (N, 2) cells of the drones.
+            missing_action: Action of a drone without a command: search, repeat or hold.
         """
         joint = np.full(self._num_drones, HOLD, np.int8)
         for i in live:
@@ -94,9 +94,9 @@ class CommandBuffer:
         return joint
 
     def route(self, drone: int, start: Cell) -> list[Cell]:
-        """Return the cells from here, this one included, to the last goal of the drone.
+        """Return the cells from `start`, included, to the last goal of the drone.
 
-        It ends before a goal that no moves lead to.
+        The route ends before a goal that moves cannot reach.
         """
         cells = [start]
         for goal in self._goals.get(drone, ()):
@@ -108,7 +108,7 @@ class CommandBuffer:
         return cells
 
     def _ahead(self, drone: int, cells: NDArray[np.int64]) -> Cell | None:
-        """Return the cell the drone goes to; goals it has reached are dropped."""
+        """Return the drone's next goal; drop goals that it has reached."""
         goals = self._goals.get(drone)
         while goals and goals[0] == (cells[drone, 0], cells[drone, 1]):
             goals.pop(0)

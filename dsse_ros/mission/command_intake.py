@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands on their way from messages into a mission, without ROS."""
+"""Intake of commands from messages into a mission, without ROS."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from msg_adapters.result import Accepted, Rejected
 
 
 class CommandIntake:
-    """Gives a mission the commands that messages bring; counts and logs those that it refuses.
+    """Passes commands from messages to a mission; counts and logs the refused ones.
 
     Each method that takes a message returns whether there is a new command.
 
     Args:
-        mission: What is commanded.
-        frame: Where the grid lies.
+        mission: The mission to command.
+        frame: Frame of the grid.
         warn: Logs a line of a kind.
-        debug: Logs a line, which it makes only if somebody reads it.
+        debug: Logs a line, built only if debug logging is on.
 
     Attributes:
-        rejected: Refused messages, by code.
-        duplicates: Joint actions that came once more.
+        rejected: Number of refused messages, by code.
+        duplicates: Number of repeated joint actions.
     """
 
     def __init__(
@@ -69,13 +69,13 @@ class CommandIntake:
         return action is not None
 
     def goal(self, drone: int, message: Any) -> bool:
-        """Take geometry_msgs/PoseStamped, a place to go to."""
+        """Take geometry_msgs/PoseStamped, a goal."""
         parsed = parse_goal(message, self._frame)
         goals = parsed if isinstance(parsed, Rejected) else Accepted([parsed.value])
         return self._set_goals(drone, "command_pose", goals)
 
     def path(self, drone: int, message: Any) -> bool:
-        """Take nav_msgs/Path, places to go to one after the other."""
+        """Take nav_msgs/Path, goals in order."""
         return self._set_goals(drone, "command_path", parse_path(message, self._frame))
 
     def _set_goals(self, drone: int, topic: str, parsed: Any) -> bool:
@@ -102,7 +102,7 @@ class CommandIntake:
         )
         last_mission, last = self._last_joint_action
         if message.data == last and (isinstance(parsed, Rejected) or mission.refuse()):
-            # A resend that has crossed the step it was for.
+            # The sender repeated this message before it saw that its step was done.
             self.duplicates += 1
             return False
         actions = self._take("joint_action", None, parsed)
@@ -114,16 +114,16 @@ class CommandIntake:
         return True
 
     def reject(self, topic: str, rejected: Rejected) -> None:
-        """Count and log a message that is not taken."""
+        """Count and log a refused message."""
         self.rejected[rejected.code] += 1
         if rejected.code != "mission_over" or self._refused_after != self._mission.number:
             self._warn(rejected.code, f"{topic}: {rejected.reason}")
         if rejected.code == "mission_over":
-            # It stays over: one warning for each mission is enough.
+            # A mission stays over, so one warning per mission is enough.
             self._refused_after = self._mission.number
 
     def _take(self, topic: str, drone: int | None, parsed: Any) -> Any:
-        """Return the value of a command that can be taken, None for any other."""
+        """Return the value of an accepted command, None for any other."""
         refused = parsed if isinstance(parsed, Rejected) else self._mission.refuse(drone)
         if refused is not None:
             self.reject(topic, refused)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A mission as `sim_node` runs it, without ROS: the world, its commands, time and report."""
+"""The mission of `sim_node`, without ROS: the world, its commands, time and report."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from dsse_ros.step.fault_kernels import LOST
 from msg_adapters.result import Rejected
 
 END_NS = 2**31 * 10**9
-"""Mission time that no longer fits a message's stamp."""
+"""First mission time that does not fit into a message's stamp."""
 
 
 @dataclass(frozen=True)
 class StepResult:
-    """What a step did; all arrays are in the order of the agents.
+    """Result of a step; all arrays are in the order of the agents.
 
     Attributes:
         step: Steps done, 0 right after a reset.
-        stamp_ns: Mission time in nanoseconds, at least one step's: a stamp of 0 means "no time" in
-            ROS. It never runs backwards.
+        stamp_ns: Mission time in nanoseconds, at least one step, because a stamp of 0 means "no
+            time" in ROS. It never runs backwards.
         cells: (N, 2) int64 (col, row), as the drones observe them.
-        actions: (N,) int8, what the drones did, `HOLD` for nothing.
-        commands: (N,) int8, what they were commanded: without faults the same.
+        actions: (N,) int8, actions that the drones did, `HOLD` for nothing.
+        commands: (N,) int8, commanded actions; equal to `actions` without faults.
         rewards: (N,) float64.
         terminated, truncated, found, held: (N,) bool.
-        probabilities: (N,) float64, what the map before the step gave the cell of each drone that
-            searched, 0 for the others.
+        probabilities: (N,) float64, probability of the cell of each drone that searched, on the map
+            before the step; 0 for the others.
         conditions: (N,) of `fault_kernels.CONDITIONS`, None without faults.
     """
 
@@ -61,36 +61,36 @@ HISTORY_DTYPE = np.dtype(
     [("reward", "<f8"), ("col", "<i2"), ("row", "<i2"), ("action", "i1"), ("terminated", "u1"),
      ("truncated", "u1"), ("found", "u1"), ("held", "u1")]
 )  # fmt: skip
-"""What is kept of a drone in each step, packed: a mission may have millions of steps."""
+"""Record of a drone per step, packed, because a mission may have millions of steps."""
 
 _OF_RESULT = ("actions", "commands", "held", "probabilities")
 _OF_MISSION = ("seed", "number", "aborted", "tracks", "searches", "lost", "_stamp_ns")
 
 
 class Mission:
-    """One search after the other on one environment.
+    """Successive searches on one environment.
 
     Args:
         env: The environment.
-        seed: Of the first mission.
-        belief: Whether a belief follows the mission, if persons are looked for; without one there
-            is no `pos` then.
+        seed: Seed of the first mission.
+        belief: Whether a belief follows the mission. Without one, a search for persons has no
+            `pos`; the coverage task has no belief.
 
     Attributes:
         env: The environment.
-        seed: Seed of the mission under way.
+        seed: Seed of the current mission.
         number: Missions started so far, 1 for the first.
         result: The last step's result.
         aborted: Whether the mission was aborted because commands were missing.
-        tracks: Of each drone, the cells it was in, without repeats.
-        searches: Of each drone, how often it has searched in each cell of its track.
-        lost: The drones that were lost, in the order in which they were.
+        tracks: For each drone, its cells without consecutive repeats.
+        searches: For each drone, the number of its searches in each cell of its track.
+        lost: The lost drones, in the order of their losses.
     """
 
     def __init__(self, env: SearchEnv, seed: int, *, belief: bool = True) -> None:
         self.env = env
         self._beliefs = WorldBeliefs(env.world) if belief and not env.rules.covers else None
-        # As the last caller of `belief` got it, until it changes.
+        # Cache of `belief`, valid until the belief changes.
         self._belief_map: NDArray[np.float32] | None = None
         self.commands = CommandBuffer(
             env.rules.actions, env.world.num_drones, env.scenario.area_mask
@@ -107,7 +107,7 @@ class Mission:
         self.result = self.reset(seed)
 
     def reset(self, seed: int) -> StepResult:
-        """Start a new mission; mission time goes on, or starts anew every 34 years."""
+        """Start a new mission; mission time continues, or restarts every 34 years."""
         self.env.reset(seed=seed)
         if self._beliefs is not None:
             self._beliefs.reset()
@@ -128,19 +128,19 @@ class Mission:
         return self.result
 
     def restart_time(self) -> StepResult:
-        """Let mission time start anew; the last step is now its first."""
+        """Restart mission time; the last step becomes its first."""
         self._stamp_ns = self._step_ns
         self.result = replace(self.result, stamp_ns=self._stamp_ns)
         return self.result
 
     @property
     def done(self) -> bool:
-        """Whether no step can be done before a reset."""
+        """Whether the mission needs a reset before the next step."""
         return self.aborted or not self.live or self._stamp_ns + self._step_ns >= END_NS
 
     @property
     def steps(self) -> int:
-        """Steps done within the limit: the step that finds the time out is one more."""
+        """Steps done within the limit, without the extra step at which time is out."""
         return min(self.result.step, int(self.env.scenario.timestep_limit or 0))
 
     @property
@@ -159,7 +159,7 @@ class Mission:
 
     @property
     def outcome(self) -> str:
-        """How the mission has ended, "" while it goes on."""
+        """How the mission ended, "" while it continues."""
         if not self.done:
             return ""
         if self.aborted:
@@ -191,10 +191,9 @@ class Mission:
     def pos(self) -> float | None:
         """Cumulative probability of success of the searches so far, None without a belief.
 
-        The probability that searches like these find the person, before it is known how they ended,
-        in the cells where the drones were, whatever they observed; of several persons the expected
-        share of finds. See `belief.Belief`. Where the task is coverage, it is that of
-        `coverage.Coverage`.
+        This is the prior probability, regardless of the outcomes, that searches like these find the
+        person, in the true cells of the drones; with several persons, the expected share found. See
+        `belief.Belief`. In the coverage task it is `pos` of `coverage.Coverage`.
         """
         if self._beliefs is not None:
             return float(self._beliefs.pos[0])
@@ -202,19 +201,19 @@ class Mission:
 
     @property
     def coverage(self) -> dict[str, float]:
-        """The metrics of the coverage task by their names, see `coverage.Coverage`; none else."""
+        """The metrics of the coverage task by name, see `coverage.Coverage`; else empty."""
         metrics = self.env.world.coverage_metrics()
         return {name: float(values[0]) for name, values in metrics.items()}
 
     def prepare_belief(self) -> None:
-        """Have the steps of the first mission cost no more than those of later ones."""
+        """Compute the belief's tables, so that the first mission is as fast as later ones."""
         if self._beliefs is not None:
             self._beliefs.prepare()
 
     def belief(self) -> NDArray[np.float32]:
-        """Return the probability of where the persons are who were not found, (G, G) as [y, x].
+        """Return the probability of containment of the persons not found, (G, G) as [y, x].
 
-        It learns in the cells where the drones were, whatever they observed.
+        It is updated in the true cells of the drones, not the observed ones.
 
         Raises:
             ValueError: If no belief follows the mission.
@@ -227,11 +226,11 @@ class Mission:
 
     @property
     def missing(self) -> list[int]:
-        """The drones in flight that have no command yet."""
+        """The drones in flight without a command."""
         return self.commands.missing(self.live, self.result.cells)
 
     def refuse(self, drone: int | None = None) -> Rejected | None:
-        """Return why a command for this drone, or for all, cannot be taken now."""
+        """Return why a command for this drone, or for all, is refused now; None if it is not."""
         if self.done:
             return Rejected("mission_over", "the mission is over; call ~/reset for a new one")
         if drone is not None and not self.env.world.drones["alive"][0, drone]:
@@ -239,7 +238,7 @@ class Mission:
         return None
 
     def refuse_goals(self, drone: int, goals: Sequence[Cell]) -> Rejected | None:
-        """Return why a drone cannot go to these cells one after the other."""
+        """Return why a drone cannot go to these cells in order; None if it can."""
         col, row = self.env.positions[drone].tolist()
         out_of_reach = self.commands.out_of_reach((col, row), goals)
         if not out_of_reach:
@@ -259,9 +258,9 @@ class Mission:
         self.aborted = True
 
     def lose(self, drone: int) -> bool:
-        """Take a drone out whose vehicle has dropped out; returns whether it was in flight.
+        """Take out a drone whose vehicle has dropped out; return whether it was in flight.
 
-        It counts as terminated from now on, in the last result too.
+        The drone counts as terminated from now on, in the last result too.
         """
         if self.done or not self.env.withdraw(drone):
             return False
@@ -270,9 +269,9 @@ class Mission:
         return True
 
     def set_battery(self, drone: int, share: float) -> None:
-        """Take what is left in the battery of a drone's vehicle, 1 when full; NaN changes nothing.
+        """Set the battery charge of a drone's vehicle, 1 when full; NaN changes nothing.
 
-        Where batteries run down, the next step starts from there.
+        If batteries run down, the next step starts from this charge.
         """
         faults = self.env.world.faults
         if faults is not None and math.isfinite(share):
@@ -280,7 +279,7 @@ class Mission:
 
     @property
     def fallen(self) -> list[int]:
-        """The drones that a fault of the simulation has lost."""
+        """The drones lost by a simulated fault."""
         conditions = self.result.conditions
         if conditions is None:
             return []
@@ -288,7 +287,7 @@ class Mission:
         return fallen
 
     def advance(self, missing_action: str) -> StepResult:
-        """Do one step with the commands given; drones without one follow `missing_action`."""
+        """Do one step with the given commands; drones without one follow `missing_action`."""
         world = self.env.world
         live = world.drones["alive"][0].copy()
         joint = self.commands.take(self.live, self.result.cells, missing_action)
@@ -307,7 +306,7 @@ class Mission:
         return self.result
 
     def snapshot(self) -> Snapshot:
-        """Return the whole mission: world, random state, result, goals, tracks and time."""
+        """Return the complete mission: world, random state, result, goals, tracks and time."""
         of_world, result = self.env.snapshot(), self.result
         arrays = {name: getattr(result, name) for name in _OF_RESULT}
         extra = {name: getattr(self, name) for name in _OF_MISSION}
@@ -319,16 +318,16 @@ class Mission:
                 "history": self._rows_before(),
                 **({} if self._beliefs is None else self._beliefs.arrays()),
             },
-            # Through JSON nothing of it stays shared.
+            # The conversion through JSON makes a deep copy.
             json.loads(json.dumps({**extra, "commands": self.commands.state()})),
         )
 
     def restore(self, snapshot: Snapshot) -> StepResult:
-        """Go on from a snapshot, bit for bit; commands for its next step are given again.
+        """Continue from a snapshot, bit for bit; commands for its next step must be given again.
 
         Raises:
-            SnapshotError: If it is no mission's, or of another scenario or other rules, or of no
-                mission that can be; the mission under way stays as it is.
+            SnapshotError: If it is not of a mission, or of another scenario or other rules, or its
+                mission is impossible; the current mission stays as it is.
         """
         extra, arrays = snapshot.extra, snapshot.arrays
         if not {*_OF_MISSION, "commands"} <= extra.keys() or "history" not in arrays:
@@ -358,7 +357,7 @@ class Mission:
         return self.result
 
     def _terminated(self) -> NDArray[np.bool_]:
-        """Return who is terminated (N,): who is lost at once, before the step that says so."""
+        """Return the terminated drones (N,); lost drones count before the step that flags them."""
         terminated, _ = self.env.flags
         terminated[self.lost] = True
         return terminated
@@ -404,7 +403,7 @@ class Mission:
 
 
 def _packed(result: StepResult) -> NDArray[Any]:
-    """Return what the history keeps of a step, (N,) of `HISTORY_DTYPE`."""
+    """Return the history's record of a step, (N,) of `HISTORY_DTYPE`."""
     row = np.zeros(len(result.cells), HISTORY_DTYPE)
     row["col"], row["row"] = result.cells.T
     row["action"], row["reward"] = result.actions, result.rewards

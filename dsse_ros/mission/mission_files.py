@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The files that a mission is recorded in and resumed from, without ROS."""
+"""The files to record and resume a mission, without ROS."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from msg_adapters.frames import GridFrame
 
 
 class MissionFiles:
-    """The log of a mission and its snapshot; either is kept only where it has a name.
+    """The log and the snapshot of a mission, each written only if its path is not empty.
 
     Args:
         mission: The mission.
-        record_file: Log of its steps, empty for none.
-        snapshot_file: Its whole state, empty for none.
-        snapshot_every: Steps from one snapshot to the next.
-        resume: Whether the mission goes on from the snapshot, now, and the log from its step.
+        record_file: Path of the log of its steps, empty for none.
+        snapshot_file: Path of the snapshot of its complete state, empty for none.
+        snapshot_every: Steps between two snapshots.
+        resume: Whether to continue the mission from the snapshot, and the log from its step.
 
     Raises:
-        FieldError: If no snapshot can be written there, or the mission cannot be resumed.
+        FieldError: If the snapshot cannot be written, or the mission cannot be resumed.
     """
 
     def __init__(
@@ -50,14 +50,14 @@ class MissionFiles:
                 mission.restore(Snapshot.load(snapshot_file))
             except SnapshotError as error:
                 raise FieldError(f"snapshot_file: {error}") from None
-        # The step that a mission resumes from is published, and recorded, once more.
+        # A resumed mission publishes and records its last step again.
         self._resume_at = (mission.number, mission.result.step) if resume else None
 
     def open(self, frame: GridFrame) -> None:
-        """Open the log, whose places lie on this grid.
+        """Open the log, with positions on this grid.
 
         Raises:
-            FieldError: If that is not possible.
+            FieldError: If the log cannot be opened.
         """
         if self._record_file:
             self._log = MissionLog(
@@ -69,7 +69,7 @@ class MissionFiles:
             )
 
     def record(self) -> str:
-        """Record the last step; returns why the log ends here, empty if it goes on."""
+        """Record the last step; return why the log ends here, empty if it continues."""
         if self._log is None:
             return ""
         try:
@@ -85,7 +85,7 @@ class MissionFiles:
         return ""
 
     def save(self) -> str:
-        """Write a snapshot if it is time for one; returns why that failed, empty if it did not."""
+        """Write a snapshot if one is due; return the reason of a failure, empty for none."""
         if not self._snapshot_file or self._mission.result.step % self._snapshot_every:
             return ""
         if self._log is not None:
@@ -103,10 +103,10 @@ class MissionFiles:
 
 
 def _check_snapshot_file(path: str) -> None:
-    """Raise if no snapshot can be written there.
+    """Raise if a snapshot cannot be written to this path.
 
     Raises:
-        FieldError: If its folder cannot be written to, or it is there and no regular file.
+        FieldError: If its folder is not writable, or the path exists and is not a regular file.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():

@@ -25,13 +25,13 @@ COLUMNS = (
     "mission", "step", "time_s", "agent", "col", "row", "east_m", "north_m", "lat_deg", "lon_deg",
     "action", "reward", "terminated", "truncated", "found", "held", "probability", "pos",
 )  # fmt: skip
-"""Column names; `probability` is that of the cell searched, `pos` is as `Mission.pos` has it.
+"""Column names; `probability` is that of the searched cell, `pos` is `Mission.pos`.
 Persons have no action and no reward."""
 OF_COVERAGE = ("coverage_rate", "repeated_coverage")
 """Further columns of a coverage task, see `dsse_ros.search.coverage`."""
 OF_FAULTS = ("command", "status", "battery", "true_col", "true_row")
-"""Further columns of missions with faults, empty for persons: the action that was commanded, one of
-`fault_kernels.STATUSES`, percent, and the cell, where `col` and `row` are what the drone observes.
+"""Further columns of missions with faults, empty for persons: the commanded action, one of
+`fault_kernels.STATUSES`, percent, and the true cell, because `col` and `row` are observed.
 """
 
 
@@ -41,21 +41,21 @@ def columns_of(*, covers: bool, faults: bool) -> tuple[str, ...]:
 
 
 _TAIL_BYTES = 1 << 16
-"""At the end of a log, where the rows of its last step are looked for."""
+"""Size of the end of a log that is searched for the rows of its last step."""
 
 
 class MissionLog:
     """Writes the steps of missions to a file as they happen.
 
     Args:
-        path: The file; what is in it is written over.
-        frame: Where the grid lies.
-        resume_at: (mission, step) that is written first: the file keeps what comes before it.
+        path: The file; existing content is overwritten.
+        frame: Frame of the grid.
+        resume_at: First (mission, step) to write; the file keeps the rows before it.
         covers: Whether the task is coverage.
         faults: Whether the missions have faults.
 
     Raises:
-        FieldError: If the file cannot be written, or is to be kept and no record of a mission.
+        FieldError: If the file cannot be written, or is to be resumed but is not a mission's log.
     """
 
     def __init__(
@@ -79,14 +79,14 @@ class MissionLog:
         except OSError as error:
             raise FieldError(f"record_file: {os.fspath(path)!r}: {error.strerror}") from None
         self._writer = csv.writer(self._file, lineterminator="\n")
-        # The last step written, and where its rows begin.
+        # The last written step, and the offset of its rows.
         self._last = (0, 0)
         self._last_at = 0
         if self._file.tell() == 0:
             self._writer.writerow(columns)
 
     def write(self, mission: Mission, result: StepResult) -> None:
-        """Append a step, or write it over if it is the last; complete on disk on return."""
+        """Append a step, or overwrite it if it is the last one; it is in the file on return."""
         self._seek((mission.number, result.step))
         env, step_s = mission.env, mission.env.scenario.step_duration_s
         action_names = env.rules.actions
@@ -128,7 +128,7 @@ class MissionLog:
         self._file.flush()
 
     def _of_faults(self, mission: Mission, result: StepResult, drone: int) -> tuple[Any, ...]:
-        """Return the values of `OF_FAULTS`, if they are written."""
+        """Return the values of `OF_FAULTS`, if the log has these columns."""
         if not self._faults or result.conditions is None:
             return ()
         condition, command = result.conditions[drone], int(result.commands[drone])
@@ -143,14 +143,14 @@ class MissionLog:
         )
 
     def _seek(self, step: tuple[int, int]) -> None:
-        """Go to where the rows of this (mission, step) begin."""
+        """Seek to the first row of this (mission, step)."""
         if step == self._last:
             self._file.seek(self._last_at)
             self._file.truncate()
         self._last, self._last_at = step, self._file.tell()
 
     def sync(self) -> None:
-        """Have what was written survive even a loss of power, if the file is on a disk."""
+        """Flush the file to disk, so that it survives a loss of power."""
         with contextlib.suppress(OSError):
             os.fsync(self._file.fileno())
 
@@ -162,10 +162,10 @@ class MissionLog:
 def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[str]) -> None:
     """Cut a record before the first row of this (mission, step) or a later one.
 
-    Rows that a crash has left in part are cut too: they stand at the end, after that step.
+    Partial rows from a crash are cut too: they are at the end, after that step.
 
     Raises:
-        FieldError: If the file is no record of a mission.
+        FieldError: If the file is not a record of a mission.
         OSError: If it cannot be read or written.
     """
     if not Path(path).exists():
@@ -197,14 +197,14 @@ class MissionRecord:
         persons: (P, 2) last cells of the persons.
         person_found: (P,) bool.
         actions: (N, K) names of the actions, "" for none.
-        commands: (N, K) names of the actions that were commanded: without faults the same.
+        commands: (N, K) names of the commanded actions; equal to `actions` without faults.
         rewards: (N, K) float64.
         alive: (N,) bool after the last step.
         truncated: (N,) bool after the last step.
         found: (N, K) bool.
         times_s: (K,) float64 mission time.
-        pos: As `Mission.pos` after the last step.
-        coverage: As `Mission.coverage` after the last step, without `pos`.
+        pos: `Mission.pos` after the last step.
+        coverage: `Mission.coverage` after the last step, without `pos`.
     """
 
     tracks: NDArray[np.int64]
@@ -225,7 +225,7 @@ def read_log(path: str | os.PathLike[str]) -> MissionRecord:
     """Return the last mission of a log.
 
     Raises:
-        ValueError: If the file holds no step of a mission.
+        ValueError: If the file has no step of a mission.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -258,15 +258,15 @@ def read_log(path: str | os.PathLike[str]) -> MissionRecord:
 
 
 def last_pos(path: str | os.PathLike[str]) -> float | None:
-    """Return the POS after the last step of a log that is being written; None if it has none."""
+    """Return the POS after the last step of a log still being written; None if it has none."""
     try:
         with Path(path).open("rb") as file:
             file.seek(max(file.seek(0, os.SEEK_END) - _TAIL_BYTES, 0))
-            # The first line is the head, or one in part, as the last one may be.
+            # Skip the first line, a header or a partial row, and the last, possibly partial one.
             lines = file.read().decode().split("\n")[1:-1]
     except OSError:
         return None
-    # Others may follow.
+    # Further columns may follow.
     rows = [dict(zip(COLUMNS, line.split(","), strict=False)) for line in lines]
     of_drones = [row for row in rows if row["agent"].startswith("drone")]
     return _pos_of(of_drones[-1]) if of_drones else None

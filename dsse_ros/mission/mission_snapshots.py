@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the snapshot of a mission may say: a checksum is no signature."""
+"""Checks of a mission's snapshot, because its checksum is not a signature."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ _LARGEST = 2**63 - 1
 
 
 def check_mission(snapshot: Snapshot, now: Snapshot, grid_size: int, num_actions: int) -> None:
-    """Raise unless what a snapshot says beside the world can be of such a mission.
+    """Raise unless the values of a snapshot besides the world are possible in such a mission.
 
     Args:
         snapshot: The snapshot.
-        now: One of the mission as it is.
-        grid_size: Of its search.
-        num_actions: Of a drone.
+        now: A snapshot of the present mission.
+        grid_size: Grid size of the search.
+        num_actions: Number of actions of a drone.
 
     Raises:
-        SnapshotError: If it cannot; it names what.
+        SnapshotError: If a value is impossible; the message names it.
     """
     extra, arrays, of_now = snapshot.extra, snapshot.arrays, now.arrays
     drones, actions = range(len(now.extra["tracks"])), range(HOLD, num_actions)
@@ -92,6 +92,6 @@ def _is_pair(value: Any) -> bool:
 
 
 def _is_cell(value: Any, grid: int = 0) -> bool:
-    """Return whether a value is a cell: on a grid of this size, or with 0 anywhere near one."""
+    """Return whether a value is a cell on a grid of this size; with 0, on or near any grid."""
     low, high = (0, grid - 1) if grid else (-(2**15), 2**15 - 1)
     return _is_pair(value) and all(_is_int(part, low, high) for part in value)

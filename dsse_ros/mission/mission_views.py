@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded mission flown again, for its pictures."""
+"""Replay of a recorded mission, for its pictures."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from dsse_ros.view.mission_view import MissionView
 def mission_views(
     record: MissionRecord, scenario: Scenario, rules: Rules, *, seed: int, belief: bool
 ) -> Iterator[MissionView]:
-    """Yield what a picture shows of a mission at its start and after each step.
+    """Yield the contents of a mission's pictures at its start and after each step.
 
     Args:
-        record: Its commands; the same seed and commands give the same mission.
-        scenario: What was searched.
+        record: The commands; the same seed and commands give the same mission.
+        scenario: The scenario of the mission.
         rules: The rules of the search.
-        seed: Of the mission.
-        belief: Whether the belief is shown instead of the map: that of `Mission`.
+        seed: Seed of the mission.
+        belief: Whether pictures show the belief of `Mission` instead of the map.
 
     Raises:
-        ValueError: If the drones were elsewhere: the mission is not of that seed and scenario.
+        ValueError: If the drones' cells differ: the mission has another seed or scenario.
     """
     env = SearchEnv(scenario, rules, "ansi")
     env.reset(seed=seed)

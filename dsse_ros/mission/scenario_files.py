@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Where the file of a scenario is."""
+"""Lookup of scenario files."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _SHIPPED = Path("share") / "dsse_ros" / "config"
 
 
 def find_scenario(name: str) -> Path:
-    """Return the absolute path of a scenario: a file, or the name of one that the package ships.
+    """Return the absolute path of a scenario: a file, or the name of one in the package.
 
     Raises:
-        FieldError: If there is none.
+        FieldError: If there is no such scenario.
     """
     if Path(name).exists() and not Path(name).is_dir():
         return Path(name).resolve()
-    # An environment may not be known to ament; a source tree has no share.
+    # ament may not know a virtual environment, and a source tree has no share folder.
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     folders = [Path(prefix) / _SHIPPED for prefix in prefixes if prefix]
     folders.append(Path(__file__).resolve().parents[2] / "config")

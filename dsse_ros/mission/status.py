@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The state of a mission and what it waits for, as texts and numbers; without ROS."""
+"""The state of a mission, and the reasons why it waits, as texts and numbers; without ROS."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from dsse_ros.mission.step_scheduler import StepScheduler
 from dsse_ros.step.fault_kernels import HOME, IDENTIFYING, RETURNING, STATUSES, STUCK, UNDER_WAY
 
 _MOST_NAMES = 8
-"""Drones that a line of the log names."""
+"""Largest number of drones named in a log line."""
 
 
 def counted(number: int, noun: str) -> str:
-    """Return a number of things."""
+    """Return a number with its noun."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
@@ -36,7 +36,7 @@ def actions(mission: Mission, joint: NDArray[np.int8]) -> str:
 
 
 def begun(mission: Mission, grid_size: int) -> str:
-    """Return the line that opens a mission."""
+    """Return the log line for the start of a mission."""
     return (
         f"mission {mission.number}: {counted(len(mission.tracks), 'drone')} on "
         f"{grid_size} x {grid_size} cells, "
@@ -45,17 +45,17 @@ def begun(mission: Mission, grid_size: int) -> str:
 
 
 def ended(mission: Mission) -> str:
-    """Return the line that closes a mission."""
+    """Return the log line for the end of a mission."""
     steps = counted(mission.steps, "step")
     return f"mission {mission.number} over after {steps}: {mission.outcome}"
 
 
 def awaited(mission: Mission, scheduler: StepScheduler, late: Sequence[int]) -> str:
-    """Return what the next step waits for, empty for nothing.
+    """Return a text of what the next step waits for, empty for nothing.
 
     Args:
         mission: The mission.
-        scheduler: When it steps.
+        scheduler: Scheduler of its steps.
         late: The drones whose vehicles have to arrive first.
     """
     mode = scheduler.timing.mode
@@ -102,9 +102,9 @@ def health(
     Args:
         mission: The mission.
         scheduler: When it steps.
-        stopped: Whether it was not only paused but also started anew.
-        awaited: What it has been waiting for; empty for nothing.
-        publishers: Number of publishers of topics that should have one at the most.
+        stopped: Whether it was stopped: reset and paused.
+        awaited: Text of what it has been waiting for; empty for nothing.
+        publishers: Number of publishers of topics that should have at most one.
         lost: The drones whose vehicles have dropped out.
         rejected: Messages that were refused, by code.
     """
@@ -138,17 +138,17 @@ def values(
     lost: Mapping[int, str],
     rejected: Mapping[str, int],
 ) -> dict[str, object]:
-    """Return the numbers of a mission and of its run, as diagnostics have them.
+    """Return the numbers of a mission and of its run for diagnostics.
 
     Args:
         mission: The mission.
         run_id: Identity of the simulation.
         step_mode: The parameter.
-        timeouts: Steps that were done without all commands or vehicles.
-        publishers: Number of publishers of topics that should have one at the most.
-        duplicates: Joint actions that came once more.
-        late: The drones whose vehicles have to arrive; None where vehicles are not waited for.
-        lost: Why vehicles have dropped out, by drone.
+        timeouts: Number of steps done without all commands or vehicles.
+        publishers: Number of publishers of topics that should have at most one.
+        duplicates: Number of repeated joint actions.
+        late: The drones whose vehicles have to arrive; None if steps do not wait for vehicles.
+        lost: Reasons why vehicles have dropped out, by drone.
         rejected: Messages that were refused, by code.
     """
     found: dict[str, object] = {
@@ -175,7 +175,7 @@ def values(
 
 
 def _of_faults(mission: Mission) -> dict[str, object]:
-    """Return what faults have made of the drones; nothing without faults."""
+    """Return the conditions of the drones; empty without faults."""
     conditions, faults = mission.result.conditions, mission.env.world.faults
     if conditions is None or faults is None:
         return {}

@@ -15,11 +15,11 @@ from msg_adapters.step_report import make_step_report
 
 
 def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[Any]:
-    """Return what `step_report` says of the last step, (N,) of a `step_report_dtype`.
+    """Return the `step_report` of the last step, (N,) of a `step_report_dtype`.
 
     Args:
         mission: The mission.
-        frame: Where its grid lies.
+        frame: Frame of its grid.
         run_id: Identity of the simulation.
     """
     result, faults = mission.result, mission.env.world.faults

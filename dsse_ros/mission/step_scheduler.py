@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""When a mission steps, without ROS and without a clock: times in, decisions out."""
+"""Timing of a mission's steps, without ROS and without a clock: times in, decisions out."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 _RESOLUTION_S = 1e-9
-"""What is left of a wait is a difference of large numbers: less than this is none."""
+"""Remaining waits below this are 0, because they are differences of large numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """When a step is due.
+    """Settings for when a step is due.
 
     Attributes:
-        mode: `lockstep` steps when all commands and vehicles are there, `realtime` by time,
+        mode: `lockstep` steps when all commands and vehicles are ready, `realtime` by time,
             `manual` never by itself.
-        step_rate: In lockstep the highest rate of steps, 0 for no limit; in real time the rate,
-            0 for that of `real_time_factor`.
-        command_timeout_s: Lockstep: how long a step waits for commands and vehicles, 0 for ever.
+        step_rate: In lockstep the maximum rate of steps, 0 for no limit; in real time the rate,
+            0 for the rate of `real_time_factor`.
+        command_timeout_s: In lockstep, the time that a step waits for commands and vehicles, 0 for
+            no timeout.
         real_time_factor: Simulated seconds per second.
         step_duration_s: Simulated time of a step.
     """
@@ -34,7 +35,7 @@ class Timing:
 
     @property
     def period_s(self) -> float:
-        """Time between steps: exact in real time, the least in lockstep; 0 for none."""
+        """Time between steps: exact in real time, the minimum in lockstep; 0 for none."""
         if self.mode == "manual":
             return 0.0
         if self.step_rate > 0:
@@ -43,7 +44,7 @@ class Timing:
 
     @property
     def decision_time_s(self) -> float | None:
-        """Wall time that a step waits for commands; None where it waits for ever."""
+        """Wall time that a step waits for commands; None without a timeout."""
         if self.mode == "realtime":
             return self.period_s
         if self.mode == "lockstep" and self.command_timeout_s > 0:
@@ -52,21 +53,21 @@ class Timing:
 
 
 class Due(Enum):
-    """What is to be done now."""
+    """The decision of the scheduler."""
 
     NOTHING = auto()
     STEP = auto()
-    """All that the step waits for is there."""
+    """Do a step: all commands and vehicles that it waits for are ready."""
     TIMEOUT = auto()
-    """Not all of it is, and the step waits no longer."""
+    """Do a step although commands or vehicles are missing, because the timeout has passed."""
     TICK = auto()
-    """Real time: the step does not ask what is there."""
+    """Do a step in real time, whether or not commands and vehicles are ready."""
 
 
 class Pace:
-    """The way through one step after the other.
+    """Progress through successive steps.
 
-    Times are seconds of any steady clock. The share of a step that is done never shrinks until the
+    Times are seconds of any steady clock. The completed share of a step never decreases until the
     next step begins, whatever else changes: mission time follows it and must not run backwards.
     """
 
@@ -77,30 +78,30 @@ class Pace:
         self._held = False
 
     def begin(self, now_s: float, *, on_schedule: bool) -> None:
-        """Begin a step, now or, with `on_schedule`, when the last one should have ended.
+        """Begin a step now or, with `on_schedule`, at the scheduled end of the last one.
 
-        A delay of a whole step or more is not caught up.
+        Delays of a whole step or more are not made up.
         """
         over = self._unbounded(now_s) - 1.0
         self._share = over if on_schedule and 0.0 < over < 1.0 else 0.0
         self._since_s = now_s
 
     def set_period(self, now_s: float, period_s: float) -> None:
-        """Let a step take this long from now on; 0 lets time stand still."""
+        """Set the duration of a step from now on; 0 stops time."""
         self._share, self._since_s = self.share(now_s), now_s
         self._period_s = period_s
 
     def hold(self, now_s: float, held: bool) -> None:
-        """Let time stand still, or go on from where it was."""
+        """Stop time, or let it continue."""
         self._share, self._since_s = self.share(now_s), now_s
         self._held = held
 
     def share(self, now_s: float) -> float:
-        """Return the share of the step that is done, 0 to 1."""
+        """Return the completed share of the step, 0 to 1."""
         return min(self._unbounded(now_s), 1.0)
 
     def left_s(self, now_s: float) -> float:
-        """Return the wall time until the step is done, if time goes on; 0 without a period."""
+        """Return the wall time until the end of the step, if time runs; 0 without a period."""
         return (1.0 - self.share(now_s)) * self._period_s
 
     def _unbounded(self, now_s: float) -> float:
@@ -110,13 +111,13 @@ class Pace:
 
 
 class StepScheduler:
-    """Decides when the steps of a mission are done.
+    """Decides when to do the steps of a mission.
 
-    Times are seconds of any steady clock. Whether a step is `ready` is known to the caller: whether
-    every drone in flight has a command, and every vehicle that is waited for has arrived.
+    Times are seconds of any steady clock. The caller passes whether a step is `ready`: every drone
+    in flight has a command, and every awaited vehicle has arrived.
 
     Attributes:
-        timing: When a step is due.
+        timing: Settings for when a step is due.
         paused: Whether the mission is held.
         done: Whether the mission is over.
     """
@@ -130,19 +131,19 @@ class StepScheduler:
         self.set_timing(timing, now_s)
 
     def set_timing(self, timing: Timing, now_s: float) -> None:
-        """Let steps be due otherwise from now on; the timeout starts anew."""
+        """Change the timing of steps from now on; the timeout restarts."""
         self.timing = timing
         self._pace.set_period(now_s, timing.period_s)
         self._start_timeout(now_s)
 
     def pause(self, paused: bool, now_s: float) -> None:
-        """Hold the mission, or let it go on from where it was; the timeout starts anew."""
+        """Hold the mission, or let it continue; the timeout restarts."""
         self.paused = paused
         self._pace.hold(now_s, paused)
         self._start_timeout(now_s)
 
     def begin(self, now_s: float, *, done: bool) -> None:
-        """Begin to wait for the next step, as one was done or a mission has started.
+        """Begin to wait for the next step, after a step or the start of a mission.
 
         Args:
             now_s: The time.
@@ -158,20 +159,20 @@ class StepScheduler:
 
     @property
     def running(self) -> bool:
-        """Whether steps are done without being asked for."""
+        """Whether steps are done without a request."""
         return self.timing.mode != "manual" and not self.paused and not self.done
 
     @property
     def moving(self) -> bool:
-        """Whether drones are on their way between two cells, or held there."""
+        """Whether drones are moving between two cells, or held there."""
         return self.timing.mode == "realtime" and not self.done
 
     def share(self, now_s: float) -> float:
-        """Return the share of the step that is done, 0 to 1; it never shrinks before the next."""
+        """Return the completed share of the step, 0 to 1; it never decreases within a step."""
         return self._pace.share(now_s)
 
     def wait_s(self, now_s: float, *, ready: bool) -> float:
-        """Return the time until something is due, infinite if nothing will be by itself."""
+        """Return the time until something is due, infinite if nothing is due by itself."""
         if not self.running:
             return math.inf
         left_s = self._pace.left_s(now_s)
@@ -180,7 +181,7 @@ class StepScheduler:
         return max(left_s, self._deadline_s - now_s)
 
     def due(self, now_s: float, *, ready: bool) -> Due:
-        """Return what is to be done now; after a step the caller calls `begin`."""
+        """Return the decision for now; after a step the caller calls `begin`."""
         if self.wait_s(now_s, ready=ready) > _RESOLUTION_S:
             return Due.NOTHING
         if self.timing.mode == "realtime":

@@ -23,42 +23,42 @@ from msg_adapters.tracks import without_repeats
 from msg_adapters.waypoint_files import qgc_wpl
 
 Track = tuple[NDArray[Any], NDArray[np.bool_]]
-"""(K, 2) of (col, row), and (K,) flags of the cells that were searched rather than moved to."""
+"""(K, 2) cells (col, row), and (K,) flags of searched cells; the others are moves."""
 
 ALTITUDE_STEP_M = 5.0
-"""Between the altitudes of two vehicles, where there is room for it."""
+"""Vertical separation of two vehicles, if there is room for it."""
 LOWEST_LAYER_M = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSettings:
-    """How a drone's moves and searches are flown.
+    """Settings for flying a drone's moves and searches.
 
     Raises:
         FieldError: If a value is not allowed.
     """
 
-    autopilot: str = field("str", "Which autopilots the vehicles have.", "ardupilot",
+    autopilot: str = field("str", "Autopilot of the vehicles.", "ardupilot",
         choices=tuple(FIRMWARES),
     )  # fmt: skip
     acceptance_radius: float = field(
-        "float", "Distance from the centre of a cell at which a vehicle is there; in cells that "
-        "are too small for it half their side.", 10.0, low=1, high=255, unit="m",
+        "float", "Distance from the centre of a cell within which a vehicle has arrived; half the "
+        "side in cells too small for it.", 10.0, low=1, high=255, unit="m",
     )  # fmt: skip
     search_altitude: float = field(
-        "float", "Altitude above home to which a vehicle descends to search a cell; flight "
-        "altitude where that is lower.", 30.0, low=1, high=20000, unit="m",
+        "float", "Altitude above home to which a vehicle descends to search a cell; the flight "
+        "altitude if that is lower.", 30.0, low=1, high=20000, unit="m",
     )  # fmt: skip
     search_hold: float = field(
-        "float", "How long a vehicle holds there.", 5.0, low=0, high=600, unit="s"
+        "float", "Time that a vehicle holds at the search altitude.", 5.0, low=0, high=600, unit="s"
     )
     altitude_step: float = field(
-        "float", "How much lower each vehicle flies than the one before it, so that paths do not "
-        "cross; 0 for all at one altitude, negative for 5 or, where there is not room for that, "
-        "less.", -1.0, low=-1, high=1000, unit="m",
+        "float", "Altitude of each vehicle below the previous one, so that paths do not cross; 0 "
+        "for the same altitude, negative for 5 or, without room for that, less.",
+        -1.0, low=-1, high=1000, unit="m",
     )  # fmt: skip
     merge_legs: bool = field(
-        "bool", "Whether missions fly a straight leg in one, without a waypoint in each cell.", True
+        "bool", "Whether missions fly a straight leg without a waypoint in each cell.", True
     )
 
     def __post_init__(self) -> None:

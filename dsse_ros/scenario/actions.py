@@ -28,31 +28,31 @@ ACTION_VECTORS: dict[str, tuple[int, int]] = {
     "down_right": (1, 1),
     "search": (0, 0),
 }
-"""Step of each action in cells (dx to the east, dy to the south)."""
+"""Move of each action in cells (dx to the east, dy to the south)."""
 
 STRAIGHT = ("left", "right", "up", "down")
 DIAGONAL = ("up_left", "up_right", "down_left", "down_right")
 
 
 class ActionSet:
-    """Actions by number, and the way over the grid that their moves allow.
+    """Actions by number, and the routes over the grid that their moves allow.
 
-    Diagonal moves are used where all four are there. An action of an unknown name stays in its
-    cell and is never chosen.
+    Routes use diagonal moves if all four exist. An action with an unknown name stays in its cell
+    and is never chosen.
 
     Args:
         names: Names of the actions; the index is the action number.
-        area: (G, G) bool [row, col], the cells that moves stay in; None for the whole grid.
+        area: (G, G) bool [row, col], the cells that moves may enter; None for the whole grid.
 
     Attributes:
         names: The names.
         area: As given.
-        moves: Of each action its step (dx, dy) in cells, to the east and to the south.
-        search: Number of the action search.
-        diagonal: Whether a step may change both coordinates.
+        moves: Move (dx, dy) of each action in cells, to the east and to the south.
+        search: Number of the action `search`.
+        diagonal: Whether a move may change both coordinates.
 
     Raises:
-        ValueError: If search is missing.
+        ValueError: If the action `search` is missing.
     """
 
     def __init__(self, names: Iterable[str], area: NDArray[np.bool_] | None = None) -> None:
@@ -73,7 +73,7 @@ class ActionSet:
         return len(self.names)
 
     def __str__(self) -> str:
-        """All actions with their numbers, for messages to people."""
+        """All actions with their numbers, for messages to users."""
         return ", ".join(f"{number} {name}" for number, name in enumerate(self.names))
 
     def _check(self, *needed: str) -> None:
@@ -82,11 +82,11 @@ class ActionSet:
             raise ValueError(f"actions: {', '.join(missing)} missing in {list(self.names)!r}")
 
     def within(self, area: NDArray[np.bool_] | None) -> ActionSet:
-        """Return these actions in an area."""
+        """Return these actions restricted to an area."""
         return ActionSet(self.names, area)
 
     def with_moves(self) -> ActionSet:
-        """Return these actions, which lead to every cell of a grid.
+        """Return these actions after checking that they reach every cell of a grid.
 
         Raises:
             ValueError: If one of the four straight moves is missing.
@@ -95,15 +95,16 @@ class ActionSet:
         return self
 
     def action(self, start: Cell, end: Cell) -> int:
-        """Return the number of the move from a cell to its neighbour; staying is a search."""
+        """Return the action number of the move from a cell to its neighbour, search if equal."""
         return self._number[end[0] - start[0], end[1] - start[1]]
 
     def towards(self, start: Cell, goal: Cell) -> Cell:
-        """Return the cell one step closer to the goal; the goal itself once there.
+        """Return the cell one step closer to the goal, or the goal itself once there.
 
-        Diagonally while both axes differ; without diagonals along the axis with the larger
-        difference, along the row when they are equal. In an area another way where this is not on
-        a shortest one, and the present cell where none leads to the goal.
+        The step is diagonal while both axes differ. Without diagonal moves it is along the axis
+        with the larger difference, or along the row if they are equal. If that cell is not on a
+        shortest path within the area, return one that is. If no path leads to the goal, return the
+        present cell.
         """
         (col, row), (goal_col, goal_row) = start, goal
         d_col, d_row = goal_col - col, goal_row - row
@@ -116,14 +117,14 @@ class ActionSet:
         return straight if self._paths is None else self._paths.next_cell(start, goal, straight)
 
     def distance(self, start: Cell, end: Cell) -> int:
-        """Return the number of moves between two cells; -1 if none lead there."""
+        """Return the number of moves between two cells, -1 without a path."""
         if self._paths is not None:
             return int(self._paths.distances(end)[start[1], start[0]])
         d_col, d_row = abs(start[0] - end[0]), abs(start[1] - end[1])
         return max(d_col, d_row) if self.diagonal else d_col + d_row
 
     def distances(self, cell: Cell, size: int) -> NDArray[np.int32]:
-        """Return the number of moves between a cell and each of a size x size grid, as `distance`.
+        """Return the `distance` from a cell to each cell of a size x size grid.
 
         Returns:
             (G, G) [row, col].
@@ -135,7 +136,7 @@ class ActionSet:
         return np.maximum(across, down) if self.diagonal else across + down
 
     def neighbours(self, cell: Cell, size: int) -> list[Cell]:
-        """Return the cells of a size x size grid, and of the area, that are one move away."""
+        """Return the cells one move away, within a size x size grid and the area."""
         col, row = cell
         cells = [
             (col + d_col, row + d_row)
@@ -145,14 +146,14 @@ class ActionSet:
         return cells if self.area is None else [(x, y) for x, y in cells if self.area[y, x]]
 
     def by_water(self, cells: Sequence[Cell]) -> list[tuple[list[int], NDArray[np.bool_] | None]]:
-        """Return drones by the cells that they can get to.
+        """Group drones by the connected components of the area.
 
         Args:
             cells: Cell of each drone.
 
         Returns:
-            Indices of drones that can meet, and the cells (G, G) bool [row, col] they can get to,
-            None for all of the grid.
+            For each component, the indices of its drones and its cells (G, G) bool [row, col],
+            None for the whole grid.
         """
         if self._paths is None:
             return [(list(range(len(cells))), None)]
@@ -165,10 +166,10 @@ class ActionSet:
         return waters
 
     def masks(self, grid_size: int) -> list[list[NDArray[np.int8]]]:
-        """Return by [row][col] the action masks (A,) int8, 0 where a move would leave the grid.
+        """Return the action masks (A,) int8 by [row][col], 0 where a move would leave the grid.
 
-        They are 0, too, where it would leave the area. They are read-only, and equal ones are one
-        object. The last row and column are for a drone just outside, at -1 or G.
+        They are also 0 where a move would leave the area. They are read-only, and equal masks are
+        the same object. The last row and column are for a drone just outside, at -1 or G.
         """
 
         def mask(west: bool, east: bool, north: bool, south: bool) -> NDArray[np.int8]:

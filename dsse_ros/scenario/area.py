@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The part of the grid that is searched: polygons in latitude and longitude, and the sea.
+"""The searched part of the grid: polygons in latitude and longitude, and the sea.
 
-A cell is in the area if its centre is. On polygons, lines between points are straight in latitude
-and longitude, and one that crosses the antimeridian is cut there (RFC 7946, 3.1.1 and 3.1.9).
+A cell is in the area if its centre is. Edges of polygons are straight in latitude and longitude. A
+polygon across the antimeridian must be cut there (RFC 7946, 3.1.1 and 3.1.9).
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ ALLOWED = "a GeoJSON file of a Polygon or MultiPolygon, or a list of three or mo
 Point = tuple[float, float]
 """Latitude and longitude in degrees."""
 Polygon = tuple[tuple[Point, ...], ...]
-"""Rings, not closed: the outer one and those of the holes."""
+"""Rings without a repeated last point: the outer one, then the holes."""
 
 
 @dataclass(frozen=True)
 class Area:
-    """Polygons on the Earth; what is in any of them is in the area."""
+    """Polygons on the Earth; the area is their union."""
 
     polygons: tuple[Polygon, ...]
 
     @classmethod
     def of(cls, value: Any) -> Area:
-        """Return the area of the path of a GeoJSON file, its text or content, or a list of points.
+        """Return the area from the path, text or content of GeoJSON, or from a list of points.
 
         Raises:
-            FieldError: If it is none of these.
+            FieldError: If the value is none of these.
         """
         if isinstance(value, cls):
             return value
@@ -63,7 +63,7 @@ class Area:
             raise FieldError(f"area: {shown(value)} is not allowed; {ALLOWED}") from None
 
     def to_geojson(self) -> str:
-        """Return the area as a GeoJSON text."""
+        """Return the area as GeoJSON text."""
         coordinates = [
             [[[lon, lat] for lat, lon in (*ring, ring[0])] for ring in polygon]
             for polygon in self.polygons
@@ -71,19 +71,19 @@ class Area:
         return json.dumps({"type": "MultiPolygon", "coordinates": coordinates})
 
     def contains(self, lat_deg: NDArray[Any], lon_deg: NDArray[Any]) -> NDArray[np.bool_]:
-        """Return whether points lie inside, (...) bool; on an outline, they do not.
+        """Return whether points lie inside, (...) bool; points on an outline do not.
 
         Args:
             lat_deg: (...) WGS84 latitudes.
             lon_deg: (...) WGS84 longitudes.
 
         Raises:
-            FieldError: If a polygon is none, or Shapely is missing.
+            FieldError: If a polygon is invalid, or Shapely is missing.
         """
         return self.prepared()(lat_deg, lon_deg)
 
     def prepared(self) -> Callable[[NDArray[Any], NDArray[Any]], NDArray[np.bool_]]:
-        """Return `contains` for points that come in parts.
+        """Return `contains` prepared for many calls with parts of the points.
 
         Raises:
             FieldError: As there.
@@ -120,7 +120,7 @@ def cell_centre(grid_size: int, cell_size_m: float, col: Any, row: Any) -> tuple
         grid_size: Cells along a side, G.
         cell_size_m: Side of a cell.
         col: Column; a fraction lies between cells. A number or an array.
-        row: Row, 0 in the north, likewise and of the same shape.
+        row: Row, 0 in the north; a number or an array of the same shape.
     """
     return (col + 0.5) * cell_size_m, (grid_size - 1 - row + 0.5) * cell_size_m
 
@@ -129,17 +129,17 @@ def cell_centre(grid_size: int, cell_size_m: float, col: Any, row: Any) -> tuple
 def area_mask(
     area: Area | None, land: bool, grid_size: int, cell_size_m: float, origin: Origin
 ) -> NDArray[np.bool_] | None:
-    """Return which cells of a grid are searched, (G, G) bool [row, col], read-only; None for all.
+    """Return the searched cells of a grid, (G, G) bool [row, col], read-only; None for all.
 
     Args:
-        area: What they lie in; None for anywhere.
-        land: Whether those on land are left out.
+        area: Area of the searched cells; None for no limit.
+        land: Whether to leave out cells on land.
         grid_size: G.
         cell_size_m: Side of a cell.
         origin: The grid's south-west corner.
 
     Raises:
-        FieldError: If no cell is left, a polygon is none, or a package is missing.
+        FieldError: If no cell is left, a polygon is invalid, or a package is missing.
     """
     if area is None and not land:
         return None
@@ -171,7 +171,7 @@ def area_mask(
 
 
 def _blocks(grid_size: int) -> Iterator[slice]:
-    """Yield rows that make a grid: of a large one the places of all cells take gigabytes."""
+    """Yield the rows of a grid in blocks: positions of all cells can take gigabytes."""
     count = max(_BLOCK_CELLS // grid_size, 1)
     for first in range(0, grid_size, count):
         yield slice(first, min(first + count, grid_size))
@@ -180,7 +180,7 @@ def _blocks(grid_size: int) -> Iterator[slice]:
 def _centres(
     grid_size: int, cell_size_m: float, origin: Origin, rows: slice
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return latitude and longitude of the centres of the cells of some rows, (R, G) each."""
+    """Return latitude and longitude of the cell centres in some rows, (R, G) each."""
     from dsse_ros.scenario.geodesy import surface_to_geodetic
 
     row, col = np.meshgrid(np.arange(rows.start, rows.stop), np.arange(grid_size), indexing="ij")
@@ -197,9 +197,9 @@ def runs_of(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _land_mask() -> Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]:
-    """Return what says which places (latitudes, longitudes) are on land; it takes 1.3 GB.
+    """Return a function (latitudes, longitudes) of whether points are on land; it takes 1.3 GB.
 
-    The shoreline is that of GSHHG, full resolution (Wessel and Smith, "A global, self-consistent,
+    The shoreline is GSHHG, full resolution (Wessel and Smith, "A global, self-consistent,
     hierarchical, high-resolution shoreline database", J. Geophys. Res. 101, 1996).
 
     Raises:
@@ -219,10 +219,10 @@ def _land_mask() -> Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray
 
 
 def _read(source: str | os.PathLike[str]) -> Any:
-    """Return what a GeoJSON text, or the file of this path, says.
+    """Return the content of a GeoJSON text, or of the file at this path.
 
     Raises:
-        FieldError: If the file cannot be read, or is no JSON.
+        FieldError: If the file cannot be read, or is not JSON.
     """
     text = os.fspath(source)
     try:
@@ -244,11 +244,11 @@ def _read(source: str | os.PathLike[str]) -> Any:
 
 
 def _polygons_of(geojson: Mapping[str, Any]) -> Iterator[Polygon]:
-    """Yield the polygons of a GeoJSON object (RFC 7946); there must be one.
+    """Yield the polygons of a GeoJSON object (RFC 7946), at least one.
 
     Raises:
-        FieldError: If it has anything else, or no polygon.
-        KeyError, TypeError, ValueError: If it is no GeoJSON.
+        FieldError: If the object has anything else, or no polygon.
+        KeyError, TypeError, ValueError: If the object is not GeoJSON.
     """
     kind = geojson["type"]
     match kind:
@@ -271,12 +271,12 @@ def _polygons_of(geojson: Mapping[str, Any]) -> Iterator[Polygon]:
 
 
 def _ring(points: Any) -> tuple[Point, ...]:
-    """Return the points of an outline, without the first one once more at the end.
+    """Return the points of an outline, without the repeated first point at the end.
 
     Raises:
-        FieldError: If a point is not on the Earth, or there are less than three.
-        TypeError: If these are no points.
-        ValueError: If these are no pairs.
+        FieldError: If a point is not on the Earth, or there are fewer than three.
+        TypeError: If the values are not points.
+        ValueError: If the points are not pairs.
     """
     if not isinstance(points, Sequence) or isinstance(points, str):
         raise TypeError

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a file in NumPy's format (.npy) says of its array, before there is memory for it."""
+"""Headers of files in NumPy's format (.npy), read before any memory is allocated."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _READERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
-"""By version; a third one is for names of fields beyond Latin-1."""
+"""Readers by version; version 3 is for field names beyond Latin-1."""
 
 
 def array_header(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Return shape and type of the array that a file begins with; its values follow.
+    """Return shape and type of the array in a file, and leave the file at its values.
 
     Raises:
-        ValueError: If it begins with none.
+        ValueError: If the file does not begin with an array header.
     """
     version = np.lib.format.read_magic(file)
     if version not in _READERS:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a step takes from a drone's battery, in percent of a full one."""
+"""Battery energy per step, in percent of a full battery."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from dsse_ros.scenario.fields import FieldError, field
 
 FULL = 100.0
-"""Energy of a battery, in percent."""
+"""Energy of a full battery, in percent."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BatteryFields:
-    """What a battery holds for, in percent of a full one."""
+    """Energy that actions need, in percent of a full battery."""
 
     battery_move: float = field(
         "float", "Energy of a move; 0: batteries do not run down.", 0.0, low=0, high=100, unit="%"
@@ -31,13 +31,12 @@ class BatteryFields:
         low=0, high=100, unit="%",
     )  # fmt: skip
     battery_reserve: float = field(
-        "float", "What has to be left in the battery when a drone is home.", 20.0,
+        "float", "Charge that a drone must have left when it is home.", 20.0,
         low=0, high=99, unit="%",
     )  # fmt: skip
     relief_steps: int = field(
         "int",
-        "Steps after which another drone, fully charged, takes the place of one that came home; "
-        "0: none does.",
+        "Steps after which a fully charged drone replaces one that came home; 0: no replacement.",
         0,
         low=0,
         high=10**6,
@@ -48,7 +47,7 @@ class BatteryFields:
         """Return the energies with nothing left to derive.
 
         Raises:
-            FieldError: If there is no energy for a step, or fields are given without a battery.
+            FieldError: If there is no energy for a search, or fields are given without a battery.
         """
         given = {
             name: getattr(self, name)

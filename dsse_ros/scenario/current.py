@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How fast the datum drifts under each rule of drift, and which vector makes it drift so.
+"""Conversion between vectors and the speed of the datum under each rule of drift.
 
-A vector of DSSE is no speed under every rule: see `drift_by_speed` and `drift_remainder` of
-`rules.SeaRules`, and `sea_map.drift` for what a step does.
+A vector of DSSE is not a speed under every rule: see `drift_by_speed` and `drift_remainder` of
+`rules.SeaRules`, and `sea_map.drift` for the drift of a step.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from dsse_ros.scenario.rules import Rules
 Vector: TypeAlias = tuple[float, float]
 
 MAX_ERROR = 0.1
-"""Share of a current by which the drift may miss it."""
+"""Largest error of the drift, as a share of the current."""
 
 MAX_ADDED = 10_000
-"""Steps to a cell up to which they are added up as `sea_map.drift` does it, as roundings may cost
-one more; beyond, that is nothing."""
+"""Steps per cell up to which increments are summed as in `sea_map.drift`, because rounding may cost
+one more step; for more steps, that is negligible."""
 
 
 def mean_drift(rules: Rules, vector: Vector, drone_speed: float) -> Vector:
-    """Return how far the datum drifts in a step on average, in cells, away from the edges.
+    """Return the mean drift of the datum in a step, in cells, away from the edges.
 
     Args:
-        rules: Say how a vector drifts.
-        vector: Of a scenario.
-        drone_speed: Of the fastest drone, in m/s.
+        rules: Set the drift of a vector.
+        vector: Vector of a scenario.
+        drone_speed: Airspeed of the fastest drone, in m/s.
     """
     x, y = vector
     if rules.drift_by_speed:
@@ -50,20 +50,20 @@ def resolve_vector(
     toward: float | None,
     drone_speed: float,
 ) -> Vector:
-    """Return the vector of a scenario, by itself, by a current or by the rules.
+    """Return the vector of a scenario: the stated one, that of a current, or the rules' default.
 
-    Where remainders are dropped, a cell takes whole steps: a current is the nearest one along each
-    axis.
+    If remainders are dropped, a cell takes whole steps, and the vector gives the nearest possible
+    current along each axis.
 
     Args:
-        rules: Say how a vector drifts.
-        vector: As stated, or None.
-        speed: Of the current in m/s, or None.
-        toward: Direction that it flows to, in degrees clockwise from north, or None.
-        drone_speed: Of the fastest drone, in m/s.
+        rules: Set the drift of a vector.
+        vector: The stated vector, or None.
+        speed: Speed of the current in m/s, or None.
+        toward: Direction of the current, in degrees clockwise from north, or None.
+        drone_speed: Airspeed of the fastest drone, in m/s.
 
     Raises:
-        FieldError: If these contradict each other, or no vector drifts as the current flows.
+        FieldError: If the values contradict each other, or no vector gives the current.
     """
     if speed is None and toward is None:
         return vector or rules.vector
@@ -95,12 +95,12 @@ def resolve_vector(
 
 
 def vector_of_increment(rules: Rules, increment: Vector, drone_speed: float) -> Vector:
-    """Return the vector that adds this to the remainder in each step, see `sea_map.drift_per_step`.
+    """Return the vector with this increment of the remainder, see `sea_map.drift_per_step`.
 
     Args:
-        rules: Say how a vector drifts.
-        increment: To the east and to the south, in cells.
-        drone_speed: Of the fastest drone, in m/s.
+        rules: Set the drift of a vector.
+        increment: Increment per step to the east and to the south, in cells.
+        drone_speed: Airspeed of the fastest drone, in m/s.
     """
     x, y = increment
     norm = math.hypot(x, y)
@@ -111,7 +111,7 @@ def vector_of_increment(rules: Rules, increment: Vector, drone_speed: float) -> 
 
 
 def _whole_steps(increment: float) -> float:
-    """Return the drift of an axis whose remainder is dropped once it has reached a cell."""
+    """Return the mean drift of an axis that drops its remainder on reaching a cell."""
     size = abs(increment)
     if size * MAX_ADDED < 1.0:
         return increment
@@ -125,7 +125,7 @@ def _for_whole_steps(drift: float) -> float:
     size = abs(drift)
     if size * MAX_ADDED < 1.0:
         return drift
-    # In the middle of the increments that drift so, where no rounding matters.
+    # Choose the middle of all increments with this drift, so that rounding does not matter.
     if size >= 1.0:
         return math.copysign(round(size) + 0.5, drift)
     fewer = math.floor(1.0 / size)

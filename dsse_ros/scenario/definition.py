@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What is public of a search."""
+"""The public part of a search."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from dsse_ros.scenario.scenario import Scenario
 
 @dataclass(frozen=True)
 class SearchDefinition:
-    """What is searched and by which rules: all that is public of a mission, values overridden too.
+    """The public part of a mission: its scenario, with overridden values, and its rules.
 
     Attributes:
         rules: The rules of the search.
-        scenario: That of the mission.
-        observed: What agents observe, as in `SearchEnv`: the map.
-        steps_done: None: the infos say it.
+        scenario: The scenario of the mission.
+        observed: The map that agents observe, as in `SearchEnv`: always `map`.
+        steps_done: None; the infos have it.
     """
 
     rules: Rules

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The fields of a scenario that ensembles of persons' tracks read."""
+"""The fields of a scenario for ensembles of persons' tracks."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from dsse_ros.scenario.fields import field
 
 @dataclass(frozen=True, kw_only=True)
 class EnsembleFields:
-    """How many particles stand for a person, and how they spread."""
+    """Number and spread of the particles of a person."""
 
     particles: int = field(
-        "int", "Ensembles: how many particles stand for where persons may be.", 10_000,
+        "int", "Ensembles: number of particles for the positions of persons.", 10_000,
         low=1, high=10**6,
     )  # fmt: skip
     ensemble_seed: int = field(
@@ -22,6 +22,6 @@ class EnsembleFields:
         low=0, high=2**53,
     )  # fmt: skip
     diffusivity: float = field(
-        "float", "Ensembles: of a person's random walk; its variance along an axis grows by twice "
-        "this in a second.", 1.0, low=0, high=1e6, unit="m^2/s",
+        "float", "Ensembles: diffusivity of a person's random walk; its variance along an axis "
+        "grows by twice this per second.", 1.0, low=0, high=1e6, unit="m^2/s",
     )  # fmt: skip

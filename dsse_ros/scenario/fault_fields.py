@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The faults of a scenario as data: their fields, and one table of what each of them is."""
+"""The faults of a scenario as data: their fields, and one table of all faults."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from dsse_ros.scenario.battery_fields import BatteryFields
 from dsse_ros.scenario.fields import FieldError, field
 
 MAX_DELAY = 32
-"""Steps of the longest delay of commands."""
+"""Longest delay of commands, in steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FaultFields(BatteryFields):
-    """What can go wrong; by default nothing does."""
+    """Faults that can occur; by default there are none."""
 
     loss_rate: float = field(
-        "float", "Probability that a step loses a drone in the air.", 0.0, low=0, high=1
+        "float", "Probability per step that a drone in the air is lost.", 0.0, low=0, high=1
     )
     loss_steps: tuple[int, ...] = field(
-        "ints", "Step that loses each drone, or one for all drones; 0 for never.", (0,),
+        "ints", "Step in which each drone is lost, or one for all drones; 0: never.", (0,),
         low=0, high=10**9, unit="steps",
     )  # fmt: skip
     stuck_rate: float = field(
-        "float", "Probability that a step finds a drone stuck: it hovers and does nothing.", 0.0,
+        "float", "Probability per step that a drone gets stuck: it hovers and does nothing.", 0.0,
         low=0, high=1,
     )  # fmt: skip
     stuck_steps: int = field(
-        "int", "How long a drone is stuck.", 5, low=1, high=10**6, unit="steps"
+        "int", "Time that a drone is stuck.", 5, low=1, high=10**6, unit="steps"
     )
     command_drop_rate: float = field(
         "float", "Probability that a command does not arrive: the drone hovers.", 0.0,
         low=0, high=1,
     )  # fmt: skip
     command_delay: int = field(
-        "int", "How long a command is under way: a drone does what it was commanded so long ago.",
+        "int", "Delay of commands: a drone executes the command sent this long ago.",
         0, low=0, high=MAX_DELAY, unit="steps",
     )  # fmt: skip
     false_alarm_rate: float = field(
@@ -49,20 +49,20 @@ class FaultFields(BatteryFields):
         low=0, high=1,
     )  # fmt: skip
     false_alarm_steps: int = field(
-        "int", "How long a drone hovers to see that its alarm was false.", 2,
+        "int", "Time that a drone hovers until it knows that its alarm was false.", 2,
         low=1, high=10**6, unit="steps",
     )  # fmt: skip
     position_noise: float = field(
         "float",
-        "Standard deviation, along each axis, of the positions that drones observe; where they "
-        "are and what they search stays true.",
+        "Standard deviation, along each axis, of the positions that drones observe; their true "
+        "positions and searched cells do not change.",
         0.0,
         low=0,
         high=1e4,
         unit="cells",
     )
     wind_speed: float = field(
-        "float", "Speed of the wind, below that of the drones: their airspeed is drone_speed.", 0.0,
+        "float", "Speed of the wind; below the drones' airspeed, drone_speed.", 0.0,
         low=0, high=1000, unit="m/s",
     )  # fmt: skip
     wind_toward: float = field(
@@ -75,10 +75,10 @@ class FaultFields(BatteryFields):
 
         Args:
             num_drones: N.
-            drone_speed: Of the slowest drone, in m/s.
+            drone_speed: Airspeed of the slowest drone, in m/s.
 
         Raises:
-            FieldError: If they contradict each other or the drones.
+            FieldError: If fields contradict each other or the drones.
         """
         if len(self.loss_steps) not in (1, num_drones):
             raise FieldError(
@@ -98,9 +98,9 @@ class Fault:
     """A kind of fault.
 
     Attributes:
-        doc: What it does, one sentence.
-        switches: Fields of which each brings the fault about, where it is not 0.
-        options: Fields that say how.
+        doc: Its effect, in one sentence.
+        switches: Fields that each enable the fault if not 0.
+        options: Fields that configure the fault.
         holds_up: Whether a drone may stay in a cell that it was commanded to leave.
     """
 
@@ -142,11 +142,12 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         ),
     }
 )  # fmt: skip
-"""Every fault by name. Missed detections are `probability_of_detection`, as planners know it."""
+"""Every fault by name. Missed detections are not faults: planners know
+`probability_of_detection`."""
 
 
 def faults_of(scenario: FaultFields) -> list[str]:
-    """Return the names of the faults that a scenario has."""
+    """Return the names of a scenario's faults."""
     return [
         name
         for name, fault in FAULTS.items()

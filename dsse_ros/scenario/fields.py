@@ -1,8 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Checked fields: what a value of a scenario or of the rules may be, stated once as data.
+"""Checked fields: the allowed values of scenarios and rules, stated once as data.
 
-The same statement validates Python arguments and YAML, and describes the ROS parameter.
+The same data validates Python arguments and YAML, and describes the ROS parameters.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ Kind = Literal[
 
 
 class FieldError(ValueError):
-    """A value that is not allowed; its text is one line with the field, the value and what is."""
+    """A value that is not allowed; the message is one line: field, value and allowed values."""
 
 
 @dataclass(frozen=True)
 class Spec:
-    """What one field may be.
+    """Type and limits of one field.
 
     Attributes:
         kind: bool, int, float, str; `vector` is a pair of floats, `cell` a pair of integers
-            (col, row), `cells` a list of those, `floats`, `ints` and
-            `names` are lists, `area` is what `area.Area` reads, `matrix` is what
-            `probability_matrix.ProbabilityMatrix` does.
-        doc: One sentence for people, without the unit.
+            (col, row), `cells` a list of cells, `floats`, `ints` and `names` are lists, `area` is
+            any value that `area.Area` reads, `matrix` any value that
+            `probability_matrix.ProbabilityMatrix` reads.
+        doc: One sentence for users, without the unit.
         unit: Unit of the value or of each element, "" if it has none.
         low: Smallest allowed value, inclusive.
         high: Largest allowed value, inclusive.
@@ -117,13 +117,13 @@ class Spec:
                 return self._number(value)
             case "str":
                 if isinstance(value, bool | np.bool_):
-                    # YAML and ROS read true and false as such.
+                    # YAML and ROS parse true and false as booleans.
                     value = str(value).lower()
                     if not self.choices:
                         raise TypeError
                 if not isinstance(value, str) or (self.choices and value not in self.choices):
                     raise TypeError
-                # Half a surrogate pair can neither be drawn nor sent.
+                # A lone surrogate can be neither drawn nor sent.
                 value.encode()
                 return value
             case "vector":
@@ -172,13 +172,13 @@ def shown(value: Any) -> str:
     try:
         text = " ".join(repr(value).split())
     except (RecursionError, ValueError):
-        # Python does not print integers of thousands of digits.
+        # Python refuses to print integers with thousands of digits.
         text = f"<{type(value).__name__}>"
     return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _elements(value: Any) -> list[Any]:
-    # A set has no order that would be the same in another process.
+    # The order of a set differs between processes.
     if isinstance(value, str | bytes | Mapping | Set) or not isinstance(value, Iterable):
         raise TypeError
     return list(value)
@@ -206,7 +206,7 @@ def check_all(instance: Any, cls: type | None = None) -> None:
 
 
 def check_known(what: str, names: Iterable[Any], known: Iterable[str]) -> None:
-    """Raise for the first name that is not a known field, with the nearest one that is.
+    """Raise for the first name that is not a known field, and suggest the nearest known one.
 
     Raises:
         FieldError: If a name is unknown.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Metres on the grid to WGS84: ENU at the grid's south-west corner through ECEF, by pymap3d.
 
-x and y are those of ENU, exact where flat-Earth formulas are off by metres within a few kilometres.
+x and y are exact in ENU; flat-Earth formulas are off by metres within a few kilometres.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 import pymap3d
 
 _SURFACE_M = 1e-6
-"""How close to the surface its point is looked for."""
+"""Tolerance of the height above the surface."""
 _MAX_TURNS = 20
 
 Origin = tuple[float, float, float]
@@ -25,11 +25,11 @@ def surface_to_geodetic(origin: Origin, x_m: Any, y_m: Any) -> tuple[Any, Any]:
     """Return latitude and longitude in degrees of points on the surface through the origin.
 
     Args:
-        origin: The point (0, 0), and how high the surface is above the ellipsoid.
+        origin: The point (0, 0), and the height of the surface above the ellipsoid.
         x_m: Metres east, a number or an array.
         y_m: Metres north.
     """
-    # The surface curves away from the plane; its point below (x, y) is found in two or three turns.
+    # The surface curves away from the plane; two or three iterations find its point below (x, y).
     up_m = np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))
     for _ in range(_MAX_TURNS):
         lat_deg, lon_deg, alt_m = through_ecef(pymap3d.enu2geodetic, origin, x_m, y_m, up_m)
@@ -43,7 +43,7 @@ def surface_to_geodetic(origin: Origin, x_m: Any, y_m: Any) -> tuple[Any, Any]:
 def through_ecef(
     convert: Callable[..., tuple[Any, Any, Any]], origin: Origin, *point: Any
 ) -> tuple[Any, Any, Any]:
-    """Return what a function of pymap3d makes of a point, given as numbers or arrays."""
+    """Convert a point, given as numbers or arrays, with a function of pymap3d."""
     # pymap3d does not broadcast, and its results differ in type between scalars and arrays.
     arrays = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in point))
     converted = convert(*(np.atleast_1d(array) for array in arrays), *origin)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How large a grid may be that a file, a message or a parameter asks for."""
+"""Size limits for grids from a file, a message or a parameter."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import math
 from dsse_ros.scenario.fields import FieldError
 
 MAX_SIDE = 10_000
-"""Cells along a side of the largest grid that there can be, as `grid_size` of a scenario has it."""
+"""Cells along a side of the largest possible grid, the limit of a scenario's `grid_size`."""
 LARGEST_GRID_CELLS = 4_000_000
-"""Cells of the largest grid that gets memory without being asked for one as large."""
+"""Cells of the largest grid allocated without an explicit request for a larger one."""
 
 
 def check_cells(grid_size: int, max_cells: int) -> None:
-    """Raise for a grid of more than `max_cells`, before there is any memory for it.
+    """Raise for a grid with more than `max_cells`, before any memory is allocated for it.
 
     Raises:
-        FieldError: If it is one.
+        FieldError: If the grid is too large.
     """
     if grid_size * grid_size > max_cells:
         raise FieldError(

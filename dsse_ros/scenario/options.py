@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The options of an environment and of a reset, for the single environment and the batch alike."""
+"""The options of an environment and of a reset, for both the single environment and the batch."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ OBSERVED = Spec("str", "What agents observe.", choices=("map", "belief"))
 """The argument `observe` of the environments."""
 
 IGNORED_OPTION = "options"
-"""What PettingZoo's own tests pass to every environment."""
+"""Option that PettingZoo's own tests pass to every environment."""
 
 
 def check_mapping(options: Mapping[str, Any] | None) -> Mapping[str, Any]:
     """Return the options of a reset, an empty mapping for none.
 
     Raises:
-        FieldError: If they are no mapping.
+        FieldError: If they are not a mapping.
     """
     if options is None:
         return {}

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Shortest ways from cell to cell of an area, by breadth-first search."""
+"""Shortest paths between the cells of an area, by breadth-first search."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Cell = tuple[int, int]
 
 
 class Paths:
-    """Ways within an area.
+    """Shortest paths within an area.
 
     Args:
         area: (G, G) bool, [row, col].
-        steps: The steps (dx, dy) of the moves; each has its opposite.
+        steps: The moves (dx, dy) in cells; each has its opposite.
     """
 
     def __init__(self, area: NDArray[np.bool_], steps: Sequence[Cell]) -> None:
@@ -29,7 +29,7 @@ class Paths:
         self.distances = lru_cache(maxsize=64)(self._distances)
 
     def _distances(self, goal: Cell) -> NDArray[np.int32]:
-        """Return the number of moves from each cell to the goal, (G, G); -1 where none lead."""
+        """Return the number of moves from each cell to the goal, (G, G); -1 without a path."""
         distances = np.full(self._area.shape, -1, np.int32)
         size = len(distances)
         if 0 <= goal[0] < size and 0 <= goal[1] < size and self._area[goal[1], goal[0]]:
@@ -37,9 +37,9 @@ class Paths:
         return distances
 
     def next_cell(self, start: Cell, goal: Cell, preferred: Cell) -> Cell:
-        """Return the next cell on a shortest way, the preferred one if it is on one.
+        """Return the next cell on a shortest path, the preferred one if possible.
 
-        The present cell, if there is no way.
+        Without a path, return the present cell.
         """
         distances = self.distances(goal)
         left = distances[start[1], start[0]]
@@ -57,7 +57,7 @@ class Paths:
 
 @njit(cache=True, nogil=True)
 def _flood(area: Any, steps: Any, col: int, row: int, distances: Any) -> None:
-    """Write the number of moves to a cell; -1 stays where none lead."""
+    """Write the number of moves to a cell; -1 stays where there is no path."""
     size = len(area)
     queue = np.empty((size * size, 2), np.int64)
     queue[0, 0], queue[0, 1] = col, row

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A probability matrix that is given: as an array, or as a file (.npy, CSV or GeoTIFF)."""
+"""A given probability matrix: an array, or a file (.npy, CSV or GeoTIFF)."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ ALLOWED = (
 )
 
 _KINDS = "fiu"
-"""Kinds of numbers, as NumPy has them."""
+"""NumPy's kinds of numbers."""
 _LONGEST_LINE = 32 * MAX_SIDE
-"""Characters of a line of a CSV; a float64 has 25."""
+"""Characters of a line in a CSV file; a float64 takes 25."""
 
 _M_PER_DEG = 111_320.0
-"""Of latitude; near enough to see whether a cell lies where it should."""
+"""Metres per degree of latitude; precise enough to check the place of a cell."""
 
 
 @dataclass(frozen=True)
 class ProbabilityMatrix:
-    """A matrix whose row 0 is in the north, as texts and numbers that fit into JSON.
+    """A matrix with row 0 in the north, stored as texts and numbers for JSON.
 
     Attributes:
         content: The matrix row by row, float64, little-endian, in base64.
-        corners: Latitude and longitude in degrees of the centres of the cells in the north-west,
-            the north-east, the south-west and the south-east; None without georeference.
-        source: Path of the file, "" for none.
+        corners: Latitude and longitude in degrees of the centres of the north-west, north-east,
+            south-west and south-east cells; None without georeference.
+        source: Path of the file, "" if there is none.
     """
 
     content: str
@@ -59,10 +59,10 @@ class ProbabilityMatrix:
 
     @classmethod
     def of(cls, value: Any) -> ProbabilityMatrix:
-        """Return the matrix of an array, of a file, or of the fields of one as JSON has them.
+        """Return the matrix from an array, a file, or the fields of a matrix from JSON.
 
         Raises:
-            FieldError: If it is none of these, or the file cannot be read.
+            FieldError: If the value is none of these, or the file cannot be read.
         """
         if isinstance(value, cls):
             return value
@@ -95,7 +95,7 @@ class ProbabilityMatrix:
         return flat.reshape(side, side)
 
     def check_place(self, grid_size: int, cell_size_m: float, origin: Origin) -> None:
-        """Raise unless the matrix has the size of this grid and, if it says where, its place.
+        """Raise unless the matrix has the size and, if georeferenced, the place of this grid.
 
         Args:
             grid_size: Cells along a side.
@@ -103,7 +103,7 @@ class ProbabilityMatrix:
             origin: The grid's south-west corner.
 
         Raises:
-            FieldError: If the size differs, or a corner lies off by more than half a cell.
+            FieldError: If the size differs, or a corner is off by more than half a cell.
         """
         size, edge = len(self.values), grid_size - 1
         what = f"{NAME}: {shown(self.source)}" if self.source else f"{NAME}: it"
@@ -119,7 +119,7 @@ class ProbabilityMatrix:
         lat, lon = surface_to_geodetic(origin, *cell_centre(grid_size, cell_size_m, col, row))
         given_lat, given_lon = np.array(self.corners).T
         north = (given_lat - lat) * _M_PER_DEG
-        # The shorter way round the Earth.
+        # Take the difference the shorter way round the Earth.
         degrees = (given_lon - lon + 180.0) % 360.0 - 180.0
         off_m = float(np.hypot(north, degrees * _M_PER_DEG * np.cos(np.radians(lat))).max())
         if not off_m <= cell_size_m / 2:
@@ -133,7 +133,7 @@ def _content(matrix: NDArray[Any]) -> str:
     """Return the content of a matrix.
 
     Raises:
-        ValueError: If it is not allowed.
+        ValueError: If the matrix is not allowed.
     """
     if matrix.dtype.kind not in _KINDS or matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ValueError
@@ -146,10 +146,10 @@ _Read = tuple[NDArray[Any], tuple[tuple[float, float], ...] | None]
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:
-    """Raise unless a matrix of this shape may be read, before there is memory for it.
+    """Raise unless this shape is allowed, before any memory is allocated.
 
     Raises:
-        ValueError: If it may not.
+        ValueError: If it is not.
     """
     if len(shape) != 2 or shape[0] != shape[1] or not 1 <= shape[0] <= MAX_SIDE:
         raise ValueError
@@ -178,10 +178,10 @@ def _read_csv(path: str) -> _Read:
 
 
 def _lines(file: TextIO) -> Iterator[str]:
-    """Yield the lines of a CSV, none longer than those of the largest matrix.
+    """Yield the lines of a CSV file, none longer than those of the largest matrix.
 
     Raises:
-        ValueError: If one is.
+        ValueError: If a line is longer.
     """
     while line := file.readline(_LONGEST_LINE):
         if len(line) == _LONGEST_LINE:
@@ -190,7 +190,7 @@ def _lines(file: TextIO) -> Iterator[str]:
 
 
 def _read_tiff(path: str) -> _Read:
-    """Return the first band, 0 where it has no data, and where its corners lie."""
+    """Return the first band, 0 where it has no data, and the positions of its corners."""
     try:
         import rasterio
         from rasterio.warp import transform
@@ -198,16 +198,16 @@ def _read_tiff(path: str) -> _Read:
         raise FieldError(
             f"{NAME}: {shown(path)} needs rasterio; {pip_install('geotiff')}"
         ) from None
-    # Without a file of this name rasterio has an error of its own.
+    # Raise the usual error for a missing file; that of rasterio differs.
     os.stat(path)
     try:
         with warnings.catch_warnings():
-            # One without georeference is allowed.
+            # A file without georeference is allowed.
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             raster = rasterio.open(path)
         with raster:
             _check_shape(raster.shape)
-            # One is read as a whole, also where it is larger than the image.
+            # rasterio reads a block as a whole, even if it is larger than the image.
             if math.prod(raster.block_shapes[0]) > MAX_SIDE**2:
                 raise ValueError
             values = raster.read(1, masked=True).filled(0)

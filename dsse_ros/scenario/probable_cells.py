@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The most probable cells of a map, in the order that all planners and tests share."""
+"""The most probable cells of a map, in one order for all planners and tests."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from dsse_ros.scenario.actions import Cell
 
 
 def most_probable(probability: NDArray[np.float32], count: int) -> list[Cell]:
-    """Return the count most probable cells (col, row), the best one last.
+    """Return the `count` most probable cells (col, row), the best one last.
 
-    The last `count` of a stable ascending sort of the cells row by row: of equally probable
-    cells the one further south, then further east, counts as better. NaN is the worst. This is the
-    order of the published greedy policy (`Greedy`), and whatever asks for the datum has it too.
+    These are the last `count` cells of a stable ascending sort row by row: among equally probable
+    cells, the one further south, then further east, is better. NaN is the worst. The published
+    greedy policy (`Greedy`) and every user of the datum share this order.
 
     Args:
         probability: Map (G, G).
-        count: At most G * G.
+        count: Number of cells, at most G * G.
     """
     flat = probability.ravel()
     parted = np.partition(flat, flat.size - count)[flat.size - count :]

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rules of the search as data: one frozen value per profile, read by one compiled step.
 
-Sources: the DSSE paper (arXiv 2307.06240), its table of rewards and its sections on the
+Sources: the DSSE paper (arXiv 2307.06240), namely its table of rewards and its sections on the
 probability matrix and the person's movement, and the behaviour of the packages DSSE 0.1.13
-(profile v1) and DSSE 1.1.9 (profile v2, and coverage for its CoverageDroneSwarmSearch).
+(profile v1) and DSSE 1.1.9 (profile v2, and profile coverage for its CoverageDroneSwarmSearch).
 """
 
 from __future__ import annotations
@@ -24,38 +24,42 @@ _STAR = (*STRAIGHT, *DIAGONAL, "search")
 
 @dataclass(frozen=True, kw_only=True)
 class ActionRules:
-    """What drones can do, and what a search looks for."""
+    """Actions of the drones and effect of a search."""
 
     actions: tuple[str, ...] = field(
-        "names", "Names of the actions: the action with number i is actions[i]."
+        "names", "Names of the actions; action number i is actions[i]."
     )
     noop_actions: bool = field(
-        "bool", "Whether an unknown action number does nothing, or is refused.", False
+        "bool", "Whether an unknown action number does nothing or is refused.", False
     )
     leave_policy: str = field(
         "str",
-        "A drone that would leave the grid keeps its cell and is terminated, keeps its cell and "
-        "goes on, or flies on outside.",
+        "Whether a drone that would leave the grid stays in its cell and is terminated, stays and "
+        "continues, or flies on outside.",
         choices=("terminate", "stay", "fly_on"),
     )
-    collisions: bool = field("bool", "Whether drones in one cell after all moved collide.")
+    collisions: bool = field("bool", "Whether drones in the same cell after all moves collide.")
     one_find_per_search: bool = field(
-        "bool", "Whether a search looks for the first person in the cell only, or for all.", False
+        "bool", "Whether a search looks only for the first person in the cell or for all.", False
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class RewardRules:
-    """What drones earn."""
+    """Rewards of the drones."""
 
     move: float = field("float", "Reward of any action that no other rule rewards.")
     leave_grid: float = field("float", "Reward of a move that would leave the grid.")
-    collision: float = field("float", "Reward of each drone that collided.", 0.0)
+    collision: float = field("float", "Reward of each drone that collides.", 0.0)
     search_min_probability: float = field(
-        "float", "Searching a cell below this probability is penalised.", 0.01, low=0, high=1
+        "float",
+        "Minimum probability of a cell below which a search gets search_below.",
+        0.01,
+        low=0,
+        high=1,
     )
     search_min_inclusive: bool = field(
-        "bool", "Whether a cell of exactly the minimum probability counts as above it.", True
+        "bool", "Whether a cell with exactly the minimum probability counts as above it.", True
     )
     search_below: float = field("float", "Reward of searching a cell below the minimum.")
     search_scale: float = field("float", "Reward of any other search: probability times this.")
@@ -64,20 +68,20 @@ class RewardRules:
     time_out: float = field("float", "Reward of an action after the time limit.")
     time_out_total: bool = field(
         "bool",
-        "Whether a time-out makes the drone's sum of rewards the time_out reward; rewards that "
-        "a collision replaced count as they were.",
+        "Whether a time-out makes the drone's total reward equal time_out; rewards that a "
+        "collision replaced count with their original value.",
         False,
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoverageRules:
-    """Whether the task is coverage, and what drones earn for it then."""
+    """The task, and the rewards of the coverage task."""
 
     task: str = field(
         "str",
-        "Drones look for persons (find), or visit each cell of a map that stands still where "
-        "probability is, once (cover).",
+        "Drones look for persons (find), or visit each cell with a probability once, on a map that "
+        "does not change (cover).",
         "find",
         choices=("find", "cover"),
     )
@@ -93,7 +97,7 @@ class CoverageRules:
     )
     cover_all: float = field(
         "float",
-        "Reward of each drone once all is covered: this times the number of cells per drone.",
+        "Reward of each drone once all cells are covered, times the number of cells per drone.",
         0.0,
     )
     cover_all_bonus: float = field("float", "Added to `cover_all`, times (1 - (t + 1) / L).", 0.0)
@@ -104,50 +108,53 @@ class TerminationRules:
     """When a search ends, and for whom."""
 
     time_out_grace: int = field(
-        "int", "Out of time is t >= L + this many steps.", 0, low=-1, high=1000, unit="steps"
+        "int", "A mission is out of time when t >= L plus this.", 0, low=-1, high=1000, unit="steps"
     )
     time_out_acts: bool = field(
-        "bool", "Whether an action after the time limit is still done.", False
+        "bool", "Whether drones still do an action after the time limit.", False
     )
     both_flags: bool = field(
-        "bool", "Whether a drone that is terminated or truncated is flagged as both.", False
+        "bool", "Whether a drone gets both flags when it is terminated or truncated.", False
     )
     ends_together: bool = field(
         "bool",
-        "Whether the first flag ends the search for all; a find then flags every drone but those "
-        "that move after it in the same step.",
+        "Whether the first flag ends the search for all drones; a find then flags every drone "
+        "except those that move after it in the same step.",
         False,
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class SeaRules:
-    """How the map drifts, and which cells are possible."""
+    """Drift of the map, and possible cells."""
 
     drift_remainder: str = field(
         "str",
-        "The remainder of a drift that moved the datum is kept; dropped; or less one cell.",
+        "Whether the remainder of a drift that moved the datum is kept, dropped, or reduced by one "
+        "cell.",
         "kept",
         choices=("kept", "dropped", "less_one"),
     )
     drift_axes_independent: bool = field(
-        "bool", "Whether an axis of the datum that would leave the grid stays alone, or both do."
+        "bool",
+        "Whether, at the edge of the grid, the datum stops only along the axis that would "
+        "leave it, or along both.",
     )
     drift_by_speed: bool = field(
-        "bool", "Whether the drift per step is v times norm(v) / drone_speed, or v.", False
+        "bool", "Whether the drift per step is v times norm(v) / drone_speed, or just v.", False
     )
     reset_sea_steps: int = field(
-        "int", "Steps of map and persons that reset does.", 0, low=0, high=1000, unit="steps"
+        "int", "Steps of the map and the persons during reset.", 0, low=0, high=1000, unit="steps"
     )
     circle: bool = field("bool", "Whether only cells inside the growing circle are possible.")
     circle_on_previous_datum: bool = field(
-        "bool", "Whether the circle is centred on the datum of the step before.", False
+        "bool", "Whether the circle is centred on the datum of the previous step.", False
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class PersonRules:
-    """Where persons start, how they move, and what becomes of those who are found."""
+    """Start and motion of the persons, and what happens after a find."""
 
     person_motion: str = field(
         "str",
@@ -157,14 +164,14 @@ class PersonRules:
         "window",
         choices=TARGET_MODELS.keys(),
     )
-    person_first: bool = field("bool", "Whether persons step before the map does.", False)
+    person_first: bool = field("bool", "Whether persons move before the map.", False)
     person_walks_blind: bool = field(
-        "bool", "Whether a person with an all-zero window walks (-1, -1), or stays.", False
+        "bool", "Whether a person in an all-zero window moves by (-1, -1) or stays.", False
     )
     person_scatter: int = field(
         "int",
-        "One person starts in the given cell, the others in different ones within this "
-        "distance; 0: all in it.",
+        "One person starts in the given cell, the others in different cells within this distance; "
+        "0: all start in the given cell.",
         0,
         low=0,
         high=2,
@@ -175,10 +182,10 @@ class PersonRules:
     )
 
 
-# A dataclass has the fields of its last base first.
+# A dataclass puts the fields of its last base first.
 @dataclass(frozen=True, kw_only=True)
 class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules, ActionRules):
-    """One set of rules; t is the number of steps done before the present one, L the limit.
+    """One set of rules. In the fields, t is the number of steps done before, L the step limit.
 
     Any field can be overridden by name: `profile("paper", collision=-2000)`.
 
@@ -186,7 +193,7 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
         FieldError: If a value is not allowed.
     """
 
-    profile: str = field("str", "Name of the profile these rules started from.")
+    profile: str = field("str", "Name of the profile that these rules are based on.")
     sigma: float = field("float", "Default spread of the Gaussian.", above=0, unit="cells")
     dispersion_inc: float = field(
         "float", "Default growth of the spread per step.", 0.0, low=0, unit="cells"
@@ -194,7 +201,7 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
     grid_size: int = field("int", "Default number of cells along a side.", low=1, high=10000)
     vector: tuple[float, float] = field("vector", "Default drift.", unit="cells per step")
     person_initial_position: tuple[int, int] | None = field(
-        "cell", "Default cell of the person; the centre of the grid if not given.", None
+        "cell", "Default cell of the person; by default the centre of the grid.", None
     )
     timestep_limit: int = field("int", "Default limit L.", 100, low=1, high=10**9, unit="steps")
 
@@ -215,7 +222,7 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
 
     @property
     def margin(self) -> int:
-        """Cells off the grid that a drone can be: one that flies on is there when it ends."""
+        """Cells by which a drone can be off the grid: one that flies on outside ends there."""
         return int(self.leave_policy == "fly_on")
 
     @cached_property
@@ -316,9 +323,9 @@ _COVERAGE = _V2.override(
     cover_all_bonus=1,
     time_out_grace=-1,
     both_flags=False,
-    # Ten minutes of steps of 13 s, after which the package has the drones come.
+    # Ten minutes in steps of 13 s, after which the drones arrive in DSSE 1.1.9.
     reset_sea_steps=46,
-    # Where there is no matrix, persons drift as the paper has it, with a spread that grows.
+    # Without a matrix, persons drift as in the paper, with a growing spread.
     drift_remainder="kept",
     drift_axes_independent=True,
     drift_by_speed=False,
@@ -337,7 +344,7 @@ GROUPS: dict[str, type] = {
     "Sea": SeaRules,
     "Persons": PersonRules,
 }
-"""The fields of the rules by what they are about, without the defaults of the scenario."""
+"""The fields of the rules by topic, without the defaults of the scenario."""
 
 PROFILES: dict[str, Rules] = {rules.profile: rules for rules in (_PAPER, _V1, _V2, _COVERAGE)}
 """The profiles by name."""

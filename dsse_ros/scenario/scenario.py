@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The scenario of a search: area, camera, sea, persons, drones and limits, checked and frozen."""
+"""The scenario of a search: area, camera, sea, persons, drones and limits."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.targets.registry import MOTIONS
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
-"""A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, "Environment and the real
+"""A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, section "Environment and the real
 world")."""
 
 MAX_PRE_SEARCH_STEPS = 1_000_000
 
 SYNONYMS = {"dispersion_start": "sigma"}
-"""Other names of fields, as DSSE 1.1.9 has them."""
+"""Other names of fields, from DSSE 1.1.9."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario(EnsembleFields, SearcherFields, FaultFields):
-    """What is searched, by whom, for how long; None means "derive it" or "the profile's default".
+    """The setting of a search; None means "derive it" or "the profile's default".
 
-    `resolve` gives the scenario with every such field filled in.
+    `resolve` fills in every such field.
 
     Raises:
         FieldError: If a value is not allowed.
     """
 
-    name: str = field("str", "Name of the place, for people.", "")
+    name: str = field("str", "Name of the place, for users.", "")
     origin_lat: float = field(
         "float", "WGS84 latitude of the grid's south-west corner.", -24.04, low=-90, high=90,
         unit="deg",
@@ -59,30 +59,30 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
     )
     area: Area | None = field(
         "area",
-        "Polygons that are searched: a GeoJSON file or, in YAML and Python, a list of [lat, lon]. "
-        "A cell is in them if its centre is. Empty for the whole grid.",
+        "Polygons to search: a GeoJSON file or, in YAML and Python, a list of [lat, lon]. A cell "
+        "belongs to a polygon if its centre is inside. Empty for the whole grid.",
         None,
     )
     land: bool = field(
         "bool",
-        "Whether cells on land, by the shoreline of GSHHG, are left out; it takes 6 s and 1.3 GB.",
+        "Whether to leave out cells on land, by the GSHHG shoreline; takes 6 s and 1.3 GB.",
         False,
     )
     probability_matrix: ProbabilityMatrix | None = field(
         "matrix",
-        "Coverage: what is to be covered, a .npy, CSV or GeoTIFF file or, in Python, an array; "
-        "empty for where the persons are after pre_search_minutes.",
+        "Coverage: probability to cover, a .npy, CSV or GeoTIFF file or, in Python, an array; "
+        "empty for the distribution of the persons after pre_search_minutes.",
         None,
     )
     grid_size: int | None = field(
         "int", "Cells along a side of the square grid.", None, low=1, high=10000, unit="cells"
     )
     zone_size: float | None = field(
-        "float", "Side of the zone to search, instead of grid_size; whole cells cover it.", None,
-        above=0, high=1e7, unit="m",
+        "float", "Side of the zone to search, instead of grid_size; rounded up to whole cells.",
+        None, above=0, high=1e7, unit="m",
     )  # fmt: skip
     cell_size: float | None = field(
-        "float", "Side of a cell; by default what the camera sees.", None,
+        "float", "Side of a cell; by default the width that the camera sees.", None,
         low=1e-3, high=1e6, unit="m",
     )  # fmt: skip
     field_of_view: float = field(
@@ -90,7 +90,7 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         above=0, high=175, unit="deg",
     )  # fmt: skip
     num_drones: int | None = field(
-        "int", "Number of drones; by default one per start cell given, else 1.", None,
+        "int", "Number of drones; by default one per given start cell, else 1.", None,
         low=1, high=10**8,
     )  # fmt: skip
     drones_positions: tuple[tuple[int, int], ...] | None = field(
@@ -131,10 +131,15 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         low=0,
     )  # fmt: skip
     pre_search_minutes: float = field(
-        "float", "Drift before the drones arrive.", 0.0, low=0, high=1e6, unit="min"
+        "float", "Time of drift before the drones arrive.", 0.0, low=0, high=1e6, unit="min"
     )
     timestep_limit: int | None = field(
-        "int", "Steps the drones can do, their endurance.", None, low=1, high=10**9, unit="steps"
+        "int",
+        "Steps that the drones can do, their endurance.",
+        None,
+        low=1,
+        high=10**9,
+        unit="steps",
     )
 
     def __post_init__(self) -> None:
@@ -161,9 +166,9 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
 
     @classmethod
     def from_yaml(cls, path: str | os.PathLike[str]) -> Scenario:
-        """Return the scenario that a YAML file of field names and values states.
+        """Return the scenario from a YAML file of field names and values.
 
-        The path of a file in it starts from its folder.
+        Paths in the file are relative to its folder.
 
         Raises:
             FieldError: If the file cannot be read, is not YAML, or does not fit.
@@ -179,10 +184,10 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
 
     @classmethod
     def of(cls, source: ScenarioSource) -> Scenario:
-        """Return a scenario from any form it may have: itself, a mapping, a YAML path or None.
+        """Return a scenario from any source: a scenario, a mapping, a YAML path or None.
 
         Raises:
-            FieldError: If it is not one of these or does not fit.
+            FieldError: If the source is none of these, or its fields are not allowed.
         """
         if source is None:
             return cls()
@@ -195,8 +200,8 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
     def override(self, **values: Any) -> Scenario:
         """Return the scenario with these fields replaced; a None leaves a field as it is.
 
-        An override of one way of stating a thing (grid_size, vector, num_drones) replaces the
-        other (zone_size, current_speed and current_toward, drones_positions).
+        An override of grid_size, vector or num_drones also replaces the alternative field
+        (zone_size, current_speed and current_toward, drones_positions), and vice versa.
 
         Raises:
             FieldError: If a key is unknown or a value is not allowed.
@@ -280,7 +285,7 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         """Return the cells along a side of the grid, and the side of a cell in metres.
 
         Raises:
-            FieldError: If fields contradict each other, or there is no such grid.
+            FieldError: If fields contradict each other, or the grid is impossible.
         """
         cell = self.cell_size
         if cell is None:
@@ -299,7 +304,7 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         if self.zone_size is None:
             side = rules.grid_size if matrix is None else len(matrix.values)
             return SPECS["grid_size"].check("grid_size", self.grid_size or side)
-        # The tolerance keeps a zone of exactly n cells at n.
+        # The tolerance keeps rounding from adding a cell to a zone of exactly n cells.
         grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
         if self.grid_size not in (None, grid):
             raise FieldError("grid_size and zone_size state the same thing, not alike; give one")
@@ -329,8 +334,8 @@ class ResolvedScenario(Scenario):
 
     Attributes:
         stated: The scenario that it was derived from.
-        drift: How far the datum drifts in a step on average, to the east and to the south, in
-            cells, by the rules that it was resolved with.
+        drift: Mean drift of the datum per step, to the east and to the south, in cells, under the
+            rules that the scenario was resolved with.
     """
 
     grid_size: int
@@ -354,8 +359,8 @@ class ResolvedScenario(Scenario):
     def override(self, **values: Any) -> Scenario:
         """Return the scenario as it was stated, with these fields replaced.
 
-        What was derived is derived anew: the cell of another altitude, the drift in cells of
-        other drones. Where nothing is replaced, nothing is.
+        Derived fields are derived again: the cell size from a new altitude, the drift in cells from
+        a new drone speed. If no field is replaced, derived fields keep their values.
 
         Raises:
             FieldError: If a key is unknown or a value is not allowed.
@@ -365,7 +370,7 @@ class ResolvedScenario(Scenario):
 
     @property
     def area_mask(self) -> NDArray[np.bool_] | None:
-        """Which cells are searched, (G, G) bool [row, col], read-only; None for all."""
+        """The searched cells, (G, G) bool [row, col], read-only; None for all."""
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
         return area_mask(self.area, self.land, self.grid_size, self.cell_size, origin)
 
@@ -376,7 +381,7 @@ class ResolvedScenario(Scenario):
 
     @property
     def other_ways(self) -> dict[str, float]:
-        """The fields that state grid_size and vector in other ways, as they would be."""
+        """The fields equivalent to grid_size and vector, with their derived values."""
         east, south = self.drift
         return {
             "zone_size": self.grid_size * self.cell_size,
@@ -391,7 +396,7 @@ class ResolvedScenario(Scenario):
 
 
 FILES = ("area", "probability_matrix")
-"""Fields whose texts are paths."""
+"""Fields whose string values are paths."""
 
 _ALTERNATIVES = (
     (("grid_size",), ("zone_size",)),
@@ -400,7 +405,7 @@ _ALTERNATIVES = (
 )
 
 SPECS: dict[str, Spec] = specs(Scenario)
-"""What each field of a scenario may be."""
+"""The `Spec` of each field of a scenario."""
 
 ScenarioSource = Scenario | Mapping[str, Any] | str | os.PathLike[str] | None
 """A scenario, its fields, the path of its YAML file, or None for the profile's defaults."""
@@ -411,7 +416,7 @@ def scenario_and_rules(
 ) -> tuple[Scenario, Rules]:
     """Return scenario and rules with single fields of either overridden by name.
 
-    A field that both have is the scenario's. A None leaves a field as it is.
+    A field of both is overridden in the scenario. A None leaves a field as it is.
 
     Raises:
         FieldError: If a field is unknown or a value is not allowed.
@@ -430,7 +435,7 @@ def check_cell(
     """Raise unless the cell (col, row) is on the grid and, with a mask (G, G), in the area.
 
     Raises:
-        FieldError: If it is outside.
+        FieldError: If the cell is outside.
     """
     if not all(0 <= c < grid_size for c in cell):
         raise FieldError(
@@ -451,7 +456,7 @@ def check_positions(
     """Raise unless these are `count` different cells of the grid and, with a mask, of the area.
 
     Raises:
-        FieldError: If there are too few or too many, or a cell is outside or stands twice.
+        FieldError: If there are too few or too many, or a cell is outside or occurs twice.
     """
     if not positions or (count is not None and len(positions) != count):
         raise FieldError(

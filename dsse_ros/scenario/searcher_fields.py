@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The drones of a scenario by their kinds: how fast and how high they fly, for how long."""
+"""The drones of a scenario by kind: speed, altitude and endurance."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.sensors.registry import SENSORS
 
 ROUNDING = 1e-9
-"""Of a whole number of steps: a quotient of two floats is not exact."""
+"""Tolerance for a whole number of steps: a quotient of two floats is not exact."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearcherFields:
-    """What the drones are; a kind of drone has values of its own in place of these."""
+    """Properties of the drones; a kind of drone may override them."""
 
     altitude: float = field(
         "float", "Height of the drones above the sea.", 120.0, low=1e-3, high=20000, unit="m"
@@ -34,13 +34,13 @@ class SearcherFields:
         "names", "Kind of each drone, or one for all drones.", (DEFAULT,)
     )
     sensor: str = field(
-        "str", "Sensor of the drones whose kind has none of its own.", "own_cell",
+        "str", "Sensor of drones whose kind does not define one.", "own_cell",
         choices=SENSORS.keys(),
     )  # fmt: skip
 
     @property
     def kinds(self) -> tuple[Searcher, ...]:
-        """The kinds of the drones, each once, with what the scenario says where they do not."""
+        """The distinct kinds of the drones, with missing values from the scenario."""
         return tuple(
             dataclasses.replace(
                 kind,
@@ -53,7 +53,7 @@ class SearcherFields:
 
     @property
     def kind_of(self) -> tuple[int, ...]:
-        """(N,) the number of each drone's kind in `kinds`, of a resolved scenario."""
+        """(N,) index in `kinds` of each drone's kind; only of a resolved scenario."""
         number = {name: i for i, name in enumerate(dict.fromkeys(self.searchers))}
         return tuple(number[name] for name in self.searchers)
 
@@ -64,13 +64,13 @@ class SearcherFields:
 
     @property
     def altitudes(self) -> tuple[float, ...]:
-        """(N,) how high each drone flies, m, of a resolved scenario."""
+        """(N,) altitude of each drone, m; only of a resolved scenario."""
         of_kinds = [kind.altitude or self.altitude for kind in self.kinds]
         return tuple(of_kinds[number] for number in self.kind_of)
 
     @property
     def has_slower_drones(self) -> bool:
-        """Whether a kind is slower than another, so that a cell takes it several steps."""
+        """Whether a kind is slower than another and therefore needs several steps per cell."""
         speeds = self.speeds
         return min(speeds) < max(speeds)
 
@@ -81,12 +81,12 @@ class SearcherFields:
 
         Args:
             num_drones: N.
-            rules: Say which actions there are.
+            rules: Set the available actions.
             has_battery: Whether batteries run down, so that drones must find their way home.
 
         Raises:
-            FieldError: If there is no such kind, the numbers differ, or a kind does not fit the
-                rules.
+            FieldError: If a kind is unknown, the number of kinds does not fit the drones, or a kind
+                does not fit the rules.
         """
         names = self.searchers
         for name in names:
@@ -129,17 +129,17 @@ def _check_kind(name: str, kind: Searcher, actions: Collection[str], *, has_batt
 
 
 def whole_steps(fastest: float, speed: float) -> int:
-    """Return the steps that a cell takes at a ground speed, if it takes the fastest drone one.
+    """Return the steps per cell at a ground speed, where the fastest drone needs one.
 
     Args:
-        fastest: Its airspeed, m/s.
+        fastest: Airspeed of the fastest drone, m/s.
         speed: The ground speed, m/s.
     """
     return max(math.ceil(fastest / speed - ROUNDING), 1)
 
 
 def endurance_steps(kind: Searcher, step_duration_s: float) -> int:
-    """Return the whole steps of a kind's endurance, at least 1; 0 where it has none."""
+    """Return a kind's endurance in whole steps, at least 1; 0 without an endurance."""
     if kind.endurance_min is None:
         return 0
     return max(math.floor(kind.endurance_min * 60 / step_duration_s + ROUNDING), 1)

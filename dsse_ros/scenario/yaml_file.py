@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""YAML files of fields and values: small, plain, and read as YAML 1.2 reads them."""
+"""Small, plain YAML files of fields and values, read as YAML 1.2."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MAX_DEPTH = 8
 
 
 def read_yaml(path: str | os.PathLike[str]) -> Any:
-    """Return what a file says, by the core schema of YAML 1.2 (yaml.org/spec/1.2.2, 10.3).
+    """Return the content of a file, by the core schema of YAML 1.2 (yaml.org/spec/1.2.2, 10.3).
 
-    So `1e3` is a number, and `no`, `1:30` and `2024-01-01` are texts.
+    In this schema `1e3` is a number, and `no`, `1:30` and `2024-01-01` are strings.
 
     Raises:
-        FieldError: If the file cannot be read, is not YAML, has a key twice, or has what fields
-            never need: an alias, a tag of its own, deep nesting, more than `MAX_BYTES`.
+        FieldError: If the file cannot be read, is not YAML, has a key twice, is larger than
+            `MAX_BYTES`, or has an alias, a custom tag or deep nesting, which fields never need.
     """
     try:
         with Path(path).open("rb") as file:
@@ -40,14 +40,14 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
     except FieldError:
         raise
     except ValueError as error:
-        # A path that no file system has.
+        # The path is invalid on every file system.
         raise FieldError(str(error)) from None
     except yaml.YAMLError as error:
         raise FieldError(f"not YAML: {' '.join(str(error).split())}") from None
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML reads YAML 1.1; this leaves out what 1.2 no longer has and files do not need."""
+    """PyYAML's loader for YAML 1.1, without the features that 1.2 dropped or fields never need."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}
     yaml_constructors: ClassVar[dict[Any, Any]] = {}
@@ -82,7 +82,7 @@ def _number(loader: Any, node: Any) -> int | float:
             return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
         return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
     except ValueError:
-        # A tag that does not fit, or more digits than Python reads.
+        # The tag does not fit, or there are more digits than Python reads.
         raise FieldError(f"{_line(node)}: {shown(text)} is no number") from None
 
 
@@ -106,7 +106,7 @@ _SCALARS: dict[str, tuple[str, str, Callable[[Any, Any], Any]]] = {
         _number,
     ),
 }
-"""How a scalar looks, what it can begin with, and what it is made into."""
+"""Pattern of a scalar, its possible first characters, and its constructor."""
 
 for _kind, (_pattern, _first, _make) in _SCALARS.items():
     _first_of = [*_first, ""] if _kind == "null" else list(_first)

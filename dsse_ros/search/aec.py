@@ -85,4 +85,4 @@ def aec_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
 
 
 env = aec_env
-"""The name under which PettingZoo's users look for it."""
+"""The name that PettingZoo users expect."""

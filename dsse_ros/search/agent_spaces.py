@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The spaces of agents, as PettingZoo asks an environment for them."""
+"""PettingZoo's per-agent spaces."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from gymnasium import spaces
 
 
 class AgentSpaces:
-    """An environment whose agents' spaces stand in two dictionaries.
+    """An environment that keeps the spaces of its agents in two dictionaries.
 
-    PettingZoo's own methods warn, and users of an environment rely on getting the same object
-    each time: it may be seeded.
+    PettingZoo's own methods warn. Users rely on getting the same object each time, because they
+    may have seeded it.
 
     Attributes:
         observation_spaces: Of each agent.

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""When the search is compiled: at its first use after an installation, unless it is prepared."""
+"""Compilation of the search, at its first use after an installation unless it is prepared."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from dsse_ros.search.world_beliefs import WorldBeliefs
 from dsse_ros.step import kernels
 
 COMPILING = "compiling the search, once after an installation; it takes 10 s, or a few times that"
-"""Logged before the compiler starts; not logged where its cache has all that is needed."""
+"""Logged before the compiler starts; not logged if its cache is complete."""
 
 
 _OF_WORLDS = (kernels.reset_worlds, kernels.refresh_worlds, kernels.step_worlds)
@@ -35,18 +35,18 @@ _OF_BELIEFS = (
 
 
 class Compilation:
-    """How far the compiler is since now, in any process, by what it leaves in its cache.
+    """Progress of the compiler from now on, in any process, measured by its cache entries.
 
     Args:
         belief: Whether a belief is compiled too.
 
     Attributes:
-        total: How many functions there are.
+        total: Number of functions.
     """
 
     def __init__(self, *, belief: bool) -> None:
         functions = _with_callees(_OF_WORLDS + (_OF_BELIEFS if belief else ()))
-        # Numba has no public way to ask; where there is no cache, there is nothing to see.
+        # Numba has no public interface for its progress. Without a cache none is visible.
         caches: list[Any] = [
             getattr(getattr(function, "_cache", None), "_cache_file", None)
             for function in functions
@@ -56,7 +56,7 @@ class Compilation:
         self._before = self._entries()
 
     def done(self) -> int:
-        """Return how many functions were compiled since."""
+        """Return the number of functions compiled since construction."""
         return min(self._entries() - self._before, self.total)
 
     def _entries(self) -> int:
@@ -65,7 +65,7 @@ class Compilation:
 
 @contextmanager
 def compilation_bar(*, belief: bool) -> Iterator[Callable[[], None]]:
-    """Show a bar on a terminal while the block lasts; yields what brings it up to date.
+    """Show a progress bar on a terminal during the block; yield a function that updates it.
 
     Args:
         belief: Whether a belief is compiled too.
@@ -99,12 +99,12 @@ class _Announcer(event.Listener):
 
 @contextmanager
 def announced(announce: Callable[[str], object], *, belief: bool | None = None) -> Iterator[None]:
-    """Announce the compiler when it first has work to do while the block lasts.
+    """Announce the compiler when it first starts work during the block.
 
     Args:
-        announce: Called with `COMPILING` then.
-        belief: Of an environment, whether a belief is compiled too: shows how far the compiler is,
-            on a terminal. None where something else is compiled.
+        announce: Called with `COMPILING` at that moment.
+        belief: For an environment, whether a belief is compiled too; a terminal then shows the
+            compiler's progress. None if something else is compiled.
     """
     announcer = _Announcer(announce, belief)
     with announcer.bar, event.install_listener("numba:compile", announcer):
@@ -112,7 +112,7 @@ def announced(announce: Callable[[str], object], *, belief: bool | None = None) 
 
 
 def _with_callees(functions: Iterable[Dispatcher]) -> set[Dispatcher]:
-    """Return compiled functions and those that they call."""
+    """Return compiled functions and all functions that they call."""
     found: set[Dispatcher] = set()
     left = list(functions)
     while left:
@@ -148,12 +148,12 @@ def prepared_env(
         scenario: Of the environment.
         rules: Of the environment.
         announce: Called with `COMPILING` if the compiler has work to do.
-        has_belief: Called with the size of the grid, whether a belief is prepared too.
+        has_belief: Called with the size of the grid; returns whether to prepare a belief too.
 
     Raises:
         FieldError: If the scenario does not fit the rules.
     """
-    # Bad input is refused before the compiler takes its time.
+    # Refuse bad input before the slow compilation.
     grid_size = scenario.resolve(rules).grid_size
     with_belief = not rules.covers and has_belief(grid_size)
     with announced(announce, belief=with_belief):

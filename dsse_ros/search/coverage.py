@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The coverage task of B worlds: what is to be covered, what is left of it, and its metrics."""
+"""The coverage task of B worlds: the probability to cover, its uncovered rest, and metrics."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ METRICS = ("coverage_rate", "repeated_coverage", "pos")
 """Names of the metrics: see `Coverage.metrics`."""
 
 PARTICLES = 50_000
-"""As many stand for the persons in DSSE 1.1.9: a cell in which not one would be needs no visit."""
+"""Particles of DSSE 1.1.9. A cell that would hold less than one particle needs no visit."""
 
 _SUM_TOLERANCE = 1e-9
-"""A matrix whose sum is this near 1 stays as it is, to the last bit."""
+"""A matrix whose sum is this close to 1 stays unchanged, to the last bit."""
 
 
 def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
-    """Return the probability of containment that is to be covered, (G, G) as [y, x].
+    """Return the probability of containment to cover, (G, G) as [y, x].
 
-    It is the scenario's `probability_matrix` or, without one, that of where the persons are once
-    they have moved for `reset_sea_steps` and `pre_search_minutes`, as `belief.Belief` has it. It is
-    0 outside the area, sums to 1, and is cut where it is less than `cover_min_probability`.
+    It is the scenario's `probability_matrix`. Without one, it is the `belief.Belief` after the
+    persons have moved for `reset_sea_steps` and `pre_search_minutes`. It is 0 outside the area,
+    sums to 1, and is cut where it is less than `cover_min_probability`.
 
     Raises:
         FieldError: If nothing is left.
@@ -55,16 +55,16 @@ def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
 
 
 class Coverage:
-    """What B worlds have of the coverage task.
+    """State of the coverage task in B worlds.
 
     Args:
-        scenario: What is searched.
+        scenario: The scenario.
         rules: The rules of the search.
         num_worlds: B.
 
     Attributes:
         poc: (G, G) float64, see `poc_of`.
-        left: (B, G, G) float64, what is left of it; a visit takes that of its cell.
+        left: (B, G, G) float64, the rest of `poc`; a visit removes the probability of its cell.
         records: (B,) of `coverage_kernels.COVERAGE`.
 
     Raises:
@@ -80,15 +80,15 @@ class Coverage:
 
     @property
     def arrays(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """The argument `coverage` of the kernels."""
+        """The kernels' argument `coverage`."""
         return self.poc, self.left, self.records
 
     def metrics(self, num_missing: NDArray[np.int64]) -> dict[str, NDArray[np.float64]]:
-        """Return the metrics of each world by their names, (B,) float64.
+        """Return the metrics of all worlds by name, (B,) float64 each.
 
-        `coverage_rate` is the share of the cells to cover that are covered; `repeated_coverage` are
-        the visits of other cells, over the same number; `pos` is the probability of the covered
-        cells, times that of detection.
+        `coverage_rate` is the share of the cells to cover that are covered. `repeated_coverage` is
+        the number of visits to other cells, divided by the number of cells to cover. `pos` is the
+        probability of the covered cells times the probability of detection.
 
         Args:
             num_missing: (B,) cells not covered yet.
@@ -101,7 +101,7 @@ class Coverage:
         }
 
     def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return what is left of cells, (B, K) float32, 0 outside the grid; see `World.cells`."""
+        """Return the rest of cells, (B, K) float32, 0 outside the grid; see `World.cells`."""
         size = len(self.poc)
         inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
         world = np.arange(len(self.left))[:, np.newaxis]

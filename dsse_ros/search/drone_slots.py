@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Each drone of each world as a slot of its own: what learning libraries train one policy on."""
+"""Each drone of each world as a slot, so that learning libraries can train one shared policy."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class Transition(NamedTuple):
 
     Attributes:
         env: The worlds.
-        before: Observations before it.
-        cells: (B, N, 2) int64, where the drones were before it as (x, y), whatever they observe.
-        actions: (B, N) int8, what the drones did, numbers of the rules; -1 for nothing. With
-            faults that may be another thing than they were commanded.
-        after: Observations after it, before any world is reset.
-        over: (B,) bool, the worlds whose mission it has ended.
-        terminal: (B, N) bool, the drones whose search it has ended, but for those whose time is
-            out: for them nothing comes after it.
+        before: Observations before the step.
+        cells: (B, N, 2) int64, the true cells (x, y) of the drones before the step.
+        actions: (B, N) int8, the actions that the drones did, by the rules' numbers; -1 for
+            nothing. With faults they may differ from the commands.
+        after: Observations after the step, before any world is reset.
+        over: (B,) bool, the worlds whose mission the step ended.
+        terminal: (B, N) bool, the drones whose search the step ended, except by the time limit:
+            they have no future reward.
     """
 
     env: VectorEnv
@@ -42,25 +42,24 @@ class Transition(NamedTuple):
 
 
 Reward = Callable[[Transition], NDArray[np.float64]]
-"""From a step to rewards (B, N)."""
+"""Computes the rewards (B, N) of a step."""
 
 
 class SlotStep(NamedTuple):
-    """What a step has come to in S = B N slots and B worlds.
+    """Result of a step in S = B N slots and B worlds.
 
     Attributes:
-        observations: (S, ...) float32; where a world's mission has ended, those of its next one.
+        observations: (S, ...) float32; where a mission has ended, those of the world's next one.
         rewards: (S,) float64.
-        terminated: (S,) bool, as the rules flag it.
-        truncated: (S,) bool, likewise; some rules set both at every end.
-        out_of_time: (S,) bool, the drones whose search this step has ended because time is out:
-            what was to come counts for them, see Pardo et al., "Time limits in reinforcement
-            learning", 2018.
+        terminated: (S,) bool, by the rules.
+        truncated: (S,) bool, by the rules; some rules set both flags at every end.
+        out_of_time: (S,) bool, the drones whose search ended in this step at the time limit. Their
+            future rewards count, see Pardo et al., "Time limits in reinforcement learning", 2018.
         action_masks: (S, A) int8, those of `observations`.
-        final_observations: (S, ...) float32, those at the ends of missions too.
+        final_observations: (S, ...) float32; where a mission has ended, those of its end.
         over: (B,) bool, the worlds whose mission has ended.
-        found: (B,) bool, those in which every person was found.
-        steps: (B,) int64, steps of the mission that this step was one of.
+        found: (B,) bool, the worlds in which every person was found.
+        steps: (B,) int64, steps done in the mission that this step belongs to.
     """
 
     observations: NDArray[np.float32]
@@ -76,12 +75,12 @@ class SlotStep(NamedTuple):
 
 
 def searched_probability(step: Transition) -> NDArray[np.float64]:
-    """Return the probability (B, N) that each drone's looks find; those at one cell share it.
+    """Return the probability (B, N) that each drone's looks find; looks at one cell share it.
 
-    Looks that were done count, from the cells that they were done in.
+    Only looks that the drones did count, from the cells in which they did them.
 
-    With the belief as observation their sum is what the step is expected to find, whether it does
-    or not: a dense reward without the chance of a find. Several persons count with their mean.
+    With the belief as observation, their sum is the expected number of finds in the step: a dense
+    reward without the luck of an actual find. With several persons it uses their mean POD.
     """
     env, probability = step.env, step.before["probability"]
     grid, looks = probability.shape[-1], env.world.looks
@@ -108,28 +107,27 @@ class DroneSlots:
     """A batch of searches whose drones are slots: slot b N + n is drone n of world b.
 
     A world whose mission has ended is reset in the same step. A drone that is out before its
-    mission is over stays a slot that is terminated or truncated in every step, with reward 0, and
-    action 0 alone is allowed to it.
+    mission is over keeps its slot, which is terminated or truncated in every step, with reward 0
+    and action 0 as the only valid action.
 
     Args:
-        env: The batch; not a lazy one.
-        encoding: What a drone observes. Where `encode` returns a tuple, its second part is
-            (..., N, A), the actions of the rules that the numbers of each slot stand for. Its space
-            is a `Box`.
-        reward: What it is rewarded for, by default as the rules say.
+        env: The batch; must not be lazy.
+        encoding: Observation of a drone; its space is a `Box`. If `encode` returns a tuple, its
+            second part (..., N, A) maps the action numbers of each slot to actions of the rules.
+        reward: Reward function; by default the rewards of the rules.
 
     Attributes:
         env: As given.
         num_slots: S.
         num_actions: A.
         single_observation_space: Of one slot.
-        acting: (S,) bool, the slots whose drones act upon the last observation: those that are
-            still in the search, and have time left.
-        order: (S, A), the actions of the rules that the numbers of each slot stand for at the last
-            observation; None for the same.
+        acting: (S,) bool, the slots whose drones act on the last observation: those still in the
+            search, with time left.
+        order: (S, A), maps the action numbers of each slot to actions of the rules at the last
+            observation; None if they are the same.
 
     Raises:
-        FieldError: If the batch is lazy, or an observation is no array.
+        FieldError: If the batch is lazy, or the space of the encoding is not a `Box`.
     """
 
     def __init__(
@@ -172,10 +170,10 @@ class DroneSlots:
         """Advance every world by one step.
 
         Args:
-            actions: (S,) integers from 0 to A - 1; those of slots that are out do not count.
+            actions: (S,) integers from 0 to A - 1; those of slots that are out have no effect.
 
         Raises:
-            FieldError: If they are not; the missions stay as they are.
+            FieldError: If an action is not allowed; the missions stay as they are.
         """
         joint = self._joint_action(actions)
         before, out = self._observations, self._out
@@ -214,10 +212,10 @@ class DroneSlots:
         self.env.close()
 
     def _joint_action(self, actions: NDArray[Any]) -> NDArray[np.int8]:
-        """Return the actions of the rules (B, N) that the numbers of the slots stand for.
+        """Map the action numbers of the slots to actions of the rules (B, N).
 
         Raises:
-            FieldError: If a number stands for none.
+            FieldError: If a number is not an action.
         """
         numbers = check_integers("actions", actions, (self.num_slots,))
         wrong = (numbers < 0) | (numbers >= self.num_actions)
@@ -230,7 +228,7 @@ class DroneSlots:
         return numbers.reshape(self._out.shape).astype(np.int8)
 
     def _note_acting(self, infos: Mapping[str, NDArray[Any]]) -> None:
-        """Note which drones act next, by the infos of what they observe."""
+        """Record which drones act next, from the infos of the last observation."""
         rules = self.env.rules
         in_time = rules.time_out_acts | (infos["step"] < self.env.last_step)
         self.acting = (~self._out & in_time[:, None]).ravel()
@@ -245,7 +243,7 @@ class DroneSlots:
     def _encoded(
         self, which: Any = slice(None)
     ) -> tuple[NDArray[np.float32], NDArray[np.int64] | None]:
-        """Return the observations of all slots, or of those of some worlds, and their actions."""
+        """Return the observations and action order of all slots, or of the slots of some worlds."""
         positions, probability = (
             self._observations[name][which] for name in ("positions", "probability")
         )

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What B worlds have of an ensemble: its tracks, which they share, and which one a person is on."""
+"""The ensemble of B worlds: the shared tracks, and the track that each person follows."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from dsse_ros.step.ensemble_kernels import SeaEnsemble
 from dsse_ros.step.sea_tracks import SeaTracks, tracks_of
 
 DECIDES_TRACKS = ("vector", "person_initial_position")
-"""Fields of the scenario that a reset may replace, and that the tracks depend on."""
+"""Fields of the scenario that a reset may replace and that change the tracks."""
 
 
 class WorldEnsemble:
     """The ensemble that the persons of B worlds follow.
 
     Args:
-        scenario: What is searched.
+        scenario: The scenario.
         rules: The rules of the search.
-        tracks: Of the scenario.
+        tracks: Tracks of the scenario.
         shape: (B, P).
 
     Attributes:
-        tracks: The tracks, shared with others; not to be written to.
-        track: (B, P) int64, which of them each person follows.
+        tracks: The tracks, shared and therefore read-only.
+        track: (B, P) int64, number of the track that each person follows.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class WorldEnsemble:
 
     @classmethod
     def of(cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> WorldEnsemble | None:
-        """Return the ensemble of worlds, None if their persons do not follow one.
+        """Return the ensemble of worlds, or None if their persons do not follow one.
 
         Raises:
             FieldError: As `tracks_of`.
@@ -59,7 +59,7 @@ class WorldEnsemble:
         return tracks
 
     def __getstate__(self) -> dict[str, Any]:
-        # Tracks are large, and follow from the scenario: a copy shares them.
+        # Tracks are large and follow from the scenario, so copies share them.
         return {name: value for name, value in vars(self).items() if name != "tracks"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -68,15 +68,15 @@ class WorldEnsemble:
 
     @property
     def arrays(self) -> SeaEnsemble:
-        """The argument `ensemble` of the kernels."""
+        """The kernels' argument `ensemble`."""
         tracks = self.tracks
         return SeaEnsemble(tracks.truth, tracks.cumulative, tracks.maps, self.track)
 
     def place(self, replaced: dict[str, Any]) -> bool:
-        """Have the tracks of the scenario with these fields replaced; returns whether they changed.
+        """Switch to the tracks of the scenario with these fields; return whether they changed.
 
         Args:
-            replaced: Of `World.placed`.
+            replaced: Replaced fields, as `World.placed` returns them.
         """
         values = {name: replaced[name] for name in DECIDES_TRACKS if name in replaced}
         if values == self._values:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The faults and kinds of drones of B worlds: what stands between commands and what drones do."""
+"""Faults and drone kinds of B worlds: they make drones deviate from their commands."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from dsse_ros.step.looks import Looks, looks_of
 
 
 class Arrays(Protocol):
-    """What faults need of the worlds, see `World`."""
+    """The parts of `World` that faults use."""
 
     constants: NDArray[np.void]
     area: NDArray[np.bool_] | None
@@ -42,16 +42,16 @@ class Arrays(Protocol):
 
 
 def paces(scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None) -> list[float]:
-    """Return of each action the share of its move that a step does in the wind, at most 1.
+    """Return the share of each action's move that one step covers in the wind, at most 1.
 
-    A drone with the airspeed v holds its track in the wind: with c and w the parts of the wind
-    across and along it, its ground speed is sqrt(v^2 - c^2) + w. A drone that is slower than the
-    fastest takes a whole number of steps. The share is 0 of an action that the kind cannot do.
+    A drone with airspeed v holds its track in the wind. With crosswind c and tailwind w, its ground
+    speed is sqrt(v^2 - c^2) + w. A drone slower than the fastest takes a whole number of steps. The
+    share is 0 for an action that the kind cannot do.
 
     Args:
-        scenario: Has the wind.
-        rules: Have the actions.
-        kind: One of the scenario's kinds, by default a fastest one that can do all.
+        scenario: Sets the wind.
+        rules: Set the actions.
+        kind: One of the scenario's kinds; by default as fast as the fastest, with all actions.
     """
     fastest = max(scenario.speeds)
     v = fastest if kind is None or kind.speed is None else kind.speed
@@ -78,7 +78,7 @@ def paces_of_drones(scenario: ResolvedScenario, rules: Rules) -> list[list[float
 
 
 def abilities_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
-    """Return what each drone can do, (N,) of `fault_kernels.ABILITIES`."""
+    """Return the abilities of the drones, (N,) of `fault_kernels.ABILITIES`."""
     kinds, fastest = scenario.kinds, max(scenario.speeds)
     of_kinds = np.zeros(len(kinds), ABILITIES)
     for k, kind in enumerate(kinds):
@@ -91,13 +91,13 @@ def abilities_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
 
 
 def has_limits(abilities: NDArray[np.void], num_actions: int) -> bool:
-    """Return whether a drone is slower than another, or cannot do all, or not for ever."""
+    """Return whether a drone is slower than another, lacks an action, or has an endurance."""
     cannot = abilities["pace"][:, :num_actions] == 0
     return bool((abilities["slower"] | (abilities["endurance"] > 0) | cannot.any(axis=1)).any())
 
 
 def fault_constants(scenario: ResolvedScenario, *, has_limits: bool) -> NDArray[np.void]:
-    """Return the faults as the kernels read them, (1,) of `fault_kernels.FAULT_CONSTANTS`."""
+    """Return the faults for the kernels, (1,) of `fault_kernels.FAULT_CONSTANTS`."""
     constants = np.zeros(1, FAULT_CONSTANTS)
     for name in set(FAULT_CONSTANTS.names or ()) - {"battery", "has_limits"}:
         constants[name] = getattr(scenario, name)
@@ -107,9 +107,9 @@ def fault_constants(scenario: ResolvedScenario, *, has_limits: bool) -> NDArray[
 
 
 def false_alarms(scenario: ResolvedScenario, looks: Looks) -> NDArray[np.float64]:
-    """Return the probability that an action's looks in vain report somebody, (K, A).
+    """Return the probability (K, A) that an action's unsuccessful looks raise a false alarm.
 
-    That of the sensor and that of the scenario's fault come about independently.
+    False alarms of the sensor and of the scenario's fault are independent.
     """
     rates, fault = looks.false_alarms, scenario.false_alarm_rate
     together = np.where(rates > 0.0, 1.0 - (1.0 - rates) * (1.0 - fault), fault)
@@ -117,13 +117,13 @@ def false_alarms(scenario: ResolvedScenario, looks: Looks) -> NDArray[np.float64
 
 
 class Faults:
-    """The faults of the worlds of a `World`, and what the kinds of its drones can do.
+    """The faults in the worlds of a `World`, and the abilities of its drones.
 
     Attributes:
         conditions: (B, N) of `fault_kernels.CONDITIONS`.
-        applied: (B, N) int8, what the drones did in the last step, `HOLD` for nothing.
+        applied: (B, N) int8, actions the drones did in the last step, `HOLD` for nothing.
         has_battery: Whether batteries run down.
-        is_noisy: Whether observed positions are not the true ones.
+        is_noisy: Whether observed positions differ from the true ones.
     """
 
     def __init__(self, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> None:
@@ -145,13 +145,13 @@ class Faults:
 
     @classmethod
     def of(cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Faults | None:
-        """Return the faults of a scenario, None where it has none and its drones no limits."""
+        """Return the faults of a scenario, or None if it has no faults and its drones no limits."""
         limited = has_limits(abilities_of(scenario, rules), len(rules.actions))
         limited = limited or bool(looks_of(scenario, rules).false_alarms.any())
         return cls(scenario, rules, num_worlds) if limited or faults_of(scenario) else None
 
     def place(self, world: Arrays) -> None:
-        """Take the starts of the drones for their homes; all worlds have the same."""
+        """Make the drones' start cells their homes; all worlds have the same ones."""
         homes: list[tuple[int, int]] = [(x, y) for x, y in world.starts[0].tolist()]
         if self.has_battery and homes != self._homes:
             self._homes = homes
@@ -167,10 +167,10 @@ class Faults:
         )  # fmt: skip
 
     def check(self, snapshot: Snapshot, grid_size: int) -> None:
-        """Raise unless the kernels stay within their arrays with a snapshot of this shape.
+        """Raise if a snapshot of this shape would make the kernels leave their arrays.
 
         Raises:
-            SnapshotError: If they would not.
+            SnapshotError: If it would.
         """
         conditions, starts = snapshot.arrays["conditions"], snapshot.arrays["starts"]
         status, heading = conditions["status"], conditions["heading"]
@@ -182,12 +182,12 @@ class Faults:
             raise SnapshotError("the snapshot is damaged: a start of a drone is off the grid")
 
     def restore(self, world: Arrays) -> None:
-        """Go on from the conditions and the starts of a snapshot."""
+        """Continue from the restored conditions and starts of a snapshot."""
         self.place(world)
         self.applied[:] = self.conditions["applied"]
 
     def around(self, world: Arrays, step: Callable[..., None]) -> Callable[..., None]:
-        """Return the step of worlds with faults: called as the step, with the commands."""
+        """Wrap a step with the faults; the wrapper takes commands in place of actions."""
 
         def step_with_faults(
             commands: NDArray[np.int8], maps: NDArray[np.float32], first: int, last: int
@@ -208,7 +208,7 @@ class Faults:
     def restrict(
         self, world: Arrays, masks: NDArray[np.int8], first: int = 0, last: int | None = None
     ) -> NDArray[np.int8]:
-        """Take off action masks (B, N, A) what drones cannot do or come home from; the masks."""
+        """Clear the actions that drones cannot do or return home after in masks (B, N, A)."""
         fault_kernels.restrict_masks(
             world.constants, self._constants, self._abilities, world.area, world.drones,
             self.conditions, self._ways.steps, self._ways.actions, masks, first,
@@ -217,27 +217,27 @@ class Faults:
         return masks
 
     def set_battery(self, drone: int, percent: float) -> None:
-        """Set what is left in a drone's battery, of the first world, where it runs down."""
+        """Set the charge of a drone of the first world; without batteries, do nothing."""
         if self.has_battery:
             self.conditions["battery"][0, drone] = percent
 
     def positions(self) -> NDArray[np.int64]:
-        """Return where the drones observe that they are, (B, N, 2) as (x, y), a view."""
+        """Return the observed positions of the drones, (B, N, 2) as (x, y), a view."""
         whole: NDArray[np.int64] = self.conditions.view(np.int64)
         return whole.reshape(*self.conditions.shape, -1)[..., :2]
 
     def batch_infos(self) -> dict[str, NDArray[Any]]:
-        """Return what `infos` has of all worlds, (B, N), `status` as a number."""
+        """Return the values of `infos` for all worlds, (B, N) each, with `status` as a number."""
         names = {"status": "status", "applied": "action"}
         if self.has_battery:
             names["battery"] = "battery"
         return {name: self.conditions[of].copy() for of, name in names.items()}
 
     def infos(self, world: int, drones: Sequence[int]) -> list[dict[str, Any]]:
-        """Return what agents learn of their faults, or as their kind has limits, in addition.
+        """Return the infos that faults, or limits of a drone's kind, add for each agent.
 
-        `status` is one of `fault_kernels.STATUSES`, `action` what the drone did in the last step,
-        -1 for nothing, and `battery` is in percent, where it runs down.
+        `status` is one of `fault_kernels.STATUSES`; `action` is the drone's action in the last
+        step, -1 for nothing; `battery` is in percent, present if batteries run down.
         """
         infos = []
         for drone in drones:

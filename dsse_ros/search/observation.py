@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a drone observes, and where the map is most probable."""
+"""The observation of a drone and its space."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Observation(NamedTuple):
     """The observation of one drone.
 
     Attributes:
-        position: (2,) integers, its cell (x, y).
+        position: (2,) integers, the drone's cell (x, y).
         probability: (G, G) float32, the probability of cell [y, x].
     """
 
@@ -26,11 +26,11 @@ class Observation(NamedTuple):
 
 
 AgentObservation = tuple[NDArray[np.integer[Any]], NDArray[np.float32]]
-"""What an environment hands out for each agent: `Observation(*it)` has names."""
+"""Plain tuple that an environment returns per agent; `Observation(*value)` names its parts."""
 
 
 def observation_space(grid_size: int, rules: Rules) -> spaces.Tuple:  # type: ignore[type-arg]
-    """Return the space of a drone's observations, for grid_size cells along a side."""
+    """Return the observation space of a drone on a grid with grid_size cells along a side."""
     span, first = [grid_size + 2 * rules.margin] * 2, [-rules.margin] * 2
     return spaces.Tuple(
         (

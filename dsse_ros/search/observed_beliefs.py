@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The beliefs that agents observe: they learn in the cells where drones say that they are."""
+"""The beliefs that agents observe: updated in the cells that the drones report."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dsse_ros.search.world_beliefs import WorldBeliefs
 
 
 def observed_beliefs(world: World) -> WorldBeliefs:
-    """Return the beliefs of B worlds as their agents can have them, see `WorldBeliefs`.
+    """Return the beliefs of B worlds from what their agents observe, see `WorldBeliefs`.
 
     Raises:
         FieldError: As there.
@@ -24,7 +24,7 @@ def observed_beliefs(world: World) -> WorldBeliefs:
 
 
 class _SeenWorld:
-    """A world whose drones are where they observed to be before the step."""
+    """A world with its drones at the positions that they observed before the step."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -32,13 +32,13 @@ class _SeenWorld:
 
     def __getattr__(self, name: str) -> Any:
         if name == "_world":
-            # It is being copied.
+            # `copy` looks up attributes before `__init__` has set `_world`.
             raise AttributeError(name)
         return getattr(self._world, name)
 
 
 class _ObservedBeliefs(WorldBeliefs):
-    """Beliefs of worlds whose drones observe wrong positions."""
+    """Beliefs of worlds whose drones observe noisy positions."""
 
     _world: Any
 
@@ -47,7 +47,7 @@ class _ObservedBeliefs(WorldBeliefs):
         super().__init__(_SeenWorld(world))  # type: ignore[arg-type]
 
     def before_step(self, actions: NDArray[np.int8]) -> None:
-        """Note who is about to act, and where."""
+        """Record which drones are about to act, and where."""
         faults = self._truth.faults
         assert faults is not None
         self._world.drones[:] = self._truth.drones
@@ -60,10 +60,10 @@ class _ObservedBeliefs(WorldBeliefs):
         return np.stack([drones["x"], drones["y"]], axis=-1)
 
     def after_step(self, first: int = 0, last: int | None = None) -> None:
-        """Learn from what was searched in the step of worlds first..last - 1, and move on."""
+        """Update worlds first..last - 1 with the searches of the step, and advance them."""
         drones, seen = self._world.drones[first:last], self._seen[first:last]
         drones[:] = self._truth.drones[first:last]
-        # A move is known, where it began is not.
+        # A drone knows its move but not the cell in which the move began.
         moved = self._cells()[first:last] - self._left[first:last]
         drones["x"], drones["y"] = seen[..., 0] + moved[..., 0], seen[..., 1] + moved[..., 1]
         super().after_step(first, last)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The search as a PettingZoo parallel environment: a shell over the arrays of one `World`."""
+"""The search as a PettingZoo parallel environment, a thin layer over one `World`."""
 
 from __future__ import annotations
 
@@ -35,26 +35,26 @@ from dsse_ros.view import rendering
 class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     """A drone swarm searching for persons at sea (PettingZoo parallel API).
 
-    An observation is a tuple, an `Observation` without its names, of
+    An observation is a plain tuple with the parts of an `Observation`, from the space
     `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell (x, y) and the map
-    [y, x], one read-only array that all agents share. `infos[agent]` has `Found`, whether every
-    person has been found, `action_mask` (A,) int8, 0 where a move would leave the grid or the area,
-    and, of several persons, `World.infos_of_finds`. Actions are numbers of `rules.actions`.
+    [y, x], one read-only array that all agents share. Actions are numbers of `rules.actions`.
+    `infos[agent]` has `Found`, whether every person has been found, `action_mask` (A,) int8, 0
+    where a move would leave the grid or the area, and, with several persons,
+    `World.infos_of_finds`. See `Faults.infos` for the keys that faults add.
 
-    Observed is the map that the rules draw, which no search changes, or with `observe="belief"`
-    what can be known from the searches so far (`belief.Belief`), in the cells that the drones
-    observed; `infos[agent]` then has `pos`, the cumulative probability of success of the searches
-    of the mission there. What infos have with faults
-    says `Faults.infos`.
+    By default agents observe the map of the rules, which searches do not change. With
+    `observe="belief"` they observe the posterior after the searches so far (`belief.Belief`), in
+    the cells that the drones observed, and `infos[agent]` has `pos`, the cumulative probability of
+    success of the mission's searches there.
 
-    Where the task is coverage, observed is the probability that is left; `Found` is whether all is
-    covered, and `infos[agent]` has the metrics of `coverage.Coverage`.
+    In the coverage task agents observe the probability left to cover. `Found` is then whether all
+    is covered, and `infos[agent]` has the metrics of `coverage.Coverage`.
 
     Attributes:
         world: The arrays behind this environment, a batch of one.
         scenario: The resolved scenario.
         rules: The rules in force.
-        observed: What agents observe, `map` or `belief`.
+        observed: The map that agents observe, `map` or `belief`.
 
     Raises:
         FieldError: If the scenario does not fit the rules, or an argument is unknown.
@@ -89,12 +89,12 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         g = self.world.grid_size
         self.possible_agents = [f"drone{i}" for i in range(self.world.num_drones)]
         self.agents: list[str] = []
-        # One space for all: its bounds are as large as the map.
+        # All agents share one space, because its bounds are as large as the map.
         self.observation_spaces = dict.fromkeys(self.possible_agents, observation_space(g, rules))
         self.action_spaces = {
             agent: spaces.Discrete(len(rules.actions)) for agent in self.possible_agents
         }
-        # The share of the time used exceeds 1 by the steps that find it out.
+        # The share of the time used exceeds 1 in the steps after the limit.
         limit = self.world.scenario.timestep_limit
         used = (limit + rules.time_out_grace + 1) / limit
         most = max(self.world.num_drones, self.scenario.person_amount, used)
@@ -106,19 +106,19 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._bind()
 
     def _bind(self) -> None:
-        """Make all that shares memory with the world's arrays, or must not be copied."""
+        """Create the views on the world's arrays, and whatever must not be copied."""
         world = self.world
         self._masks = self.rules.action_set.within(self.scenario.area_mask).masks(world.grid_size)
         self._actions = np.zeros((1, world.num_drones), np.int8)
         self._action_bytes = self._actions[0].data.cast("B")
-        # Views on the world's arrays; x and y open each drone's record.
+        # Views on the world's arrays; x and y are the first fields of a drone's record.
         self._xy = world.drones[0].view(np.int64).reshape(world.num_drones, -1)[:, :2]
-        # As the drones observe it.
+        # Positions as the drones observe them.
         noisy = world.faults if world.faults and world.faults.is_noisy else None
         self._seen = self._xy if noisy is None else noisy.positions()[0]
         self._alive, self._rewards = world.drones["alive"][0], world.rewards[0]
         self._terminated, self._truncated = world.terminated[0], world.truncated[0]
-        # Memory views give plain numbers, in a third of an array's time.
+        # Memory views return plain numbers in a third of the time of an array.
         self._num_active, self._num_missing, self._done = (
             world.worlds[name].data for name in ("num_active", "num_missing", "done")
         )
@@ -142,14 +142,13 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         """Start a new mission.
 
         Args:
-            seed: Seeds the world's generator; without one it goes on where it is.
-            options: For this mission only: `drones_positions`, `vector`,
-                `person_initial_position`, `person_pod_multipliers`. The name `options`, which
+            seed: Seed of the world's generator; without one the generator continues.
+            options: Values for this mission only: `drones_positions`, `vector`,
+                `person_initial_position`, `person_pod_multipliers`. A key `options`, which
                 PettingZoo's tests pass, is ignored.
 
         Raises:
-            FieldError: If an option is unknown or not allowed; the mission under way stays as
-                it is.
+            FieldError: If an option is unknown or not allowed; the current mission stays as it is.
         """
         start = check_options(options, self.scenario, self.rules)
         if seed is not None:
@@ -177,8 +176,8 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         """Advance the mission by one step.
 
         Args:
-            actions: One action number per live agent; those of other agents are ignored, and one
-                that was withdrawn needs none.
+            actions: One action number per live agent; withdrawn agents need none, and those of
+                other agents are ignored.
 
         Raises:
             FieldError: If an action is missing or not allowed; the mission stays as it is.
@@ -212,10 +211,10 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._advance()
 
     def withdraw(self, drone: int) -> bool:
-        """Take a drone out of the mission; it stays where it is and the others go on.
+        """Take a drone out of the mission; it stays where it is and the others continue.
 
-        The next step terminates it: it does nothing there, whatever its action, earns 0, and is
-        then no longer in `agents`. If it was the last one, that step ends the mission.
+        The next step terminates it: the drone does nothing, whatever its action, earns 0, and
+        leaves `agents`. If it was the last one, that step ends the mission.
 
         Args:
             drone: Its number.
@@ -241,11 +240,11 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         return snapshot
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on from a snapshot, bit for bit; the tracks of pictures start anew.
+        """Continue from a snapshot, bit for bit; the tracks of pictures start empty.
 
         Raises:
-            SnapshotError: If it is of another scenario or other rules, or has no belief where that
-                is observed; the mission under way stays as it is.
+            SnapshotError: If it is of another scenario or other rules, or lacks the belief that
+                agents observe; the current mission stays as it is.
         """
         if self._beliefs is not None:
             self._beliefs.check(snapshot)
@@ -263,13 +262,13 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
 
     @property
     def mission_scenario(self) -> ResolvedScenario:
-        """The scenario with what `options` of the mission's reset replaced in it."""
+        """The scenario with the values that the reset `options` replaced."""
         replaced = self.world.placed()
         return self.scenario.override(**replaced).resolve(self.rules) if replaced else self.scenario
 
     @property
     def steps_done(self) -> int:
-        """Steps of the mission that are done."""
+        """Number of steps done in the mission."""
         return int(self.world.worlds["t"][0])
 
     @property
@@ -279,7 +278,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
 
     @property
     def probability(self) -> NDArray[np.float32]:
-        """The map, or belief, (G, G) as [y, x] of the last observation, read-only."""
+        """The map or belief of the last observation, (G, G) as [y, x], read-only."""
         probability = self.world.maps[0] if self._belief_map is None else self._belief_map
         probability.setflags(write=False)
         return probability
@@ -308,7 +307,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         return state
 
     def view(self) -> rendering.MissionView:
-        """Return what a picture of the mission shows; the past is kept in a render mode only."""
+        """Return the contents of a picture; the past is recorded only in a render mode."""
         pos = None if self._beliefs is None else float(self._beliefs.pos[0])
         return view_of(self.world, self.probability, self._past or Past(self.world), pos)
 
@@ -316,7 +315,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         """Return the mission as text (ansi) or image (H, W, 3) uint8 (rgb_array), or show it.
 
         Raises:
-            ModuleNotFoundError: If rgb_array or human is asked for without matplotlib.
+            ModuleNotFoundError: If matplotlib is missing in the mode rgb_array or human.
         """
         if self.render_mode is None:
             return None
@@ -347,7 +346,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._past = None if self.render_mode is None else Past(self.world)
 
     def _note_belief(self) -> None:
-        """Take the belief as it is now, if it is what is observed."""
+        """Update the observed map from the belief, if agents observe that."""
         self._belief_map = None if self._beliefs is None else self._beliefs.write()[0]
 
     def _advance(self) -> None:
@@ -366,7 +365,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             self._note_live()
 
     def _note_live(self) -> None:
-        """Take from the world which drones have no flag yet; a world not begun has none."""
+        """Update the live agents: drones without a flag, none before the first reset."""
         out = self._terminated | self._truncated | self._done[0]
         self._live = np.flatnonzero(~out).tolist()
         self.agents = [self.possible_agents[i] for i in self._live]
@@ -377,7 +376,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     ) -> tuple[dict[str, AgentObservation], dict[str, dict[str, Any]]]:
         """Return observations and infos of these agents."""
         cells = self._seen.copy() if len(agents) == len(self._seen) else self._seen[live]
-        # Plain tuples: with names they would take a sixth of a step with 50 drones.
+        # Plain tuples: named ones would take a sixth of a step with 50 drones.
         observations = dict(zip(agents, zip(cells, repeat(self.probability))))
         masks, found = self._masks, self._num_missing[0] == 0
         infos = {
@@ -401,9 +400,9 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         return observations, infos
 
     def _take(self, actions: Mapping[str, int]) -> None:
-        """Check the live agents' actions and make them those of the next step."""
+        """Check the live agents' actions and store them for the next step."""
         try:
-            # bytearray() takes nothing but integers from 0 to 255.
+            # bytearray() accepts only integers from 0 to 255.
             numbers = bytearray(map(actions.__getitem__, self.agents))
             if numbers.translate(None, self._known_actions):
                 raise ValueError
@@ -425,13 +424,14 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         """Return an agent's action number as an unsigned byte, `HOLD` for one without an action.
 
         Raises:
-            FieldError: If there is none, or the rules do not allow it.
+            FieldError: If the action is missing or the rules do not allow it.
         """
         if agent not in actions:
             raise FieldError(f"actions: {agent} is missing; one action per live agent")
         value, noop = actions[agent], self.rules.noop_actions
         try:
-            # Where nothing is refused, what equals a number is that action, as in DSSE 0.1.13.
+            # If the rules refuse nothing, any value equal to a number is that action, as in DSSE
+            # 0.1.13.
             known = range(len(self._known_actions))
             return known.index(value if noop else operator.index(value))
         except (TypeError, ValueError):
@@ -471,13 +471,13 @@ def parallel_env(
         person_initial_position: Last known cell (x, y) of the person.
         person_amount: Number of persons.
         sigma: Spread of the probability in cells.
-        timestep_limit: Steps the drones can do.
+        timestep_limit: Number of steps the drones can do.
         cell_size: Side of a cell in metres.
-        drone_speed: Airspeed in metres per second, without wind the ground speed; a step lasts
-            cell_size / drone_speed, of the fastest drone.
+        drone_speed: Airspeed in metres per second, equal to the ground speed without wind; a step
+            lasts cell_size / drone_speed of the fastest drone.
         render_mode: ansi, rgb_array, human or None.
-        observe: What the agents observe: `map`, as the rules draw it, or `belief`, which learns
-            from the searches.
+        observe: The map that agents observe: `map`, drawn by the rules, or `belief`, updated with
+            the searches.
         fields: Any other field of `Scenario` or `Rules`, by name.
 
     Raises:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture shows of a world: its past, and how it is now."""
+"""The contents of a picture of a world: its past and its present state."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from dsse_ros.view.mission_view import MissionView
 class Past:
     """The tracks and searches of a world, a batch of one, from now on.
 
-    Where the task is coverage, a visit is a search. Each step of the world stands between
-    `before_step` and `after_step`.
+    In the coverage task a visit is a search. Call `before_step` and `after_step` around each step
+    of the world.
 
     Args:
-        world: What is followed.
+        world: The world to follow.
 
     Attributes:
         searches: See `MissionView`.
@@ -32,10 +32,10 @@ class Past:
         self.searches = np.zeros((world.grid_size, world.grid_size), np.int32)
 
     def before_step(self, actions: NDArray[np.int8]) -> None:
-        """Note who is about to do what.
+        """Record the drones' actions before the step.
 
         Args:
-            actions: (N,) int8, those of the step.
+            actions: (N,) int8, the actions of the step.
         """
         world, rules = self._world, self._world.rules
         limit = world.scenario.timestep_limit + rules.time_out_grace
@@ -60,7 +60,7 @@ class Past:
 
     @property
     def tracks(self) -> NDArray[np.int64]:
-        """(N, K, 2) cells of each drone, from its start to where it is now."""
+        """(N, K, 2) cells of each drone, from its start to its present cell."""
         return np.stack(self._cells, axis=1)
 
     def _now(self) -> NDArray[np.int64]:
@@ -71,13 +71,13 @@ class Past:
 def view_of(
     world: World, probability: NDArray[np.float32], past: Past, pos: float | None
 ) -> MissionView:
-    """Return what a picture shows of a world, a batch of one.
+    """Return the contents of a picture of a world, a batch of one.
 
     Args:
         world: The world.
         probability: (G, G) float32, its map, or the belief.
         past: Its past.
-        pos: Cumulative probability of success, None if the probability is no belief.
+        pos: Cumulative probability of success, None if the probability is not a belief.
     """
     covered = {name: float(of[0]) for name, of in world.coverage_metrics().items()}
     s, now, persons = world.scenario, world.worlds[0], world.persons[0]
@@ -87,7 +87,7 @@ def view_of(
     return MissionView(
         probability=probability,
         tracks=past.tracks,
-        # A drone that the find of all persons or the time has ended is still in the air.
+        # Drones stay in the air when the last find or the time limit ends the mission.
         alive=world.drones["alive"][0] | world.truncated[0] | (now["num_missing"] == 0),
         persons=np.stack([persons["x"], persons["y"]], axis=1),
         found=persons["found"].copy(),

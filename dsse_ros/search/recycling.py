@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays that belong to their receiver, without new memory for each."""
+"""Arrays that belong to the caller, without new memory for each one."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 KEPT = 3
-"""Arrays kept for later: one that is being written, and two that a caller compares."""
+"""Arrays kept for reuse: one being written, and two that a caller compares."""
 
 
 class Recycler:
-    """Arrays of one shape and type; memory is used again once nothing refers to it any more.
+    """Arrays of one shape and type, whose memory is reused once nothing refers to it.
 
-    An array that is handed out, a view of it, or whatever else shares its memory by Python's
-    rules (a tensor, a memory view) stays as it is for as long as it exists. New memory costs the
-    system more time than writing to memory that is there.
+    A returned array, its views, and anything else that shares its memory by Python's rules (a
+    tensor, a memory view) keep their contents while they exist. Allocating new memory takes longer
+    than writing to existing memory.
 
     Args:
         shape: Of the arrays.
         dtype: Of the arrays.
-        overwrite: Whether to hand out the same memory each time, even if it is still referred to.
+        overwrite: Whether to return the same memory each time, even if it is still in use.
     """
 
     def __init__(
@@ -36,9 +36,9 @@ class Recycler:
         self._owners: list[NDArray[Any]] = []
 
     def take(self) -> NDArray[Any]:
-        """Return an array with any content."""
+        """Return an array with arbitrary content."""
         for i in range(len(self._owners)):
-            # Views refer to the array that owns the memory, views of views too.
+            # Views, and views of views, refer to the array that owns the memory.
             if self._overwrite or _references(self._owners, i) == _UNUSED:
                 return self._owners[i].view()
         self._owners.append(np.empty(self._shape, self._dtype))
@@ -46,7 +46,7 @@ class Recycler:
         return self._owners[-1].view()
 
     def __getstate__(self) -> dict[str, Any]:
-        # A copy hands out memory of its own.
+        # A copy must not share memory with the original.
         return {**vars(self), "_owners": []}
 
 
@@ -54,5 +54,5 @@ def _references(owners: list[NDArray[Any]], i: int) -> int:
     return sys.getrefcount(owners[i])
 
 
-# What the list and the question itself count for.
+# The references of the list and of `_references` itself.
 _UNUSED = _references([np.empty(0)], 0)

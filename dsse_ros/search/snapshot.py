@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A whole state as a file: versioned, with a checksum, written atomically."""
+"""A complete state as a file: versioned, with a checksum, written atomically."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from dsse_ros.scenario.array_files import array_header
 MAGIC = b"dsse_ros snapshot"
 VERSION = 3
 _LONGEST_HEAD = 200
-"""Bytes of the first line, and more."""
+"""Upper bound for the bytes of the first line."""
 
 
 class SnapshotError(ValueError):
-    """A snapshot that cannot be used; its text is one line."""
+    """A snapshot that cannot be used; the message is one line."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Arrays by name, and what they belong to.
+    """Arrays by name, and the scenario and rules that they belong to.
 
     Attributes:
-        identity: JSON values by part and name (scenario, rules) that must be equal where the
-            snapshot is restored.
-        arrays: Arrays without objects; structured ones are allowed.
-        extra: Further JSON values of the caller.
+        identity: JSON values by part (scenario, rules) and name; the state to restore must have
+            equal ones.
+        arrays: Arrays without objects; structured arrays are allowed.
+        extra: Additional JSON values from the caller.
     """
 
     identity: dict[str, dict[str, Any]]
@@ -47,7 +47,7 @@ class Snapshot:
     extra: dict[str, Any] = field(default_factory=dict)
 
     def to_bytes(self) -> bytes:
-        """Return magic, version and SHA-256 on the first line, then the content."""
+        """Return a first line with magic, version and SHA-256, then the content."""
         content = io.BytesIO()
         meta = json.dumps({"identity": self.identity, "extra": self.extra}, sort_keys=True)
         np.savez(content, allow_pickle=False, **{"meta": np.array(meta)}, **self.arrays)  # type: ignore[arg-type]
@@ -57,10 +57,10 @@ class Snapshot:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Snapshot:
-        """Return the snapshot that `to_bytes` gave.
+        """Return the snapshot from the result of `to_bytes`.
 
         Raises:
-            SnapshotError: If it is of another kind or version, or damaged.
+            SnapshotError: If the data is of another kind or version, or damaged.
         """
         head, _, body = data.partition(b"\n")
         digest = _digest_of(head)
@@ -74,17 +74,17 @@ class Snapshot:
             identity = {part: dict(values) for part, values in meta["identity"].items()}
             return cls(identity, arrays, dict(meta["extra"]))
         except Exception as error:
-            # Of a file that was made on purpose NumPy and zipfile raise errors of many types.
+            # NumPy and zipfile raise errors of many types for a maliciously crafted file.
             reason = " ".join(str(error).split())[:200]
             raise SnapshotError(f"the snapshot cannot be read: {reason}") from None
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the file so that a crash leaves the old one or the new one, never a part.
+        """Write the file so that a crash leaves the old or the new file, never a partial one.
 
-        A symbolic link stays, and what it points to is written.
+        A symbolic link stays; its target is written.
 
         Raises:
-            OSError: If it cannot be written.
+            OSError: If the file cannot be written.
         """
         target = Path(os.path.realpath(path))
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
@@ -104,11 +104,11 @@ class Snapshot:
         """Return the snapshot in a file.
 
         Raises:
-            SnapshotError: If the file cannot be read or is no whole snapshot.
+            SnapshotError: If the file cannot be read or is not a complete snapshot.
         """
         try:
             with Path(path).open("rb") as file:
-                # Nothing is known of how long a file is that is none.
+                # A file that is not a snapshot can be of any length, so check its first line first.
                 data = file.readline(_LONGEST_HEAD)
                 _digest_of(data.rstrip(b"\n"))
                 data += file.read()
@@ -117,7 +117,7 @@ class Snapshot:
         except OSError as error:
             raise SnapshotError(f"{os.fspath(path)!r}: {error.strerror}") from None
         except ValueError as error:
-            # A zero in the path.
+            # The path contains a null character.
             raise SnapshotError(f"{os.fspath(path)!r}: {error}") from None
         try:
             return cls.from_bytes(data)
@@ -128,7 +128,7 @@ class Snapshot:
         """Raise unless the snapshot fits a state of this identity and these arrays.
 
         Raises:
-            SnapshotError: If it belongs to another scenario or other rules.
+            SnapshotError: If the snapshot belongs to another scenario or other rules.
         """
         for part, values in identity.items():
             theirs = self.identity.get(part, {})
@@ -142,10 +142,10 @@ class Snapshot:
 
 
 def _digest_of(head: bytes) -> str:
-    """Return the checksum that the first line of a snapshot states.
+    """Return the checksum in the first line of a snapshot.
 
     Raises:
-        SnapshotError: If it is of another kind or version.
+        SnapshotError: If the line is of another kind or version.
     """
     if not head.startswith(MAGIC + b" "):
         raise SnapshotError("not a snapshot of dsse_ros")
@@ -156,9 +156,9 @@ def _digest_of(head: bytes) -> str:
 
 
 def _check_sizes(body: bytes) -> None:
-    """Raise unless the arrays in an archive take no more memory than the archive itself.
+    """Raise if the arrays in an archive take more memory than the archive itself.
 
-    `to_bytes` compresses nothing. What NumPy makes room for is what the header of an array states.
+    `to_bytes` does not compress. NumPy allocates the size stated in the header of an array.
 
     Raises:
         ValueError: If they take more.

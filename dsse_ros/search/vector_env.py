@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Many searches at once as arrays, for training: the same worlds and the same compiled step."""
+"""Many searches at once as arrays, for training, with the same worlds and compiled step."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ from dsse_ros.step import kernels
 Observations = dict[str, Any]
 
 RESET_MASK = "reset_mask"
-"""Option of a reset: as in Gymnasium, the worlds that it resets."""
+"""Option of a reset, as in Gymnasium: the worlds to reset."""
 
 MAX_REACH = 10_000
 """Cells on each side of the centre of the largest window."""
 
 
 class LazyMaps:
-    """The maps of B worlds as their parameters: read cell by cell, never written out.
+    """The maps of B worlds, computed cell by cell from their parameters.
 
-    It reads the worlds as they are now, not as they were when it was returned.
+    Values come from the present state of the worlds, not from the state at the time it was
+    returned.
     """
 
     def __init__(self, world: World) -> None:
@@ -86,41 +87,41 @@ class LazyMaps:
 class VectorEnv:
     """B searches, stepped together.
 
-    A world that is done is reset by the next step, whatever its actions, with reward 0 and no flag
-    (Gymnasium's `AutoresetMode.NEXT_STEP`); its generator goes on.
+    The step after the end of a world's mission resets that world, whatever its actions, with reward
+    0 and no flag (Gymnasium's `AutoresetMode.NEXT_STEP`); its generator continues.
 
     Observations are `{"positions": (B, N, 2) int64 as (x, y), "probability": (B, G, G) float32 as
     [y, x]}`; in the lazy mode `probability` is a `LazyMaps`. Infos are `{"Found": (B,) bool every
     person found, "step": (B,) int64 steps done, "over": (B,) bool the search has ended,
-    "action_mask": (B, N, A) int8, 0 where a move would leave the grid or the area}`, each with a
-    mask of the worlds it holds for, (B,) bool under its name after an underscore, as Gymnasium has
-    it: all of them.
+    "action_mask": (B, N, A) int8, 0 where a move would leave the grid or the area}`. As in
+    Gymnasium, each has a mask of the worlds it is valid for, (B,) bool, here all true, under its
+    name after an underscore.
 
-    With faults, or drones of different kinds, infos have also `status` (B, N) int8, a number in
-    `fault_kernels.STATUSES`, `action` (B, N) int8, what the drone did, -1 for nothing, and where
-    batteries run down `battery` (B, N) float64, in percent.
+    With faults, or drones of different kinds, infos also have `status` (B, N) int8, a number in
+    `fault_kernels.STATUSES`, `action` (B, N) int8, the action that the drone did, -1 for nothing,
+    and, if batteries run down, `battery` (B, N) float64, in percent.
 
-    With `observe="belief"` `probability` is what can be known in each world from the searches there
+    With `observe="belief"`, `probability` is each world's posterior after its searches
     (`belief.Belief`), in the cells that the drones observed, and infos have `pos` (B,) float64, the
-    cumulative probability of success of the searches of the mission there. Beliefs take 8 B C K (G
-    + 4)^2 bytes, with C different `person_pod_multipliers` and K = 1, or 64 where persons have a
-    drift of their own (`v2`); of an ensemble 8 B C M bytes, with M `particles`.
+    cumulative probability of success of the mission's searches there. Beliefs take
+    8 B C K (G + 4)^2 bytes, with C different `person_pod_multipliers` and K = 1, or 64 if each
+    person has an own drift (`v2`). Beliefs of an ensemble take 8 B C M bytes, with M `particles`.
 
-    Where the task is coverage, `probability` is what is left to cover, `Found` whether all is
+    In the coverage task `probability` is the probability left to cover, `Found` is whether all is
     covered, and infos have the metrics of `coverage.Coverage`, (B,) float64 each.
 
-    The arrays belong to the caller, who may keep and change them. The memory of those that nothing
-    refers to any more is used again: a loop that holds the last observation or two makes no new
-    arrays, one that keeps more pays for new memory as it would for copies.
+    The caller owns the returned arrays and may keep and change them. Memory is reused once nothing
+    refers to it: a loop that holds the last one or two observations allocates no new arrays; one
+    that holds more pays for new memory as for copies.
 
     Args:
         num_envs: B.
         scenario: The scenario of all worlds.
         rules: The rules of all worlds.
         lazy: Whether to keep only the maps' parameters.
-        copy: Whether every step returns arrays of its own, or overwrites those it returned before.
-        threads: How many threads share the worlds.
-        observe: `map`, as the rules draw it, or `belief`, which is not lazy.
+        copy: Whether every step returns new arrays, or overwrites those it returned before.
+        threads: Number of threads that share the worlds.
+        observe: `map`, drawn by the rules, or `belief`, which cannot be lazy.
 
     Raises:
         FieldError: If the scenario does not fit the rules, or a value is not allowed.
@@ -173,18 +174,18 @@ class VectorEnv:
         """Start a new mission in every world.
 
         Args:
-            seed: Of a number s, world b is bit for bit the single environment seeded with s + b;
-                so batches seeded s and s + 1 share all worlds but one. Of a list of B numbers it
-                is that of its own number, or goes on where it is for None. A
-                `numpy.random.SeedSequence` gives each world one of its words; batches of sequences
-                that were spawned are independent. Without a seed the generators go on.
-            options: As in `SearchEnv.reset`, for all worlds. They hold until the next call, through
-                automatic resets too. Or `reset_mask`, (B,) bool: only these worlds start anew, as
-                they would by themselves, and only they are seeded; the others stay as they are.
+            seed: With a number s, world b equals the single environment seeded with s + b, bit for
+                bit; batches seeded s and s + 1 therefore share all worlds but one. A list has B
+                numbers, one per world; the generator of a world with None continues. A
+                `numpy.random.SeedSequence` gives each world one of its words; batches with spawned
+                sequences are independent. Without a seed all generators continue.
+            options: As in `SearchEnv.reset`, for all worlds, valid until the next call, also in
+                automatic resets. Alternatively `reset_mask`, (B,) bool: only these worlds are
+                seeded and start anew, as in an automatic reset; the others stay as they are.
 
         Raises:
-            FieldError: If an option or the seed is not allowed; the missions under way stay as
-                they are.
+            FieldError: If an option or the seed is not allowed; the current missions stay as they
+                are.
         """
         start, which = self._check_options(options)
         if seed is not None:
@@ -216,8 +217,8 @@ class VectorEnv:
         """Advance every world by one step.
 
         Args:
-            actions: (B, N) integers. Those of drones that are out do not count; a number that is
-                no action does nothing.
+            actions: (B, N) integers. Those of drones that are out have no effect; a number that is
+                not an action does nothing.
 
         Returns:
             Observations, rewards (B, N) float64, terminated (B, N), truncated (B, N), infos.
@@ -229,7 +230,7 @@ class VectorEnv:
         if actions.dtype != np.int8:
             known = (actions >= 0) & (actions < len(self.rules.actions))
             actions = np.where(known, actions, HOLD).astype(np.int8)
-        # For a read-only array the step would be compiled anew.
+        # Numba would compile the step again for a read-only array.
         actions = np.require(actions, requirements=["C", "W"])
         outputs = [recycler.take() for recycler in self._report]
         positions, rewards, terminated, truncated, masks = outputs
@@ -245,14 +246,14 @@ class VectorEnv:
         return observations, rewards, terminated, truncated, self._infos(masks)
 
     def out_of_time(self, infos: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
-        """Return which worlds (B,) have ended as their time was out, by the infos of a step."""
-        # Not by the flags: where the rules set both at once, a crash has both too.
+        """Return which worlds (B,) ended at the time limit, from the infos of a step."""
+        # The flags do not show it: if the rules set both at once, a crash has both too.
         over: NDArray[np.bool_] = infos["over"] & ~infos["Found"]
         return over & (infos["step"] > self.last_step)
 
     @property
     def last_step(self) -> int:
-        """The last step that drones act in, counted from 1; the one after it is out of time."""
+        """The last step in which drones act, counted from 1; the next step is out of time."""
         return self.scenario.timestep_limit + self.rules.time_out_grace
 
     def close(self) -> None:
@@ -262,7 +263,7 @@ class VectorEnv:
     def _check_options(
         self, options: Mapping[str, Any] | None
     ) -> tuple[dict[str, Any] | None, NDArray[np.bool_]]:
-        """Return what to place, None for what is placed already, and which worlds to reset.
+        """Return the values to place, None to keep the present ones, and the worlds to reset.
 
         Raises:
             FieldError: If an option is not allowed.
@@ -296,7 +297,7 @@ class VectorEnv:
         first: int,
         last: int,
     ) -> None:
-        """Have the beliefs of some worlds follow their step, and write them and the report."""
+        """Update the beliefs of some worlds with their step, and write them and the report."""
         beliefs.after_step(first, last)
         beliefs.write(maps, first, last)
         self._write(outputs, first, last)
@@ -323,10 +324,10 @@ class VectorEnv:
 
 
 def _check_seeds(seed: Any, count: int) -> Any:
-    """Return what seeds this number of worlds.
+    """Return a seed for this number of worlds in its canonical form.
 
     Raises:
-        FieldError: If it does not.
+        FieldError: If the seed is not allowed.
     """
     if isinstance(seed, np.random.SeedSequence):
         return seed
@@ -338,10 +339,10 @@ def _check_seeds(seed: Any, count: int) -> Any:
 
 
 def check_integers(name: str, value: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
-    """Return an array of integers of this shape, where None is any length.
+    """Return the value as an array of integers of this shape, where None is any length.
 
     Raises:
-        FieldError: If the value is none.
+        FieldError: If the value is not such an array.
     """
     wanted = f"integers ({', '.join('any' if n is None else str(n) for n in shape)})"
     try:
@@ -377,10 +378,10 @@ def vector_env(
 
 
 class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
-    """A `VectorEnv` as Gymnasium knows it: one agent per world, who commands all its drones.
+    """A `VectorEnv` with Gymnasium's interface: one agent per world commands all its drones.
 
-    The action is (N,) numbers, the reward is the sum over the drones, a world is truncated when
-    its time is out and terminated when its search ended otherwise.
+    The action is (N,) numbers and the reward is the sum over the drones. A world is truncated at
+    the time limit, and terminated if its search ends otherwise.
 
     Args:
         env: A `VectorEnv` with dense maps.
@@ -392,7 +393,7 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(self, env: VectorEnv) -> None:
-        # Before anything is refused: Gymnasium closes what could not be made, too.
+        # Set before any check: Gymnasium also closes environments whose `__init__` failed.
         self.env = env
         if env.lazy:
             raise FieldError("lazy: true is not allowed here; observations must be arrays")

@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The ways home of drones whose batteries run down.
+"""Routes home for drones whose batteries run down.
 
-Home is where a drone starts. Its way home is a shortest one in moves, with few turns; against a
-wind a move may take more than a step.
+A drone's home is its start cell. Its route has the fewest moves, and few turns; against the wind a
+move may take more than one step.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from dsse_ros.scenario.fields import FieldError
 from dsse_ros.step.fault_kernels import ROUNDING
 
 MAX_BYTES = 1 << 30
-"""Of the ways home of all drones."""
+"""Limit for the routes of all drones together."""
 
 
 class WaysHome(NamedTuple):
-    """The way of each drone to its home from each cell.
+    """The route of each drone to its home from each cell.
 
     Attributes:
-        steps: (N, G, G) int32, steps of the way from cell [y, x]; -1 where none leads home.
-        actions: (N, G, G) int8, its next action; -1 at home.
+        steps: (N, G, G) int32, steps of the route from cell [y, x]; -1 if there is none.
+        actions: (N, G, G) int8, first action of the route; -1 at home.
     """
 
     steps: NDArray[np.int32]
@@ -43,15 +43,15 @@ def ways_home(
     homes: Sequence[Cell],
     paces: Sequence[Sequence[float]],
 ) -> WaysHome:
-    """Return the ways home.
+    """Return the routes home.
 
     Args:
         actions: The actions of the rules.
-        area: (G, G) bool [row, col], the cells that are searched; None for all.
+        area: (G, G) bool [row, col], the searched cells; None for all.
         grid_size: G.
         homes: Cell (col, row) of each drone's home.
-        paces: Of each drone, and of each action, the share of its move that a step does; 0 of one
-            that it cannot do.
+        paces: For each drone and action, the share of the move that one step covers; 0 for an
+            action that the drone cannot do.
 
     Raises:
         FieldError: If the tables would be too large, or a straight move is missing.
@@ -75,7 +75,7 @@ def ways_home(
 
 
 def _moves(actions: ActionSet, paces: Sequence[float]) -> list[tuple[int, int, int]]:
-    """Return the moves (dx, dy, number) that a drone can do, each with its opposite."""
+    """Return the moves (dx, dy, number) that a drone can do; each has its opposite."""
     moves = [
         (dx, dy, number)
         for number, (dx, dy) in enumerate(actions.moves)
@@ -89,12 +89,12 @@ def _moves(actions: ActionSet, paces: Sequence[float]) -> list[tuple[int, int, i
 def _find_ways(
     water: Any, moves: Any, paces: Any, col: int, row: int, steps: Any, actions: Any
 ) -> None:
-    """Write the ways to one home, from it outwards.
+    """Write the routes to one home, from the home outwards.
 
     Args:
-        water: (G, G) bool [row, col], where moves may lead.
+        water: (G, G) bool [row, col], cells that moves may enter.
         moves: (M, 3) int64, steps (dx, dy) and numbers of the moves; each has its opposite.
-        paces: Of each action the share of its move that a step does.
+        paces: For each action, the share of the move that one step covers.
         col: Column of the home.
         row: Its row.
         steps: (G, G) int32 out.
@@ -104,8 +104,8 @@ def _find_ways(
     steps[:] = -1
     actions[:] = -1
     queue = np.empty((size * size, 2), np.int64)
-    # Moves in one direction from here on, and the steps from their end: progress against the wind
-    # is kept from move to move, but not around a turn.
+    # Moves in one direction from a cell, and the steps from where they end: progress against the
+    # wind carries over from move to move, but not around a turn.
     run = np.zeros((size, size), np.int64)
     after_run = np.zeros((size, size), np.int64)
     queue[0, 0], queue[0, 1] = col, row

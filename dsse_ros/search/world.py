@@ -31,12 +31,12 @@ from dsse_ros.targets import sea_map
 from dsse_ros.targets.motion import PERSONS
 
 HOLD = -1
-"""The action of a drone that does nothing; it is rewarded like a move."""
+"""The action of a drone that does nothing; its reward is that of a move."""
 
 SHARES = 4
-"""Shares of the worlds for each thread: a thread that is done first takes one more."""
+"""Shares of the worlds per thread: a thread that finishes early takes another one."""
 SHARE_BYTES = 1 << 18
-"""Drones of a share that is reported: what a core's own cache holds until then."""
+"""Bytes of drones in a share with a report, so that they stay in the core's own cache."""
 
 
 def word_of_seed(seed: int) -> np.uint64:
@@ -46,7 +46,7 @@ def word_of_seed(seed: int) -> np.uint64:
 
 
 def _plain(value: Any) -> dict[str, Any]:
-    """Return a value of a scenario as JSON has it; from which file it came does not matter."""
+    """Return a value of a scenario for JSON, without the file that it came from."""
     return {name: part for name, part in dataclasses.asdict(value).items() if name != "source"}
 
 
@@ -54,27 +54,27 @@ class World:
     """B worlds, stepped together.
 
     Args:
-        scenario: Resolved or not; it is resolved with the rules.
+        scenario: The scenario; it is resolved with the rules.
         rules: The rules of the search.
         num_worlds: B.
-        write_maps: Whether `maps` is written; `cells` answers without it.
-        reuse_maps: Whether `maps` is one array that every step overwrites, or a new one.
-        auto_reset: Whether a step resets a world that is done, instead of going on.
-        threads: How many threads share the worlds.
+        write_maps: Whether to write `maps`; `cells` works without them.
+        reuse_maps: Whether every step overwrites `maps`, or makes a new array.
+        auto_reset: Whether a step resets a world that is done, instead of advancing it.
+        threads: Number of threads that share the worlds.
 
     Attributes:
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
             `kernels.WORLDS`, `kernels.DRONES` and `motion.PERSONS`.
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
-        looks: What the drones look at.
-        faults: Their faults, None for none.
-        area, runs: Which cells are searched, see `kernels`.
-        coverage: Of the coverage task, which has no persons; None where these are looked for.
-        ensemble: That of the persons; None where they move step by step.
+        looks: The looks of the drones' sensors.
+        faults: The drones' faults, None if they have none.
+        area, runs: The searched cells, see `kernels`.
+        coverage: State of the coverage task, which has no persons; None in a search for persons.
+        ensemble: The persons' ensemble; None if they move step by step.
         maps: (B, G, G) float32, the probability of cell [row, col].
-        rewards: (B, N) float64 of the last step, a view on `drones`.
-        terminated, truncated: (B, N) bool since the last reset, views on `drones`; when drones
-            end together, each has one of them at the end.
+        rewards: (B, N) float64, rewards of the last step, a view on `drones`.
+        terminated, truncated: (B, N) bool, flags since the last reset, views on `drones`; when
+            drones end together, each has one of them at the end.
         finds: (B, N) uint64, see `kernels.Crew`.
         found: (B, N) bool, whether the drone found a person in the last step, a view on `drones`.
 
@@ -109,7 +109,7 @@ class World:
         side = self.grid_size if write_maps else 0
         self._map_shape = (num_worlds, side, side)
         self.maps = np.zeros(self._map_shape, np.float32)
-        # A constant spread needs one table for all worlds.
+        # With a constant spread, all worlds share one table.
         tables = num_worlds if resolved.dispersion_inc else 1
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
@@ -123,13 +123,13 @@ class World:
         self._bind()
         self.seed()
         self.place()
-        # Not begun: the first step of a batch that resets by itself is a reset.
+        # Mark the worlds as done, so that the first step of an auto-reset batch resets them.
         self.worlds["done"] = True
-        # A constant spread is written once, here.
+        # Write the table of a constant spread once.
         self._refresh(self.maps[:, :0, :0])
 
     def _bind(self) -> None:
-        """Make all that shares the arrays' memory, and the threads."""
+        """Create the views on the arrays, and the threads."""
         self.rewards = self.drones["reward"]
         self.terminated = self.drones["terminated"]
         self.truncated = self.drones["truncated"]
@@ -144,7 +144,7 @@ class World:
             self.looks.kind, self.looks.first, self.looks.offsets, self.looks.pods,
         )  # fmt: skip
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
-        # One for each thread, with scratch memory of its own.
+        # One kernel per thread, each with its own scratch memory.
         self._kernels: list[Callable[..., None]] = [
             partial(kernels.step_worlds, *self._sea, *self._crew, *scratch)
             for scratch in self._scratch
@@ -155,7 +155,7 @@ class World:
         self._process = os.getpid()
 
     def __getstate__(self) -> dict[str, Any]:
-        # A view that is copied or pickled would become an array of its own.
+        # Copying or pickling would turn views into separate arrays.
         bound = {
             "rewards",
             "terminated",
@@ -178,9 +178,9 @@ class World:
         """Seed the worlds' generators.
 
         Args:
-            seed: A number s seeds world b with s + b, a sequence each world with its own number
-                or, for None, not. A `SeedSequence` gives every world one of its words, None does
-                so with the system's entropy.
+            seed: A number s seeds world b with s + b. A sequence has one number per world; a world
+                with None is not seeded. A `SeedSequence` gives every world one of its words. None
+                does so with the system's entropy.
         """
         if seed is None:
             seed = np.random.SeedSequence()
@@ -201,7 +201,7 @@ class World:
         person_initial_position: tuple[int, int] | None = None,
         person_pod_multipliers: Sequence[float] | None = None,
     ) -> None:
-        """Set what the next resets start from; None is the scenario's own value."""
+        """Set the values for the next resets; None restores the scenario's own value."""
         s = self.scenario
         starts = np.asarray(s.drones_positions if drones_positions is None else drones_positions)
         self.starts[...] = starts
@@ -215,7 +215,7 @@ class World:
         self._follow_placed()
 
     def _look_for_persons(self) -> None:
-        """Have the PODs of the looks fit the persons, who are the same in all worlds."""
+        """Compute the PODs of the looks for the persons, who are the same in all worlds."""
         multipliers = tuple(self.persons["pod_multiplier"][0].tolist())
         if multipliers != self._looked_for:
             scenario = dataclasses.replace(self.scenario, person_pod_multipliers=multipliers)
@@ -223,12 +223,12 @@ class World:
             self._looked_for = multipliers
 
     def _follow_placed(self) -> None:
-        """Have the tracks of what was placed, where persons follow an ensemble."""
+        """Update the tracks for the placed values, if persons follow an ensemble."""
         if self.ensemble is not None and self.ensemble.place(self.placed()):
             self.close()
 
     def placed(self) -> dict[str, Any]:
-        """Return the fields of the scenario in whose place `place` has put others, with those."""
+        """Return the fields of the scenario that `place` replaced, with their new values."""
         world, scenario = self.worlds[0], self.scenario
         starts = {"drones_positions": tuple((x, y) for x, y in self.starts[0].tolist())}
         values: dict[str, Any] = (
@@ -248,7 +248,7 @@ class World:
         which: NDArray[np.bool_] | None = None,
         maps: NDArray[np.float32] | None = None,
     ) -> None:
-        """Reset all worlds, or those with which[b]; their generators go on.
+        """Reset all worlds, or those with which[b]; their generators continue.
 
         Args:
             which: (B,) bool, by default all.
@@ -274,19 +274,19 @@ class World:
         """Advance every world by one step.
 
         Args:
-            actions: (B, N) int8, action numbers of the rules or `HOLD`; what stands for a drone
-                that is terminated or truncated does not count. With faults drones may do
-                something else, see `Faults.applied`.
+            actions: (B, N) int8, action numbers of the rules or `HOLD`; those of terminated or
+                truncated drones have no effect. With faults drones may do something else, see
+                `Faults.applied`.
             maps: Memory for `maps`, by default new memory unless `reuse_maps`.
-            report: Called with the numbers (first, last) of worlds first..last - 1 when they have
-                done their step, by the thread that they did it in.
+            report: Called as report(first, last) after the step of worlds first..last - 1, in the
+                thread that stepped them.
         """
         if maps is not None:
             self.maps = maps
         elif not self._reuse_maps:
             self.maps = np.empty(self._map_shape, np.float32)
         if self._pool is not None and self._process != os.getpid():
-            # Threads do not outlive a fork.
+            # Threads do not survive a fork.
             self._bind()
         if self._pool is None and report is None:
             self._kernels[0](actions, self.maps, 0, self.num_worlds)
@@ -314,7 +314,7 @@ class World:
         actions: NDArray[np.int8],
         report: Callable[[int, int], None] | None,
     ) -> None:
-        """Step shares of the worlds for as long as there are any."""
+        """Step shares of the worlds until none are left."""
         while True:
             try:
                 first, last = shares.popleft()
@@ -335,7 +335,7 @@ class World:
         )
 
     def _refresh(self, maps: NDArray[np.float32]) -> None:
-        """Write the tables that the state asks for, and these maps."""
+        """Write the tables that the state requires, and these maps."""
         scratch = self._scratch[0]
         kernels.refresh_worlds(*self._sea, scratch.circle, scratch.span, maps)
 
@@ -352,7 +352,7 @@ class World:
             x: (B, K) int64 columns.
             y: (B, K) int64 rows.
         """
-        # One kind of array, or the function would be compiled for each.
+        # Numba would compile the function again for each kind of array.
         x, y = (np.require(array, np.int64, ["C", "W"]) for array in (x, y))
         if self.coverage is not None:
             return self.coverage.cells(x, y)
@@ -363,7 +363,7 @@ class World:
         return out
 
     def map_of(self, world: int) -> NDArray[np.float32]:
-        """Return the map (G, G) of one world, whether `maps` is written or not."""
+        """Return the map (G, G) of one world, even if `maps` is not written."""
         if self.coverage is not None:
             return self.coverage.left[world].astype(np.float32)
         sea = self._sea._replace(
@@ -377,16 +377,16 @@ class World:
         return maps[0]
 
     def snapshot(self) -> Snapshot:
-        """Return the whole state, random state included."""
+        """Return the complete state, including the random state."""
         arrays = {name: array.copy() for name, array in self._state().items()}
         return Snapshot(self._identity, arrays)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on from a snapshot, bit for bit.
+        """Continue from a snapshot, bit for bit.
 
         Raises:
             SnapshotError: If it is of another scenario, other rules or another number of worlds,
-                or of no state that can be; the state stays as it is.
+                or its state is impossible; the present state stays as it is.
         """
         state = self._state()
         snapshot.check(self._identity, state)
@@ -404,10 +404,12 @@ class World:
         self._refresh(self.maps)
 
     def _check_possible(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Raise unless the kernels stay within their arrays: a checksum is no signature.
+        """Raise if a state would make the kernels leave their arrays.
+
+        The checksum alone does not prevent that: it is not a signature.
 
         Raises:
-            SnapshotError: If they would not.
+            SnapshotError: If it would.
         """
         edge, worlds = self.grid_size - 1, arrays["worlds"]
         things = self.grid_size**2 if self.coverage is not None else self.persons.shape[1]
@@ -431,15 +433,15 @@ class World:
                 raise SnapshotError(f"the snapshot is damaged: track is not from 0 to {high}")
 
     def state_bytes(self) -> bytes:
-        """Return the whole state as bytes, for comparison."""
-        # Between the fields there may be anything.
+        """Return the complete state as bytes, for comparison."""
+        # Repack the records: the padding between fields has arbitrary content.
         return b"".join(repack_fields(array).tobytes() for array in self._state().values())
 
     def infos_of_finds(self, world: int, drones: Sequence[int]) -> list[dict[str, Any]]:
-        """Return what agents of a search for several persons learn of their last looks.
+        """Return the infos on agents' last looks in a search for several persons.
 
-        `found_person` says whether they have found one, and where an action looks at several cells
-        `finds` has a bit for each look that has.
+        `found_person` is whether the drone found one. If an action looks at several cells, `finds`
+        has a bit for each look that found one.
         """
         of_world = self.drones[world]
         infos: list[dict[str, Any]] = [
@@ -451,7 +453,7 @@ class World:
         return infos
 
     def coverage_metrics(self) -> dict[str, NDArray[np.float64]]:
-        """Return `Coverage.metrics`, nothing where the task is to find persons."""
+        """Return `Coverage.metrics`, or an empty dictionary in a search for persons."""
         if self.coverage is None:
             return {}
         return self.coverage.metrics(self.worlds["num_missing"])
@@ -481,6 +483,6 @@ class World:
                 name: dataclasses.asdict(dataclasses.replace(kind, doc=""))
                 for name, kind in zip(names, self.scenario.kinds, strict=True)
             }
-        # As a file has it: through JSON a tuple becomes a list.
+        # Convert through JSON, because a snapshot file has lists for tuples.
         identity: dict[str, Any] = json.loads(json.dumps(parts, default=_plain))
         return identity

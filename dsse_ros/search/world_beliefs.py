@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The beliefs of B worlds: each follows the steps of its world and learns from its searches."""
+"""The beliefs of B worlds; each follows the steps and searches of its world."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ __all__ = ["DRIFT_SAMPLES", "WorldBeliefs"]
 
 _OF_PERSONS = ("pos", "missing", "unfound")
 _KEPT = ("density", *_OF_PERSONS)
-"""Arrays that a snapshot has."""
+"""Arrays in a snapshot."""
 
 
 class WorldBeliefs:
-    """What can be known in each world from the searches done there, as `belief.Belief` has it.
+    """The posterior of each world after its searches, as in `belief.Belief`.
 
-    Each step of the world stands between `before_step` and `after_step`.
+    Call `before_step` and `after_step` around each step of the world.
 
     Args:
-        world: What is followed; nothing hidden is read of it.
+        world: The world to follow; its hidden state is never read.
 
     Attributes:
         pos: (B,) float64, cumulative probability of success of the searches of each mission.
         missing: (B, n) float64, see `belief.Belief`.
         unfound: (B, n) float64, see `belief.Belief`.
-        density: (B, C K, S S) float64, see `belief_kernels`; where persons follow an ensemble
+        density: (B, C K, S S) float64, see `belief_kernels`; if persons follow an ensemble,
             (B, C, M), see `particle_kernels`.
 
     Raises:
-        FieldError: If the task is coverage, or if the worlds of a batch cannot share a forecast, as
-            it would be too large.
+        FieldError: If the task is coverage, or if a forecast shared by a batch of worlds would be
+            too large.
     """
 
     def __init__(self, world: World) -> None:
@@ -60,17 +60,17 @@ class WorldBeliefs:
         self.reset()
 
     def prepare(self) -> None:
-        """Compute how persons move in a whole mission, once, instead of in the first one.
+        """Compute the persons' motion for a whole mission now, instead of in the first mission.
 
-        It does nothing where that is too large to be kept.
+        If that is too large to keep, do nothing.
         """
         self._follower.prepare()
 
     def reset(self, which: NDArray[np.bool_] | None = None) -> None:
-        """Start anew with what the worlds were last placed by.
+        """Start new missions with the last placed values of the worlds.
 
         Args:
-            which: (B,) bool, the worlds; by default, and after they were placed, all.
+            which: (B,) bool, the worlds; by default, and after new values were placed, all.
 
         Raises:
             FieldError: As the class; the beliefs stay as they are.
@@ -87,33 +87,33 @@ class WorldBeliefs:
         self.pos[worlds] = 0.0
 
     def _placed(self) -> ResolvedScenario:
-        """Return the scenario with what the options of a reset have replaced for the persons."""
+        """Return the scenario with the values for persons that the reset options replaced."""
         replaced = self._world.placed()
-        # A forecast knows no drones, and takes long to make.
+        # The forecast is slow to make and does not depend on the drones.
         replaced.pop("drones_positions", None)
         scenario = self._world.scenario
         return scenario.override(**replaced).resolve(self._world.rules) if replaced else scenario
 
     def step(self, actions: NDArray[np.int8]) -> None:
-        """Advance every world by one step, see `World.step`, and follow it."""
+        """Advance every world by one step, see `World.step`, and update the beliefs."""
         self.before_step(actions)
         self._world.step(actions)
         self.after_step()
 
     def before_step(self, actions: NDArray[np.int8]) -> None:
-        """Note who is about to act.
+        """Record which drones are about to act.
 
         Args:
-            actions: (B, N) int8, those of the step.
+            actions: (B, N) int8, the actions of the step.
         """
         self._actions[:] = actions
         self._live[:] = self._world.drones["alive"]
         self._done[:] = self._world.worlds["done"]
 
     def after_step(self, first: int = 0, last: int | None = None) -> None:
-        """Learn from what was searched in the step of worlds first..last - 1, and move on."""
+        """Update worlds first..last - 1 with the searches of the step, and advance them."""
         last = self._world.num_worlds if last is None else last
-        # What counts is what drones did, whatever they were commanded.
+        # Faults can make drones deviate from commands; the actions that they did count.
         self._follower.follow(self._followed(), self._pods, self._beliefs(), first, last)
 
     def _followed(self) -> Followed:
@@ -147,7 +147,7 @@ class WorldBeliefs:
         return maps
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the state, to be added to that of the world in a snapshot."""
+        """Return the state, to add to the world's state in a snapshot."""
         return {f"belief_{name}": getattr(self, name).copy() for name in _KEPT}
 
     def check(self, snapshot: Snapshot) -> None:
@@ -161,10 +161,10 @@ class WorldBeliefs:
         snapshot.check({}, {f"belief_{name}": getattr(self, name) for name in _OF_PERSONS})
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on from a snapshot that was checked, after its world.
+        """Continue from a checked snapshot, after the world was restored from it.
 
         Raises:
-            SnapshotError: If its beliefs do not belong to its world.
+            SnapshotError: If the beliefs do not fit the world.
         """
         self.reset()
         snapshot.check({}, {"belief_density": self.density})

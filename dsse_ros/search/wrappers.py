@@ -1,12 +1,13 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Other forms of an observation, with their spaces, on PettingZoo's and the batch interface.
+"""Encodings of observations, with their spaces, for PettingZoo's and the batch interface.
 
 An encoding is two functions. `encode` takes the cells of all drones (..., N, 2) as (x, y) and the
-map (..., G, G) as [y, x], and returns what each drone observes (..., N, ...), or a tuple of that
-and the map, which all drones share; leading axes are B in a batch and none in one mission. `space`
-is that of one drone; where the rules let drones fly on outside, cells are a margin off the grid.
-Shapes and values are those of the wrappers of DSSE 1.1.9, whose drones stay on the grid.
+map (..., G, G) as [y, x]. It returns each drone's observation (..., N, ...), or a tuple of that and
+the map, which all drones share. The leading axes are B in a batch and none in one mission. `space`
+returns the space of one drone; if the rules let drones fly on outside, cells can be off the grid by
+a margin. Shapes and values equal those of the wrappers of DSSE 1.1.9, whose drones stay on the
+grid.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ Array = NDArray[Any]
 
 
 class Encoding(NamedTuple):
-    """A form of observations.
+    """An encoding of observations.
 
     Attributes:
         encode: encode(positions, probability), see the module.
-        space: space(num_drones, grid_size, margin) of one drone's observation, for cells that are
-            up to `Rules.margin` off the grid.
+        space: space(num_drones, grid_size, margin) of one drone's observation, for cells up to
+            `Rules.margin` off the grid.
     """
 
     encode: Callable[[Array, Array], Any]
@@ -42,7 +43,7 @@ class Encoding(NamedTuple):
 
 
 def own_first(positions: Array) -> Array:
-    """Return for each drone the cells of all (..., N, N, 2), its own swapped with the first."""
+    """Return the cells of all drones for each drone (..., N, N, 2), its own swapped to first."""
     return positions[..., _order(positions.shape[-2]), :]
 
 
@@ -68,7 +69,7 @@ def _for_each(drones: int, values: Array, axes: int) -> Array:
 
 
 def with_all_positions(positions: Array, probability: Array) -> tuple[Array, Array]:
-    """Return (..., N, 2N) int64, the cells of `own_first`, and the map float32, which all share."""
+    """Return (..., N, 2N) int64, the cells of `own_first`, and the shared map float32."""
     return _own_first_flat(positions.astype(np.int64)), probability.astype(np.float32, copy=False)
 
 
@@ -83,8 +84,8 @@ def flattened(positions: Array, probability: Array) -> Array:
 def most_probable_cells(positions: Array, probability: Array, *, count: int) -> Array:
     """Return (..., N, 2N + 2 count) int64: the cells of `own_first`, then the most probable ones.
 
-    The best one is first; of equally probable ones the one further south, then further east. A
-    grid of fewer cells has all of them.
+    The most probable cell is first; among equal ones, the one further south, then further east. A
+    grid with fewer cells returns all of them.
     """
     drones, grid = positions.shape[-2], probability.shape[-1]
     flat = probability.reshape(*probability.shape[:-2], grid * grid)
@@ -96,10 +97,10 @@ def most_probable_cells(positions: Array, probability: Array, *, count: int) -> 
 
 
 def encoded_in_matrix(positions: Array, probability: Array) -> Array:
-    """Return (..., N, G, G) float32: the map with -1 in others' cells, and 2 more in one's own.
+    """Return (..., N, G, G) float32: the map with -1 in others' cells, and 2 added in its own.
 
-    Drones are written one after the other, so that those after oneself hide oneself in the same
-    cell; those off the grid are left out.
+    Drones are written in order, so a later drone in the same cell hides the drone itself. Drones
+    off the grid are left out.
     """
     drones, grid = positions.shape[-2], probability.shape[-1]
     out = _for_each(drones, probability, 2).astype(np.float32)
@@ -144,7 +145,7 @@ IN_MATRIX = Encoding(
 def top_cells(count: int = 10) -> Encoding:
     """Return the encoding of the cells of all drones and the `count` most probable ones.
 
-    A grid of fewer cells than `count` has all of them, in a space of as many.
+    A grid with fewer cells than `count` returns all of them, and its space is as small.
 
     Raises:
         FieldError: If the count is not an integer >= 1.
@@ -157,9 +158,9 @@ def top_cells(count: int = 10) -> Encoding:
 
 
 class SeenDiscount:
-    """Lowers the probability of cells that drones have just flown over: they share what they saw.
+    """Lowers the probability of cells that any drone has just flown over.
 
-    A cell flown over k steps ago counts min(k / n_steps, 1) of its probability.
+    A cell flown over k steps ago keeps min(k / n_steps, 1) of its probability.
 
     Args:
         n_steps: Steps until a cell counts in full again.
@@ -173,15 +174,16 @@ class SeenDiscount:
         self._last_seen = np.zeros(0)
 
     def reset(self, probability: Array) -> None:
-        """Forget all, for maps (..., G, G) like this."""
+        """Forget all visits; later maps (..., G, G) have the shape of this one."""
         *batch, grid, _ = probability.shape
-        # With a margin, for drones just outside the grid.
+        # The table has a margin for drones just outside the grid.
         self._last_seen = np.zeros((*batch, grid + 2, grid + 2))
 
     def see(self, positions: Array, steps: Array | int) -> None:
-        """Note the cells (..., N, 2) after that many steps.
+        """Record the cells (..., N, 2) after that many steps.
 
-        A mission at step 0 begins anew; what was seen later than that was seen in another one.
+        Forget the visits recorded at this step or later, which belong to an earlier mission; at
+        step 0 these are all.
         """
         side = self._last_seen.shape[-1]
         seen = self._last_seen.reshape(-1, side, side)
@@ -191,7 +193,7 @@ class SeenDiscount:
         seen[np.arange(len(seen))[:, None], cells[..., 1], cells[..., 0]] = step[:, None]
 
     def discount(self, probability: Array, steps: Array | int) -> Array:
-        """Return the maps (..., G, G) after that many steps; at step 0 as they are."""
+        """Return the lowered maps (..., G, G) after that many steps; unchanged at step 0."""
         now = np.asarray(steps)
         factor = now[..., None, None] - self._last_seen[..., 1:-1, 1:-1]
         factor /= self.n_steps
@@ -201,14 +203,14 @@ class SeenDiscount:
 
 
 class RetainedPositions(BaseParallelWrapper[str, Any, int]):
-    """Every reset puts the drones into the same cells.
+    """Puts the drones into the same cells at every reset.
 
     Args:
         env: A search.
         drones_positions: Their cells (x, y).
 
     Raises:
-        FieldError: If there is not one for each drone.
+        FieldError: If there is not one cell for each drone.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], drones_positions: Any) -> None:
@@ -229,7 +231,7 @@ class RetainedPositions(BaseParallelWrapper[str, Any, int]):
 
 
 class _ChangedObservations(BaseParallelWrapper[str, Any, int]):
-    """Hands out observations that `_change` makes of the environment's own."""
+    """Returns the environment's observations changed by `_change`."""
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -255,7 +257,7 @@ class EncodedObservations(_ChangedObservations):
 
     Args:
         env: A search, or a wrapper whose observations are tuples of a cell, or cells, and the map.
-        encoding: What they observe instead.
+        encoding: Encoding that replaces the observations.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], encoding: Encoding) -> None:
@@ -282,7 +284,7 @@ class EncodedObservations(_ChangedObservations):
 
 
 class DiscountedObservations(_ChangedObservations):
-    """A search whose agents observe the map as `SeenDiscount` lowers it.
+    """A search whose agents observe the map lowered by `SeenDiscount`.
 
     Args:
         env: A search, or a wrapper whose observations are tuples that end in the map.
@@ -311,14 +313,14 @@ class EncodedVectorEnv:
     """A batch of searches whose agents observe an encoding, instead of positions and maps.
 
     Args:
-        env: The batch; not a lazy one.
-        encoding: What they observe; by default as before.
-        seen: Lowers the maps first, as `SeenDiscount` does.
-        drones_positions: Where every reset puts the drones.
+        env: The batch; must not be lazy.
+        encoding: Encoding of the observations; by default they stay positions and maps.
+        seen: Discount that lowers the maps before they are encoded.
+        drones_positions: Start cells of the drones in every reset.
 
     Attributes:
         env: As given.
-        single_observation_space: Of one drone, if there is an encoding.
+        single_observation_space: Space of one drone, None without an encoding.
 
     Raises:
         FieldError: If the batch is lazy.
@@ -350,13 +352,13 @@ class EncodedVectorEnv:
         """Start a new mission in every world, or in those of `reset_mask`, see `VectorEnv.reset`.
 
         Raises:
-            FieldError: As there, or if some worlds are to be reset before all of them have been.
+            FieldError: As there, or if `reset_mask` is used before a reset of every world.
         """
         options = check_mapping(options)
         if options.get(RESET_MASK) is not None:
             if not self._begun:
                 raise FieldError(f"{RESET_MASK}: not allowed before a reset of every world")
-            # The drones were placed by that one; the worlds at step 0 forget what was seen.
+            # The first reset placed the drones; worlds at step 0 forget visits by themselves.
             observations, infos = self.env.reset(seed, options)
             return self._observe(observations, infos), infos
         observations, infos = self.env.reset(seed, {**options, **self._start})

@@ -1,3 +1,3 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of drones that search, offered by name."""
+"""Kinds of searching drones, registered by name."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dsse_ros.searchers.searcher import Searcher
 
 DEFAULT = "drone"
-"""The kind of drones that leave everything to the scenario."""
+"""The kind with all values from the scenario."""
 
 SEARCHERS: dict[str, Searcher] = {
     DEFAULT: Searcher(doc="flies and sees as the scenario says of its drones"),

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The contract of a searcher: how fast and how high a kind of drone flies, and what it sees."""
+"""The contract of a searcher: speed, altitude, endurance, sensor and moves of a kind of drone."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Searcher:
-    """A kind of drone; None stands for what the scenario says of its drones.
+    """A kind of drone; None means the scenario's value.
 
     Attributes:
-        doc: What it is, without a subject.
-        speed: Airspeed, m/s; without wind also that over the ground.
+        doc: Description of the kind, as a phrase without a subject.
+        speed: Airspeed, m/s; without wind also the ground speed.
         altitude: Height above the sea, m.
-        endurance_min: How long it can fly, minutes, where batteries do not run down.
+        endurance_min: Flight time in minutes, used if batteries do not run down.
         sensor: Name of its sensor, see `sensors.registry`.
-        moves: Names of the actions that it can do beside `search`.
+        moves: Names of the actions that it can do besides `search`.
     """
 
     doc: str

@@ -1,3 +1,3 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What drones see: one sensor per file, offered by name."""
+"""Sensors of the drones: one per file, registered by name."""

@@ -11,7 +11,7 @@ from dsse_ros.sensors.sensor import Look, Sensor
 
 
 def looks(scenario: Any, _searcher: Any, action: str, _heading: tuple[int, int]) -> Sequence[Look]:
-    """Return one look at the drone's cell for a search, none for another action."""
+    """Return one look at the drone's cell for a search, no look for other actions."""
     if action != "search":
         return ()
     pod = scenario.probability_of_detection

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The contract of a sensor: which cells an action looks at, and how well."""
+"""The contract of a sensor: the cells that an action looks at, and the PODs."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ class Look(NamedTuple):
     """A cell that an action looks at.
 
     Attributes:
-        dx: How far it is to the east of the drone, once the action is done, in cells.
-        dy: How far it is to the south.
-        pods: (P,) the probability of detecting each person who is in it, 0 to 1.
+        dx: Offset to the east of the drone after the action, in cells.
+        dy: Offset to the south, in cells.
+        pods: (P,) the probability of detecting each person in the cell, 0 to 1.
         false_alarms: Probability that a look that finds nobody reports somebody.
     """
 
@@ -25,19 +25,18 @@ class Look(NamedTuple):
 
 
 LooksOf = Callable[[Any, Any, str, tuple[int, int]], Sequence[Look]]
-"""looks(scenario, searcher, action, heading) returns what an action looks at, at most `MAX_LOOKS`.
+"""looks(scenario, searcher, action, heading) returns the looks of an action, at most `MAX_LOOKS`.
 
-It is called for a scenario with its `ResolvedScenario`, the `Searcher` of the drone with nothing
-left to derive, the name of the action, and where that leads to as (dx, dy) in cells, (0, 0) if it
-stays."""
+Arguments are the `ResolvedScenario`, the drone's `Searcher` with nothing left to derive, the name
+of the action, and its move (dx, dy) in cells, (0, 0) if the drone stays."""
 
 
 class Sensor(NamedTuple):
     """A sensor.
 
     Attributes:
-        doc: What it sees, without a subject.
-        looks: Returns what an action looks at.
+        doc: What the sensor sees, as a phrase without a subject.
+        looks: Function that returns the looks of an action.
     """
 
     doc: str
@@ -45,4 +44,4 @@ class Sensor(NamedTuple):
 
 
 MAX_LOOKS = 64
-"""Of an action: a step notes in a number of 64 bits which of them have found somebody."""
+"""Limit per action: a step records in 64 bits which looks found somebody."""

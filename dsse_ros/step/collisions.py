@@ -1,7 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""Which drones share a cell after a step, compiled; arguments as in `kernels`."""
+"""Drones that share a cell after a step, compiled; arguments as in `kernels`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dsse_ros.targets.sea_map import is_inside
 
 @part
 def collide(c, drones, occupied):
-    """Reward and terminate the active drones that share a cell, as `occupy` noted them."""
+    """Reward and terminate the active drones that share a cell, as recorded by `occupy`."""
     for n in range(len(drones)):
         d = drones[n]
         if can_collide(c, d) and has_collided(c.grid_size, drones, n, occupied):
@@ -23,7 +23,7 @@ def collide(c, drones, occupied):
 
 @part
 def next_stamp(occupied):
-    """Return a number that no cell is marked with; see `occupy`."""
+    """Return a number with which no cell is marked; see `occupy`."""
     last = len(occupied) - 1
     if occupied[last] > 65532:
         for cell in range(last + 1):
@@ -34,15 +34,15 @@ def next_stamp(occupied):
 
 @part
 def occupy(g, d, occupied, stamp):
-    """Mark the cell of a drone; returns whether it may share it.
+    """Mark the cell of a drone; return whether the drone may share it.
 
-    Of `occupied` (G * G + 1,) uint16, the last element is the stamp of this world's step, an even
-    number. A cell with a drone is marked with it, one with more drones with the next number, and
-    what is less is of a step before.
+    The last element of `occupied` (G * G + 1,) uint16 is the stamp of this world's step, an even
+    number. A cell with one drone is marked with the stamp, a cell with more drones with the next
+    number. Smaller numbers are from earlier steps.
     """
     if not is_inside(g, d.x, d.y):
         return True
-    # An unsigned index is not checked for being below 0.
+    # Numba does not check an unsigned index for negative values.
     cell = np.uint64(d.y * g + d.x)
     shared = occupied[cell] >= stamp
     occupied[cell] = stamp + shared
@@ -63,5 +63,5 @@ def has_collided(g, drones, n, occupied):
 
 @part
 def can_collide(c, d):
-    """Return whether a drone can collide; where drones end together, flags do not matter."""
+    """Return whether a drone can collide; if drones end together, flags do not matter."""
     return d.alive and not d.aloft and (c.ends_together or not d.terminated)

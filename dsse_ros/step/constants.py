@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Scenario, rules and area as the kernels read them."""
+"""Scenario, rules and area in the kernels' format."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _OF_RULES = (
     "drift_axes_independent", "drift_by_speed", "reset_sea_steps", "circle",
     "circle_on_previous_datum", "person_first", "person_walks_blind", "person_scatter",
 )  # fmt: skip
-"""Fields that the kernels read as they are, by the same name."""
+"""Fields that the kernels read unchanged, under the same name."""
 
 
 def _moves(rules: Rules, axis: int) -> list[int]:
@@ -40,7 +40,7 @@ def _moves(rules: Rules, axis: int) -> list[int]:
 
 
 def _motion(rules: Rules) -> int:
-    """Return the number of the persons' motion; an ensemble has none, and nothing reads it."""
+    """Return the number of the persons' motion; for an ensemble it is arbitrary and not read."""
     return [*MOTIONS, rules.person_motion].index(rules.person_motion)
 
 
@@ -59,7 +59,7 @@ _DERIVED: Mapping[str, tuple[Any, Callable[[ResolvedScenario, Rules], Any]]] = {
     "motion": ("i8", lambda _, rules: _motion(rules)),
     "own_drift": ("?", lambda _, rules: has_own_drift(rules.person_motion)),
 }
-"""What follows from the fields: its type and its value."""
+"""Type and value of the constants derived from the fields."""
 
 _TYPES = {"bool": "?", "int": "i8", "float": "f8"}
 _SPECS = {**specs(Rules), **SPECS}
@@ -71,15 +71,15 @@ CONSTANTS = np.dtype(
     ],
     align=True,
 )
-"""The scenario, the rules and the options of the batch, as the kernels read them.
+"""The scenario, the rules and the options of the batch in the kernels' format.
 
-`auto_reset`: a step resets a world that is done, whatever its actions."""
+With `auto_reset`, a step resets a world that is done, whatever its actions."""
 
 
 def constants_of(
     scenario: ResolvedScenario, rules: Rules, *, auto_reset: bool = False
 ) -> NDArray[np.void]:
-    """Return scenario and rules as the kernels read them, (1,) of `CONSTANTS`."""
+    """Return scenario and rules for the kernels, (1,) of `CONSTANTS`."""
     constants = np.zeros(1, CONSTANTS)
     for name in _OF_SCENARIO:
         constants[name] = getattr(scenario, name)
@@ -94,7 +94,7 @@ def constants_of(
 def area_of(
     scenario: ResolvedScenario,
 ) -> tuple[NDArray[np.bool_] | None, NDArray[np.int64] | None]:
-    """Return `area` and `runs` as the kernels read them, None where the whole grid is searched."""
+    """Return `area` and `runs` for the kernels, None if the whole grid is searched."""
     mask = scenario.area_mask
-    # A read-only array would have them compiled anew.
+    # Copy the mask: Numba would compile the kernels again for a read-only array.
     return (None, None) if mask is None else (mask.copy(), runs_of(mask))

@@ -1,15 +1,15 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The coverage task, compiled: drones visit each cell where probability is, once.
+"""The coverage task, compiled: drones visit each cell with a probability once.
 
-`coverage` is what a batch of B worlds has for it: `(poc, left, records)`, the probability of each
-cell at the start, (G, G) float64 as [y, x], what is left of it in each world, (B, G, G) float64,
-and (B,) of `COVERAGE`. A cell is to be covered as long as something is left of it. `b` is the
-number of a world; other arguments mean the same as in `sea_map`.
+`coverage` is the state of the task in B worlds: `(poc, left, records)`. `poc` (G, G) float64 as
+[y, x] is the probability of each cell at the start, `left` (B, G, G) float64 the rest of it in each
+world, `records` (B,) of `COVERAGE`. A cell is to be covered while `left` is not 0. `b` is the
+number of a world; other arguments are as in `sea_map`.
 
-Source: the behaviour of `CoverageDroneSwarmSearch` in the package DSSE 1.1.9. Its rewards are
-computed in its order of operations, so that they are the same to the last bit.
+Source: the behaviour of `CoverageDroneSwarmSearch` in the package DSSE 1.1.9. Rewards are computed
+in its order of operations, so that they are the same to the last bit.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ COVERAGE = np.dtype(
 
 @part
 def put_back(w, coverage, b):
-    """Put all probability back: every cell is to be covered again."""
+    """Restore all probability, so that every cell is to be covered again."""
     poc, left, records = coverage
     of_world, record = left[b], records[b]
     cells = 0
@@ -45,7 +45,7 @@ def put_back(w, coverage, b):
 
 @part
 def visit(c, w, coverage, b, x, y):
-    """Return the reward of a drone that is in this cell after its action, and cover the cell."""
+    """Cover the cell of a drone after its action; return the drone's reward."""
     _, left, records = coverage
     of_world, record = left[b], records[b]
     probability = of_world[y, x]
@@ -61,7 +61,7 @@ def visit(c, w, coverage, b, x, y):
 
 @part
 def reward_if_all_covered(c, w, coverage, b, drones):
-    """Flag and reward each drone in the search in the step that has covered the last cell."""
+    """Flag and reward each drone in the search if this step covered the last cell."""
     if w.done or w.num_missing > 0:
         return
     share = coverage[2][b].cells / len(drones)
@@ -76,7 +76,7 @@ def reward_if_all_covered(c, w, coverage, b, drones):
 
 @part
 def write_left(coverage, b, out):
-    """Write the probability that is left, (G, G) float32 as [y, x]."""
+    """Write the remaining probability, (G, G) float32 as [y, x]."""
     left = coverage[1][b]
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):

@@ -3,8 +3,8 @@
 # mypy: disable-error-code="no-untyped-def"
 """Persons who follow tracks of an ensemble, and the map of its particles, compiled.
 
-`ensemble` is a `SeaEnsemble`, which the worlds of a batch share but for `track`, `b` the number of
-a world. Other arguments mean the same as in `sea_map`.
+`ensemble` is a `SeaEnsemble`; the worlds of a batch share all of it except `track`. `b` is the
+number of a world. Other arguments are as in `sea_map`.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from dsse_ros.compiled.jit import part
 from dsse_ros.targets.sea_map import drift, is_inside
 
 FAR = 30000
-"""Cells are cut to this far from the grid's corner, so that they fit into 16 bits: it is off any
-grid."""
+"""Limit for the distance of cells from the grid's corner, so that they fit into 16 bits. It is off
+any grid."""
 
 
 class SeaEnsemble(NamedTuple):
     """The ensemble of a scenario.
 
     Attributes:
-        truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow, by steps of the sea;
-            off the grid nobody finds them.
-        cumulative: (M,) float64, the probability of each of these tracks and those before it.
-        maps: (T, G, G) float32 as [y, x], the probability of each cell by another draw of the same
-            law; what lies outside the grid and the area is in none.
-        track: (B, P) int64, which track each person follows.
+        truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow, by step of the sea;
+            nobody finds persons off the grid.
+        cumulative: (M,) float64, cumulative probabilities of these tracks.
+        maps: (T, G, G) float32 as [y, x], the probability of each cell by another draw from the
+            same model; probability outside the grid and the area is in no cell.
+        track: (B, P) int64, number of the track that each person follows.
     """
 
     truth: NDArray[np.int16]
@@ -67,7 +67,7 @@ def put_on_tracks(w, persons, ensemble, b):
 
 @part
 def ensemble_step(c, w, persons, area, ensemble, b):
-    """Let the sea do a step: datum and persons; found persons stay where they are."""
+    """Advance datum and persons by one step; found persons stay where they are."""
     drift(c, w, area)
     w.circle_x, w.circle_y = w.datum_x, w.datum_y
     w.map_steps += 1

@@ -1,14 +1,13 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled faults and kinds of drones: what stands between a command and what a drone does.
+"""The compiled faults and kinds of drones, which make drones deviate from their commands.
 
-`before_step` decides what each drone does and takes the energy for it off its battery, the world
-does its step with that, and `after_step` looks at what came of it. Neither is called without
-faults and with drones that are all as fast, can do all actions and never have to stop. All draws
-come from the generator of the world: of each drone in index order those of loss, dropped command
-and stuck before the step, those of false alarm and position after it, each only where its fault is
-in the scenario.
+`before_step` decides the action of each drone and takes its energy from the battery, the world does
+its step with these actions, and `after_step` updates the drones' conditions. Neither runs if there
+are no faults and all drones are equally fast, can do all actions and have no endurance. All draws
+come from the world's generator, drone by drone in index order: loss, dropped command and stuck
+before the step, false alarm and position after it, each only if the scenario has its fault.
 """
 
 from __future__ import annotations
@@ -25,13 +24,13 @@ from dsse_ros.step.constants import MAX_ACTIONS
 from dsse_ros.targets.sea_map import is_inside, is_open
 
 STATUSES = ("searching", "stuck", "identifying", "returning", "home", "lost", "under_way")
-"""What a drone is about, by number."""
+"""Drone status codes; the index is the number."""
 SEARCHING, STUCK, IDENTIFYING, RETURNING, HOME, LOST, UNDER_WAY = range(len(STATUSES))
 
 HELD = -1
 """The action of a drone that does nothing, `world.HOLD`."""
 ROUNDING = 1e-9
-"""Of energy and of the progress of a move: sums of decimal fractions are not exact."""
+"""Tolerance for energy and the progress of a move: sums of decimal fractions are not exact."""
 
 FAULT_CONSTANTS = np.dtype(
     [
@@ -49,46 +48,46 @@ FAULT_CONSTANTS = np.dtype(
         ("command_drop_rate", "f8"),
         ("false_alarm_steps", "i8"),
         ("position_noise", "f8"),
-        ("has_limits", "?"),  # a drone is slower than another, or cannot do all, or not for ever
+        ("has_limits", "?"),  # a drone is slower than another, lacks an action, or has an endurance
     ],
     align=True,
 )
-"""The fields of `faults.FAULTS`, as the kernels read them."""
+"""The fields of `fault_fields.FAULTS` in the kernels' format."""
 
 ABILITIES = np.dtype(
     [
-        ("pace", "f8", (MAX_ACTIONS,)),  # share of each action's move that a step does; 0: cannot
-        # Probability that an action that looks and finds nobody reports somebody.
+        ("pace", "f8", (MAX_ACTIONS,)),  # share of each move covered per step; 0: cannot do it
+        # Probability of a false alarm when an action looks and finds nobody.
         ("false_alarms", "f8", (MAX_ACTIONS,)),
-        ("endurance", "i8"),  # steps that it flies; 0: no limit
-        ("slower", "?"),  # than the fastest: what it begins it is under way with
+        ("endurance", "i8"),  # steps that the drone can fly; 0: no limit
+        ("slower", "?"),  # than the fastest drone: its status during a move is under_way
     ],
     align=True,
 )
-"""What the kind of each drone can do."""
+"""Abilities of each drone's kind."""
 
 CONDITIONS = np.dtype(
     [
-        ("seen_x", "i8"),  # where the drone says that it is
+        ("seen_x", "i8"),  # reported position
         ("seen_y", "i8"),
         ("battery", "f8"),  # percent
-        ("progress", "f8"),  # share of a move that is done
-        ("until", "i8"),  # step until which it is stuck, identifies, or is home
+        ("progress", "f8"),  # completed share of a move
+        ("until", "i8"),  # step until which the drone is stuck, identifies, or is home
         ("status", "i1"),  # number in `STATUSES`
         ("applied", "i1"),  # action of the last step, `HELD` for none
-        ("heading", "i1"),  # action of the move that is in progress
-        ("pending", "i1", (MAX_DELAY,)),  # commands under way
+        ("heading", "i1"),  # action of the move in progress
+        ("pending", "i1", (MAX_DELAY,)),  # delayed commands
     ],
     align=True,
 )
-"""What faults have made of each drone."""
+"""Condition of each drone under its faults."""
 
 
 @part
 def can_afford(f, o, home_steps, x, y, to_x, to_y, energy):
-    """Return whether a drone can spend this energy and still come home with its reserve.
+    """Return whether a drone can spend this energy and still return home with its reserve.
 
-    It may then be in either of the two cells: a move against the wind may not be done.
+    It must be able to return from both cells, because a move against the wind may not complete.
     """
     steps = max(home_steps[y, x], home_steps[to_y, to_x])
     left = o.battery - energy - steps * f.battery_return
@@ -97,19 +96,19 @@ def can_afford(f, o, home_steps, x, y, to_x, to_y, energy):
 
 @part
 def is_able(c, s, action):
-    """Return whether an action is none, or one that the drone's kind can do."""
+    """Return whether an action is `HELD` or possible for the drone's kind."""
     return not 0 <= action < c.num_actions or s.pace[action] > 0.0
 
 
 @part
 def is_between(s, o):
-    """Return whether a slower drone has begun a move that it has not done."""
+    """Return whether a slower drone has a move in progress."""
     return s.slower and o.heading != HELD and o.status != RETURNING
 
 
 @part
 def can_do(c, f, area, d, o, s, home_steps, action):
-    """Return whether a drone, on the grid, can do an action and still come home."""
+    """Return whether a drone on the grid can do an action and still return home."""
     x, y = d.x, d.y
     to_x, to_y = x, y
     if action == c.search_action:
@@ -123,7 +122,7 @@ def can_do(c, f, area, d, o, s, home_steps, action):
         if s.pace[action] >= 1.0:
             x, y = to_x, to_y
         elif s.slower:
-            # What it begins it does to the end.
+            # A slower drone completes every move that it begins.
             x, y = to_x, to_y
             left = 1.0 - (o.progress if action == o.heading else 0.0)
             energy *= ceil(left / s.pace[action] - ROUNDING)
@@ -132,7 +131,7 @@ def can_do(c, f, area, d, o, s, home_steps, action):
 
 @part
 def can_go_on(c, f, area, d, o, s, home_steps):
-    """Return whether a drone can do anything but go home."""
+    """Return whether a drone can do anything other than return home."""
     if o.status == IDENTIFYING:
         return can_do(c, f, area, d, o, s, home_steps, HELD)
     if is_between(s, o):
@@ -147,14 +146,14 @@ def can_go_on(c, f, area, d, o, s, home_steps):
 
 @part
 def land(f, w, o):
-    """Note that a drone is home."""
+    """Record that a drone is home."""
     o.status = HOME
     o.until = w.t + f.relief_steps
 
 
 @part
 def turn_home(f, w, d, o, home_steps):
-    """Send a drone home, above the others; in its home cell it is there."""
+    """Send a drone home, above the others; in its home cell it has arrived."""
     o.status = RETURNING
     if home_steps[d.y, d.x] == 0:
         land(f, w, o)
@@ -165,7 +164,7 @@ def turn_home(f, w, d, o, home_steps):
 
 @part
 def lose(w, d, o):
-    """Take a drone out; the step that follows terminates it."""
+    """Take a drone out of the mission; the following step terminates it."""
     o.status = LOST
     d.alive = False
     w.num_active -= 1
@@ -173,7 +172,7 @@ def lose(w, d, o):
 
 @part
 def arrived_command(f, w, o, command):
-    """Return the command that a drone gets in this step, `HELD` if none."""
+    """Return the command that reaches a drone in this step, `HELD` if none does."""
     if f.command_delay > 0:
         slot = w.t % f.command_delay
         delayed = o.pending[slot]
@@ -186,7 +185,7 @@ def arrived_command(f, w, o, command):
 
 @part
 def make_way(s, o, action, num_actions, search_action):
-    """Return the action that gets done: a move only once the steps have added up to one."""
+    """Add a step to a move's progress; return the move once it is complete, else `HELD`."""
     if not 0 <= action < num_actions or action == search_action or s.pace[action] >= 1.0:
         o.progress = 0.0
         o.heading = HELD
@@ -206,14 +205,14 @@ def make_way(s, o, action, num_actions, search_action):
 
 @part
 def may_turn(f, o, inside):
-    """Return whether a drone goes home where its battery does not hold for anything else."""
+    """Return whether a drone returns home when its battery suffices for nothing else."""
     flies = o.status == SEARCHING or o.status == IDENTIFYING or o.status == UNDER_WAY
     return f.battery and inside and flies
 
 
 @part
 def decide(c, f, area, w, d, o, s, home_steps, home_actions, command):
-    """Return what a drone in the air does, and take the energy for it off its battery."""
+    """Return the action of a drone in the air, and take its energy from the battery."""
     action = np.int64(arrived_command(f, w, o, command))
     if o.status != STUCK and f.stuck_rate > 0.0 and draw_unit(w) < f.stuck_rate:
         o.status = STUCK
@@ -249,7 +248,7 @@ def before_step(
     constants, faults, abilities, area, worlds, drones, conditions, losses, home_steps,
     home_actions, actions, applied, first, last,
 ):  # fmt: skip
-    """Decide what the drones of the worlds first..last - 1 do.
+    """Decide the actions of the drones in worlds first..last - 1.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
@@ -260,10 +259,10 @@ def before_step(
         drones: (B, N) of `kernels.DRONES`.
         conditions: (B, N) of `CONDITIONS`.
         losses: (N,) int64, step in which each drone is lost; 0 for never.
-        home_steps: (N, G, G) int32 of `battery.WaysHome`; (N, 0, 0) without batteries.
-        home_actions: (N, G, G) int8, likewise.
+        home_steps: (N, G, G) int32 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
+        home_actions: (N, G, G) int8 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
         actions: (B, N) int8, the commands.
-        applied: (B, N) int8 out, what the drones do.
+        applied: (B, N) int8 out, the drones' actions.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
@@ -293,7 +292,7 @@ def before_step(
 
 @part
 def is_vacant(c, drones, n):
-    """Return whether a drone can take off in its cell: no other would collide with it there."""
+    """Return whether a drone can take off in its cell without a collision there."""
     if not c.collisions:
         return True
     d = drones[n]
@@ -306,14 +305,14 @@ def is_vacant(c, drones, n):
 
 @part
 def observe(c, f, w, d, o):
-    """Note where a drone says that it is: with a normal error along each axis, on the grid."""
+    """Record the drone's reported position: with a normal error along each axis, on the grid."""
     o.seen_x, o.seen_y = d.x, d.y
     if f.position_noise > 0.0 and d.alive and is_inside(c.grid_size, d.x, d.y):
         # Box and Muller; 1 - u is never 0.
         reach = f.position_noise * sqrt(-2.0 * log(1.0 - draw_unit(w)))
         turn = 2.0 * pi * draw_unit(w)
         edge = c.grid_size - 1
-        # An error of more than the grid is the edge's; the cast of a larger one is undefined.
+        # Cut the error to the size of the grid: the cast of a larger one is undefined.
         error_x = min(max(np.floor(reach * cos(turn) + 0.5), -edge), edge)
         error_y = min(max(np.floor(reach * sin(turn) + 0.5), -edge), edge)
         o.seen_x = min(max(d.x + np.int64(error_x), 0), edge)
@@ -322,7 +321,7 @@ def observe(c, f, w, d, o):
 
 @part
 def start(c, f, area, w, d, o, s, home_steps):
-    """Set what faults have made of a drone to the start of a mission."""
+    """Set the condition of a drone to that at the start of a mission."""
     d.aloft = False
     o.battery = FULL
     o.progress = 0.0
@@ -338,7 +337,7 @@ def start(c, f, area, w, d, o, s, home_steps):
 
 @part
 def update(c, f, area, w, drones, n, o, s, home_steps):
-    """Note what a step has made of a drone that is still in the mission."""
+    """Update the condition of a drone still in the mission after a step."""
     d = drones[n]
     inside = is_inside(c.grid_size, d.x, d.y)
     if o.status == HOME:
@@ -369,14 +368,14 @@ def update(c, f, area, w, drones, n, o, s, home_steps):
 def after_step(
     constants, faults, abilities, area, worlds, drones, conditions, home_steps, applied, first, last
 ):
-    """Note what a step has made of the drones; arguments as in `before_step`."""
+    """Update the drones' conditions after a step; arguments as in `before_step`."""
     c, f = constants[0], faults[0]
     for b in range(first, last):
         w = worlds[b]
         for n in range(drones.shape[1]):
             d, o, s = drones[b, n], conditions[b, n], abilities[n]
             if w.t == 0:
-                # A batch has reset the world.
+                # The batch reset this world in the step.
                 start(c, f, area, w, d, o, s, home_steps[n])
                 continue
             o.applied = applied[b, n]
@@ -400,7 +399,7 @@ def start_conditions(
 
 @part
 def restrict_mask(c, f, area, d, o, s, home_steps, home_actions, mask):
-    """Take off a drone's action mask (A,) what it cannot do; one action is left."""
+    """Clear the actions that a drone cannot do in its mask (A,); at least one stays."""
     if is_between(s, o):
         mask[:] = 0
         mask[o.heading] = 1
@@ -428,11 +427,11 @@ def restrict_masks(
     constants, faults, abilities, area, drones, conditions, home_steps, home_actions, masks, first,
     last,
 ):  # fmt: skip
-    """Take off the action masks what drones cannot do, or would keep them from coming home.
+    """Clear the actions that drones cannot do or that would keep them from returning home.
 
-    Of a drone that is under way, or goes home, or is there, only that is left; one is always left.
-    `masks` are (B, N, A) int8, 0 for moves out of the grid or the area; the other arguments are as
-    in `before_step`.
+    For a drone that is under way, returning or home, only the action that continues this stays. At
+    least one action always stays. `masks` are (B, N, A) int8, 0 for moves out of the grid or the
+    area; the other arguments are as in `before_step`.
     """
     c, f = constants[0], faults[0]
     if not (f.battery or f.has_limits):

@@ -7,10 +7,10 @@ The state of the worlds is in three structured arrays, `worlds` (B,), `drones` (
 (B, P); `constants` (1,) is shared and never written. x is the column and grows to the east, y is
 the row and grows to the south.
 
-Where only a part of the grid is searched, `area` (G, G) bool is true in its cells, and `runs`
-(R, 3) int64 has them as (row, first column, last column). Both are None where all of it is: then
-what they would cost is compiled away. So it is where `coverage`, see `coverage_kernels`, or
-`ensemble`, see `ensemble_kernels`, is None.
+If only a part of the grid is searched, `area` (G, G) bool is true in its cells, and `runs`
+(R, 3) int64 has them as (row, first column, last column). Otherwise both are None, and the compiler
+removes their code. The same applies to `coverage`, see `coverage_kernels`, and `ensemble`, see
+`ensemble_kernels`.
 """
 
 from __future__ import annotations
@@ -50,18 +50,18 @@ WORLDS = np.dtype(
         ("datum_y", "i8"),
         ("circle_x", "i8"),
         ("circle_y", "i8"),
-        ("remainder_x", "f8"),  # drift not yet moved, cells
+        ("remainder_x", "f8"),  # drift not yet applied, cells
         ("remainder_y", "f8"),
         ("vector_x", "f8"),  # the scenario's drift
         ("vector_y", "f8"),
         ("drift_x", "f8"),  # drift per step, cells
         ("drift_y", "f8"),
-        ("scale", "f8"),  # 1 / sum of the Gaussian over the possible cells; 0: one cell has it all
+        ("scale", "f8"),  # 1 / sum of the Gaussian over the possible cells; 0: all in one cell
         ("start_x", "i8"),  # cell of the person at reset
         ("start_y", "i8"),
         ("num_active", "i8"),  # drones still in the search
         ("num_missing", "i8"),  # persons not found, or cells not covered
-        ("done", "?"),  # the search has ended: none missing, time out, or no drone left
+        ("done", "?"),  # the search has ended: none missing, time limit, or no drone left
     ],
     align=True,
 )
@@ -70,9 +70,9 @@ DRONES = np.dtype(
     [
         ("x", "i8"),
         ("y", "i8"),
-        ("episode_return", "f8"),  # sum of rewards, before collisions replaced any
+        ("episode_return", "f8"),  # sum of rewards without the replacements by collisions
         ("reward", "f8"),  # of the last step
-        ("alive", "?"),  # in the search; without a flag and not alive: withdrawn
+        ("alive", "?"),  # in the search; a drone neither alive nor flagged was withdrawn
         ("terminated", "?"),  # since the last reset
         ("truncated", "?"),
         ("found", "?"),  # found a person in the last step
@@ -90,10 +90,10 @@ class Sea(NamedTuple):
         worlds: (B,) of `WORLDS`.
         gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
         tails: (1 or B, 2, G + 2) float64, their tail sums.
-        area: (G, G) bool, the cells that are searched; None for all.
+        area: (G, G) bool, the searched cells; None for all.
         runs: (R, 3) int64, the same by row, first and last column; None for all.
-        coverage: See `coverage_kernels`; None where the task is to find persons.
-        ensemble: See `ensemble_kernels`; None where persons move step by step.
+        coverage: See `coverage_kernels`; None in a search for persons.
+        ensemble: See `ensemble_kernels`; None if persons move step by step.
     """
 
     constants: NDArray[np.void]
@@ -107,13 +107,13 @@ class Sea(NamedTuple):
 
 
 class Crew(NamedTuple):
-    """Who is in the sea, and who looks where.
+    """The drones, their looks, and the persons.
 
     Attributes:
         starts: (B, N, 2) int64, cells of the drones at reset.
         drones: (B, N) of `DRONES`.
-        finds: (B, N) uint64, of a drone that has found a person in the last step a bit for each
-            look that has; of another one it says nothing.
+        finds: (B, N) uint64, one bit per successful look of a drone that found a person in the last
+            step; undefined for other drones.
         persons: (B, P) of `PERSONS`.
         kinds: (N,) of `looks.Looks.kind`.
         looks: (K, A + 1) of `looks.Looks.first`.
@@ -137,7 +137,7 @@ class Scratch(NamedTuple):
     Attributes:
         occupied: (G * G + 1,) uint16, see `occupy`.
         circle: (G + 1,) int64, see `update_circle`.
-        cells: (K,) int64, the cells that persons are scattered over.
+        cells: (K,) int64, the cells over which persons are scattered.
         span: (G,) float64.
     """
 
@@ -164,7 +164,7 @@ def sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle):
 def reset_world(
     c, w, starts, drones, persons, gauss, tails, area, runs, coverage, ensemble, b, circle, cells
 ):
-    """Set a world to its start: persons at the start cell, which has all the probability."""
+    """Set a world to its start: the start cell has the persons and all the probability."""
     w.t = w.map_steps = 0
     w.datum_x = w.circle_x = w.start_x
     w.datum_y = w.circle_y = w.start_y
@@ -206,10 +206,9 @@ def step_drones(
     """Do the actions in index order against the map of the last observation.
 
     Returns:
-        Whether active drones may share a cell, and whether any has found a person or got a
-        flag.
+        Whether active drones may share a cell, and whether any drone found a person or got a flag.
     """
-    # Read once: the compiler must expect that what is written to the drones changes them.
+    # Read these once: the compiler must assume that writes to the drones can change them.
     grid_size, move_reward, leave_reward = c.grid_size, c.move, c.leave_grid
     search_action, num_actions, leave_flies_on = c.search_action, c.num_actions, c.leave_flies_on
     leave_flags = c.leave_terminates or leave_flies_on
@@ -225,7 +224,7 @@ def step_drones(
         if not d.alive:
             d.reward = 0.0
             d.found = False
-            # One that was withdrawn has no flag yet.
+            # A withdrawn drone has no flag yet.
             eventful |= not (d.terminated or d.truncated)
             continue
         reward, found, terminated = move_reward, False, d.terminated
@@ -234,7 +233,7 @@ def step_drones(
             if not searches:
                 x, y = d.x + moves_x[action], d.y + moves_y[action]
                 inside = is_open(area, grid_size, x, y)
-                # Outside the grid is water, outside the area is not.
+                # Drones may fly on outside the grid, but not outside the area within it.
                 if inside or (leave_flies_on and not is_inside(grid_size, x, y)):
                     d.x, d.y = x, y
                 if not inside:
@@ -272,7 +271,7 @@ def step_drones(
 
 @part
 def update_flags(c, w, drones, persons, coverage):
-    """Flag the drones whose search has ended, and the world when all have."""
+    """Flag the drones whose search has ended, and the world when all of them have ended."""
     if coverage is None:
         w.num_missing = 0
         for p in range(len(persons)):
@@ -283,7 +282,7 @@ def update_flags(c, w, drones, persons, coverage):
     for n in range(len(drones)):
         d = drones[n]
         if not d.alive:
-            # One without a flag was withdrawn since the last step.
+            # A drone without a flag was withdrawn since the last step.
             d.terminated = d.terminated or not d.truncated
             continue
         d.terminated = d.terminated or all_found
@@ -296,7 +295,7 @@ def update_flags(c, w, drones, persons, coverage):
     w.num_active = num_active
     w.done = num_active == 0 or (c.ends_together and any_flag)
     if c.ends_together and w.done:
-        # A drone that ends only because the search has ended is truncated.
+        # Drones that end only because the search ended are truncated.
         for n in range(len(drones)):
             drones[n].truncated = drones[n].truncated or not drones[n].terminated
 
@@ -331,19 +330,19 @@ def step_world(
 
 
 STREAMED_BYTES = 1 << 25
-"""Maps that take more than this are written past the caches, which they would not stay in."""
+"""Larger maps are written past the caches, because they would not fit."""
 
 
 @part
 def is_streamed(maps):
-    """Return whether maps (B, G, G) are to be written past the caches, and can be."""
+    """Return whether maps (B, G, G) are large and aligned enough to be written past the caches."""
     large = maps.size * maps.itemsize > STREAMED_BYTES
     return large and maps.shape[1] % LANES == 0 and maps.ctypes.data % ALIGNMENT == 0
 
 
 @inlined
 def write_observed(c, w, gauss, area, coverage, ensemble, b, circle, span, stream, out):
-    """Write what drones observe of a world: the map, or the probability that is left to cover."""
+    """Write the observed map of a world, or its probability left to cover."""
     if ensemble is not None:
         write_present(w, ensemble, out)
     elif coverage is None:
@@ -352,8 +351,8 @@ def write_observed(c, w, gauss, area, coverage, ensemble, b, circle, span, strea
         write_left(coverage, b, out)
 
 
-# Python calls these with the fields of the tuples, one after the other: to take the tuples
-# themselves apart would cost compiled functions as long as a small step.
+# Python passes the fields of the tuples as separate arguments: unpacking the tuples in compiled
+# functions would take as long as a small step.
 @kernel
 def step_worlds(
     constants, worlds, gauss, tails, area, runs, coverage, ensemble,
@@ -363,8 +362,8 @@ def step_worlds(
 ):  # fmt: skip
     """Advance the worlds first..last - 1 by one step and write their maps.
 
-    The arguments are the fields of `Sea`, `Crew` and `Scratch`, then `actions`, (B, N) int8, where
-    a number without an action does nothing, and `maps` out, (B, G, G) float32 as [y, x],
+    The arguments are the fields of `Sea`, `Crew` and `Scratch`, then `actions` (B, N) int8, where a
+    number that is not an action does nothing, and `maps` out, (B, G, G) float32 as [y, x],
     C-contiguous, or (B, 0, 0) to write none.
     """
     c = constants[0]
@@ -416,7 +415,7 @@ def reset_worlds(
 def refresh_worlds(
     constants, worlds, gauss, tails, area, runs, coverage, ensemble, circle, span, maps
 ):
-    """Write the tables and the maps that the state asks for.
+    """Write the tables and the maps that the state requires.
 
     The arguments begin with the fields of `Sea`; the others are as in `step_worlds`.
     """

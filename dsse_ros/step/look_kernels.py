@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled looks of a drone: whom they find, and what that earns.
+"""The compiled looks of a drone: their finds and rewards.
 
-Arguments with the same names mean the same as in `kernels`; `first` and `last` are numbers of the
-looks of an action, see `looks.Looks`.
+Arguments are as in `kernels`; `first` and `last` are numbers of the looks of an action, see
+`looks.Looks`.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ def probability_of(c, w, gauss, area, ensemble, x, y):
 
 @inlined
 def look(c, w, d, persons, offsets, pods, first, last):
-    """Do the looks first..last - 1 of a drone where it is.
+    """Do the looks first..last - 1 of a drone from its cell.
 
     Returns:
-        How many persons they have found, and a bit for each look that has found any.
+        Number of persons found, and a bit for each look that found any.
     """
     finds, bits, bit = 0, np.uint64(0), np.uint64(1)
     for k in range(first, last):
@@ -59,12 +59,12 @@ def reward_find(c, w, finds):
 
 @inlined
 def reward_search(c, w, gauss, area, ensemble, d, offsets, first, last):
-    """Return the reward of a search that has found nobody: of the probability that it looked at."""
+    """Return the reward of a search that found nobody, by the probability of its cells."""
     probability = 0.0
     for k in range(first, last):
         x, y = d.x + offsets[k, 0], d.y + offsets[k, 1]
         if c.leave_flies_on:
-            # A drone outside to the west or north sees the cell that a negative index names.
+            # For a drone outside to the west or north, a negative index selects the cell.
             x, y = (x + c.grid_size if x < 0 else x), (y + c.grid_size if y < 0 else y)
         probability += probability_of(c, w, gauss, area, ensemble, x, y)
     enough = probability > c.search_min_probability or (

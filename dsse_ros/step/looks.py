@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The looks of a swarm as one table: which cells each action of each drone looks at, how well."""
+"""The looks of a swarm as one table: the cells that each action of a drone looks at, with PODs."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from dsse_ros.sensors.sensor import MAX_LOOKS, Look
 
 
 class Looked(NamedTuple):
-    """A look that was done, for what learns from it.
+    """A look that was done, for the update of beliefs.
 
     Attributes:
-        cell: (col, row) of what was looked at; off the grid nobody is there.
-        pods: (P,) float64, POD of each person of the scenario who is there.
+        cell: (col, row) of the cell looked at; nobody is off the grid.
+        pods: (P,) float64, POD of each person of the scenario if in the cell.
     """
 
     cell: Cell
@@ -31,17 +31,16 @@ class Looked(NamedTuple):
 
 
 class Looks(NamedTuple):
-    """What the drones of a scenario look at, for L looks of K kinds of drones.
+    """The looks of a scenario's drones: L looks for K kinds of drones.
 
     The looks of action a of drone n are first[kind[n], a] .. first[kind[n], a + 1] - 1.
 
     Attributes:
         kind: (N,) int64, number of each drone's kind.
         first: (K, A + 1) int64.
-        offsets: (L, 2) int64, (dx, dy) from the drone once the action is done, in cells.
-        pods: (L, P) float64, POD of each person who is in the cell.
-        false_alarms: (K, A) float64, probability that an action whose looks find nobody reports
-            somebody.
+        offsets: (L, 2) int64, (dx, dy) from the drone after the action, in cells.
+        pods: (L, P) float64, POD of each person in the cell.
+        false_alarms: (K, A) float64, probability of a false alarm if an action's looks find nobody.
     """
 
     kind: NDArray[np.int64]
@@ -51,7 +50,7 @@ class Looks(NamedTuple):
     false_alarms: NDArray[np.float64]
 
     def of(self, drone: int, action: int) -> range:
-        """Return the numbers of an action's looks; none for one that is not an action."""
+        """Return the numbers of an action's looks; none for an invalid action number."""
         first = self.first[self.kind[drone]]
         return range(*first[action : action + 2].tolist()) if 0 <= action < len(first) - 1 else _NO
 
@@ -61,7 +60,7 @@ class Looks(NamedTuple):
         Args:
             drone: Number of the drone.
             action: Number of the action.
-            cell: Where the drone is once the action is done.
+            cell: Cell of the drone after the action.
         """
         return [
             Looked((cell[0] + int(dx), cell[1] + int(dy)), self.pods[look])
@@ -72,11 +71,11 @@ class Looks(NamedTuple):
     def at(
         self, actions: NDArray[Any], cells: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Return who looks at what.
+        """Return the looks of all drones.
 
         Args:
-            actions: (N,) numbers; one that is not an action looks at nothing.
-            cells: (N, 2) where the drones are once these are done.
+            actions: (N,) numbers; a number that is not an action has no looks.
+            cells: (N, 2) cells of the drones after the actions.
 
         Returns:
             (Q,) drones, (Q,) numbers of looks, (Q, 2) cells (col, row), on the grid or off it.
@@ -96,7 +95,7 @@ class Looks(NamedTuple):
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """(K, A) how many looks each action has."""
+        """(K, A) number of looks of each action."""
         return np.diff(self.first, axis=1)
 
 
@@ -107,7 +106,7 @@ def looks_of(scenario: ResolvedScenario, rules: Rules) -> Looks:
     """Return the looks of a scenario's drones.
 
     Raises:
-        FieldError: If a sensor has looks that cannot be.
+        FieldError: If a sensor has invalid looks.
     """
     kinds, actions = scenario.kinds, rules.action_set.names
     first = np.zeros((len(kinds), len(actions) + 1), np.int64)
@@ -139,7 +138,7 @@ def moves_look(looks: Looks, rules: Rules) -> bool:
 
 
 def own_cell_looks(num_drones: int, actions: Sequence[str]) -> Looks:
-    """Return the looks of drones of which only their actions are known: a search sees its cell."""
+    """Return the default looks, if only the actions of drones are known: a search sees its cell."""
     first = np.cumsum([0, *(name == "search" for name in actions)])[np.newaxis]
     count = int(first[0, -1])
     return Looks(
@@ -149,16 +148,16 @@ def own_cell_looks(num_drones: int, actions: Sequence[str]) -> Looks:
 
 
 def searches_of(scenario: ResolvedScenario, rules: Rules, cells: Iterable[Cell]) -> list[Looked]:
-    """Return what searches of these cells (col, row) by the first drone look at."""
+    """Return the looks of searches in these cells (col, row) by the first drone."""
     looks, search = looks_of(scenario, rules), rules.action_set.search
     return [look for cell in cells for look in looks.done(0, search, cell)]
 
 
 def _check(sensor: str, action: str, looks: list[Look], multipliers: tuple[float, ...]) -> None:
-    """Raise unless the looks of an action can be.
+    """Raise unless the looks of an action are valid.
 
     Raises:
-        FieldError: If there are too many, or one is no look.
+        FieldError: If there are too many looks, or one is invalid.
     """
     where = f"sensor: {sensor} at {action}"
     if len(looks) > MAX_LOOKS:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The ensemble of a scenario: drawn once, for the truth and for the belief, and kept."""
+"""The ensemble of a scenario, drawn once for the truth and once for the belief, and cached."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from dsse_ros.targets.ensemble import Ensemble, Tracks, check_tracks
 from dsse_ros.targets.registry import TARGET_MODELS
 
 LARGEST_BYTES = 1 << 30
-"""What an ensemble may take while it is kept."""
+"""Memory limit of a cached ensemble."""
 KEPT = 4
-"""Ensembles that are kept, the last ones."""
+"""Number of cached ensembles, the most recent ones."""
 
 
 class SeaTracks(NamedTuple):
-    """The tracks of a scenario in cells, by steps of the sea from the start of its drift.
+    """The tracks of a scenario in cells, by step of the sea from the start of its drift.
 
-    After its last step nothing moves.
+    After the last step nothing moves.
 
     Attributes:
         truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow.
-        cumulative: (M,) float64, sums of their weights.
-        particles: (T, M', 2) int16, those of a belief, by another seed.
-        weights: (M',) float64, their weights.
-        maps: (T, G, G) float32 as [y, x], the probability of each cell by the particles. What lies
-            outside the grid or the area is in none: it is not scaled up to 1.
+        cumulative: (M,) float64, cumulative sums of the tracks' weights.
+        particles: (T, M', 2) int16, cells of a belief's particles, drawn with another seed.
+        weights: (M',) float64, weights of the particles.
+        maps: (T, G, G) float32 as [y, x], the probability of each cell by the particles. They leave
+            out probability outside the grid or the area and are not scaled to sum to 1.
     """
 
     truth: NDArray[np.int16]
@@ -49,9 +49,9 @@ _lock = threading.Lock()
 
 
 def tracks_of(scenario: ResolvedScenario, rules: Rules) -> SeaTracks | None:
-    """Return the tracks of a scenario, None where its persons do not follow an ensemble.
+    """Return the tracks of a scenario, or None if its persons do not follow an ensemble.
 
-    Truth and particles are drawn from one law, by the two seeds that
+    Truth and particles are drawn from the same model, with the two seeds that
     `np.random.SeedSequence(ensemble_seed)` spawns.
 
     Raises:
@@ -72,7 +72,7 @@ def tracks_of(scenario: ResolvedScenario, rules: Rules) -> SeaTracks | None:
 
 
 def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
-    """Return how many steps the sea does until the end of a mission that takes all its time."""
+    """Return the number of steps of the sea until the time limit of a mission."""
     mission = scenario.timestep_limit + rules.time_out_grace + 1
     return scenario.pre_search_steps + rules.reset_sea_steps + mission
 
@@ -112,7 +112,7 @@ def _drawn(
     lost = ~np.isfinite(cells).all(axis=2)
     np.clip(cells, -FAR, FAR, out=cells)
     cells[lost] = -FAR
-    # A weight of its own: the arrays are handed to compiled functions, which take no read-only one.
+    # Copy the weights: the compiled functions do not accept read-only arrays.
     return cells.astype(np.int16), np.array(tracks.weights, np.float64)
 
 
@@ -128,7 +128,7 @@ def poc_of_cells(
         cells: (M, 2) cells (x, y).
         weights: (M,) float64.
         grid_size: G.
-        area: (G, G) bool, the cells that are searched; None for all.
+        area: (G, G) bool, the searched cells; None for all.
     """
     x, y = cells[:, 0].astype(np.int64), cells[:, 1].astype(np.int64)
     inside = (x >= 0) & (x < grid_size) & (y >= 0) & (y < grid_size)

@@ -1,7 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The motion of the paper and of DSSE 0.1.13: to the best cell of a window weighted at random."""
+"""The motion of the paper and of DSSE 0.1.13: to the best cell of a randomly weighted window."""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ def move_to_best_cell(c, w, gauss, area, person, _direction):
 def best_cell_chances(c, area, x, y, window, out, scratch):
     """Write the probabilities of the steps that can be the best one.
 
-    A step is best if its weight times its factor exceeds those of all steps before it and is no
-    less than those of all after it: for each factor, as many of the others' factors allow that.
+    A step is best if its weight times its factor exceeds the products of all steps before it and is
+    at least those of all steps after it. For each factor, count the factors of the others that
+    allow this.
     """
     candidates = 0
     out[:] = 0.0
@@ -59,7 +60,7 @@ def best_cell_chances(c, area, x, y, window, out, scratch):
             later = other > step
             for k in range(FACTORS):
                 best = weight * ((k + 1) / np.float64(FACTORS))
-                # A quotient may be one off; the products are those of the draw.
+                # The quotient may be off by one, so compare the same products as the draw.
                 guess = np.floor(min(best / rival, 1.0) * FACTORS)
                 guess += (guess < FACTORS) & is_beaten(rival, guess + 1.0, best, later)
                 guess -= (guess > 0.0) & (not is_beaten(rival, guess, best, later))
@@ -70,13 +71,13 @@ def best_cell_chances(c, area, x, y, window, out, scratch):
 
 @part
 def walks_blind(c, area, x, y):
-    """Return whether a person who sees no possible cell walks to the north-west."""
+    """Return whether a person in an all-zero window walks to the north-west."""
     return c.person_walks_blind and not is_masked(area, c.grid_size, x - 1, y - 1)
 
 
 @part
 def is_beaten(rival, factor, best, later):
-    """Return whether a weight times this factor does not take the place of the best."""
+    """Return whether a weight times this factor does not replace the best."""
     product = rival * (factor / np.float64(FACTORS))
     return (product < best) | (later & (product == best))
 

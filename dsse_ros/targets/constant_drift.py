@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The ensemble of a constant drift: persons drift with the current, each a little differently."""
+"""The ensemble of a constant drift, with a small velocity error per person."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from dsse_ros.targets.ensemble import Ensemble, Tracks
 def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
     """Return tracks of equal weight; see `targets.ensemble.TracksOf`.
 
-    A particle starts normally about the centre of the last known cell (`sigma_x`, `sigma_y`). In
-    each step it drifts as the datum does on average (`drift`), plus an error of its own velocity
-    that is drawn once (`dispersion_inc`, so that the spread grows with time), plus a random walk
+    A particle starts at a normally distributed position around the centre of the last known cell
+    (`sigma_x`, `sigma_y`). Each step adds the mean drift of the datum (`drift`), a velocity error
+    drawn once per particle (`dispersion_inc`, so that the spread grows with time) and a random walk
     (`diffusivity` D: a variance of 2 D dt along each axis).
     """
     cell, dt = scenario.cell_size, scenario.step_duration_s

@@ -1,7 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The motion of DSSE 1.1.9: to a drawn cell of the window, more likely the one drifted to."""
+"""The motion of DSSE 1.1.9: to a random cell of the window, preferably the one drifted to."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from dsse_ros.targets.motion import STEPS, PersonMotion
 from dsse_ros.targets.sea_map import cell_probability, step_within
 
 DRIFT_WEIGHT = 0.05
-"""Added to the probability of the cell that a person drifts to (DSSE 1.1.9)."""
+"""Added to the probability of the cell to which a person drifts (DSSE 1.1.9)."""
 
 
 @part
 def move_with_drift(c, w, gauss, area, person, direction):
-    """Draw a person's step from the 3 x 3 window, more likely the one that it drifts."""
+    """Draw a person's step from the 3 x 3 window, with more weight on the drift's step."""
     total = DRIFT_WEIGHT
     for dy in range(-1, 2):
         for dx in range(-1, 2):
@@ -37,7 +37,7 @@ def move_with_drift(c, w, gauss, area, person, direction):
 
 @part
 def drift_chances(_c, _area, _x, _y, window, out, _scratch):
-    """Write the probabilities of the steps that `move_with_drift` draws."""
+    """Write the probabilities of the steps of `move_with_drift`."""
     total = DRIFT_WEIGHT
     for step in range(STEPS):
         total += window[step]

@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The contract of an ensemble: where persons may go, as weighted tracks of particles.
+"""The contract of an ensemble: possible motions of persons as weighted tracks of particles.
 
-An ensemble draws its tracks once for a scenario. The search draws those of the persons from the
-same law by another seed, so that what a belief knows and what persons do cannot diverge.
+An ensemble draws its tracks once per scenario. The search draws the persons' tracks from the same
+model with another seed, so that beliefs and persons cannot diverge.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SUM_TOLERANCE = 1e-9
-"""How far the sum of weights may be from 1."""
+"""Tolerance for the sum of the weights, which is 1."""
 
 
 class Tracks(NamedTuple):
@@ -22,8 +22,9 @@ class Tracks(NamedTuple):
 
     Attributes:
         positions: (T, M, 2) float64, metres to the east and to the south of the grid's north-west
-            corner at each step of the sea, the first one before any. What is not finite is nowhere.
-        weights: (M,) float64, how probable each track is; they sum to 1.
+            corner, before the first step of the sea and after each one. A particle with a position
+            that is not finite is nowhere.
+        weights: (M,) float64, probability of each track; they sum to 1.
     """
 
     positions: NDArray[np.float64]
@@ -34,24 +35,25 @@ class TracksOf(Protocol):
     """Draws the tracks of particles."""
 
     def __call__(self, scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
-        """Return tracks of at least one particle; the same generator gives the same.
+        """Return tracks of at least one particle; the same generator gives the same tracks.
 
         Args:
             scenario: The `ResolvedScenario`: last known cell, drift, spread, duration of a step.
-            steps: T - 1, steps of the sea until the end of a mission, those before the search too.
-            rng: What is drawn with, and nothing else.
-            count: How many particles are asked for; one that has them from a file has its own
-                number.
+            steps: T - 1, steps of the sea until the end of a mission, including those before the
+                search.
+            rng: Generator of the draws; use no other.
+            count: Requested number of particles; an ensemble that reads them from a file may return
+                another number.
         """
         ...
 
 
 class Ensemble(NamedTuple):
-    """How persons move, as an ensemble.
+    """A target model that is an ensemble.
 
     Attributes:
-        doc: What a person does, without a subject.
-        tracks: Draws the tracks.
+        doc: Motion of a person, as a phrase without a subject.
+        tracks: Function that draws the tracks.
     """
 
     doc: str
@@ -59,10 +61,10 @@ class Ensemble(NamedTuple):
 
 
 def check_tracks(tracks: Tracks, steps: int) -> None:
-    """Raise unless these are tracks of this many steps, with weights that are probabilities.
+    """Raise unless these tracks have this many steps, and weights that are probabilities.
 
     Raises:
-        ValueError: If they are not.
+        ValueError: If they do not.
     """
     positions, weights = tracks
     if weights.ndim != 1 or not len(weights):
@@ -70,7 +72,7 @@ def check_tracks(tracks: Tracks, steps: int) -> None:
     shape = (steps + 1, len(weights), 2)
     if positions.shape != shape:
         raise ValueError(f"positions of shape {positions.shape} are not allowed; {shape}")
-    # Also refuses NaN.
+    # This form of the comparison also refuses NaN.
     if not (weights >= 0.0).all():
         raise ValueError("weights below 0 are not allowed")
     total = float(weights.sum())

@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The contract of a motion: how persons move step by step, as the search and a belief need it.
+"""The contract of a motion: steps of persons, for the search and for a belief.
 
-A motion is two functions on the 3 x 3 window about a person. One draws a step, for the search; the
-other writes how probable each step is, for a belief. A step has the number 3 (dy + 1) + dx + 1, 0
-to 8. Arguments with the same names mean the same as in `sea_map`.
+A motion is two functions on the 3 x 3 window around a person. One draws a step, for the search; the
+other writes the probability of each step, for a belief. A step has the number 3 (dy + 1) + dx + 1,
+0 to 8. Arguments are as in `sea_map`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ PERSONS = np.dtype(
         ("x", "i8"),
         ("y", "i8"),
         ("pod_multiplier", "f8"),
-        ("remainder_x", "f8"),  # own drift not yet moved, cells
+        ("remainder_x", "f8"),  # own drift not yet applied, cells
         ("remainder_y", "f8"),
         ("drift_x", "f8"),  # own drift per step, cells
         ("drift_y", "f8"),
@@ -29,33 +29,33 @@ PERSONS = np.dtype(
 
 STEPS = 9
 NO_STEP = 4
-"""The number of the step that stays."""
+"""The number of the step (0, 0)."""
 STAND_STILL = -1
-"""The direction of a drift that has not gathered a cell: its persons do not step at all."""
+"""The direction of a drift that has not accumulated to a cell: its persons do not move."""
 
 CHANCES = STEPS + 1
-"""What a belief knows of a cell: how probable each step is, and what a person's own drift adds."""
+"""Values per cell in a belief: the probability of each step, and the addition by own drift."""
 
 SCRATCH = 100
 """Length of the scratch memory of `PersonMotion.chances`."""
 
 
 class PersonMotion(NamedTuple):
-    """How a person moves: two compiled functions that know the same law.
+    """A motion model: two compiled functions with the same distribution.
 
-    `direction` is the step that the person's own drift has gathered, `NO_STEP` without one. As long
-    as the drift has not gathered any, neither is called.
+    `direction` is the step accumulated by the person's own drift, `NO_STEP` without one. While the
+    drift has not accumulated a step, neither function is called.
 
     Attributes:
-        doc: What a person does, without a subject.
-        move: move(c, w, gauss, area, person, direction) draws a step and does it. Every random draw
-            is one of `draws`.
+        doc: Motion of a person, as a phrase without a subject.
+        move: move(c, w, gauss, area, person, direction) draws a step and does it, using only the
+            random draws of `draws`.
         chances: chances(c, area, x, y, window, out, scratch) writes the probability of each step of
-            a person in the cell (x, y) to out (`CHANCES`,), and last what is added to that of
-            `direction`, as `step_within` allows it. `window` (9,) has the probabilities of the
-            cells that the steps lead to; `scratch` (`SCRATCH`,) is free to use.
-        own_drift: Whether each person has a drift of its own, drawn at reset, and steps only when
-            it has gathered a cell.
+            a person in the cell (x, y) to out (`CHANCES`,), and last the addition to that of
+            `direction`, within the limits of `step_within`. `window` (9,) has the probabilities of
+            the cells that the steps lead to; `scratch` (`SCRATCH`,) is free to use.
+        own_drift: Whether each person has an own drift, drawn at reset, and steps only when it has
+            accumulated a cell.
     """
 
     doc: str

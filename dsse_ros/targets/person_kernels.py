@@ -21,7 +21,7 @@ from dsse_ros.targets.sea_map import drift_per_step, is_masked, less_one
 
 
 def of_motion(functions: Iterable[Any], number: int = 0) -> Any:
-    """Return a compiled function that calls the one of these whose number `c.motion` is."""
+    """Return a compiled function that calls the function with the number `c.motion`."""
     first, *others = functions
     if not others:
         return first
@@ -43,7 +43,7 @@ step_chances = of_motion(motion.chances for motion in MOTIONS.values())
 
 @kernel
 def persons_step(c, w, gauss, area, persons):
-    """Move every person that is not found yet."""
+    """Move every person not found yet."""
     for p in range(len(persons)):
         person = persons[p]
         if person.found and not c.found_persons_stay:
@@ -55,9 +55,9 @@ def persons_step(c, w, gauss, area, persons):
 
 @part
 def gathered_step(person):
-    """Let a person's own drift go on for a step; returns what it had gathered to do before.
+    """Advance a person's own drift by one step; return the step accumulated before.
 
-    That is the number of a step, or `STAND_STILL`. What is done is taken off the remainder.
+    The result is the number of a step, or `STAND_STILL`. A step taken reduces the remainder.
     """
     reached = abs(person.remainder_x) >= 1 or abs(person.remainder_y) >= 1
     person.remainder_x += person.drift_x
@@ -72,15 +72,15 @@ def gathered_step(person):
 
 
 DRIFT_RANGES = 4
-"""Ranges of angles that a person's own drift is drawn from; see `own_drift`."""
+"""Number of ranges of angles for a person's own drift; see `own_drift`."""
 
 
 @part
 def own_drift(c, w, k, share):
     """Return the drift (x, y) of a person whose angle is `share` of the way along range k of 4.
 
-    The mean of the vector and of a turned and scaled copy of it: the scale falls with the angle's
-    distance from a right angle (measured on DSSE 1.1.9).
+    It is the mean of the vector and a rotated and scaled copy of it. The scale decreases with the
+    angle's distance from a right angle (measured on DSSE 1.1.9).
     """
     low = (0.0, 20.0, 300.0, 315.0)[k]
     high = (45.0, 55.0, 360.0, 360.0)[k]
@@ -93,7 +93,7 @@ def own_drift(c, w, k, share):
 
 @part
 def draw_own_drift(c, w, person):
-    """Draw a person's drift: each range of angles, and each angle in it, is as likely."""
+    """Draw a person's drift: all ranges, and all angles in a range, are equally likely."""
     k = draw_below(w, DRIFT_RANGES)
     person.drift_x, person.drift_y = own_drift(c, w, k, draw_unit(w))
 

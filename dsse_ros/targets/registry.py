@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How persons may move, by name: the motions, step by step, and the ensembles of tracks."""
+"""The target models by name: motions, which move step by step, and ensembles of tracks."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ MOTIONS: dict[str, PersonMotion] = {"window": BEST_CELL, "drift": DRAWN_CELL}
 """The motions by name; `c.motion` is the number of the one in use."""
 
 TARGET_MODELS: dict[str, TargetModel] = {**MOTIONS, "constant_drift": CONSTANT_DRIFT}
-"""What `person_motion` of the rules chooses from."""
+"""The choices for `person_motion` of the rules."""
 
 
 def has_own_drift(name: str) -> bool:
-    """Return whether this is a motion whose persons have a drift of their own."""
+    """Return whether this is a motion in which each person has an own drift."""
     model = TARGET_MODELS[name]
     return isinstance(model, PersonMotion) and model.own_drift

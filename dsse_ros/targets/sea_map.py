@@ -1,13 +1,14 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The map of the sea, compiled: where the datum drifts, and how probable each cell is.
+"""The map of the sea, compiled: drift of the datum, and probability of each cell.
 
 The map is a closed form of (datum, circle, spread): two tables of exponentials, one per axis, and
 a normaliser from their tail sums. A cell costs two look-ups, a whole map one streaming write.
 
-Arguments with the same names mean the same everywhere: `c` an element of `constants.CONSTANTS`, `w`
-one of `kernels.WORLDS`, the others those of `kernels.Sea` and `kernels.Scratch`, of one world.
+Arguments with the same names mean the same everywhere: `c` is an element of `constants.CONSTANTS`,
+`w` one of `kernels.WORLDS`, the others are the fields of `kernels.Sea` and `kernels.Scratch` for
+one world.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ def fill_axis(gauss, tails, grid_size, sigma):
 
 @part
 def span_sum(tails, lo, hi):
-    """Return the sum of the Gaussian over the offsets lo..hi of its centre.
+    """Return the sum of the Gaussian over the offsets lo..hi from its centre.
 
-    Differences of tails keep their precision where the Gaussian is small.
+    Differences of tail sums stay precise where the Gaussian is small.
     """
     if lo > 0:
         return tails[lo] - tails[hi + 1]
@@ -57,9 +58,9 @@ def radius(w):
 
 @part
 def inside_circle(adx, ady, d2):
-    """Return whether the cell at this distance lies in the circle of this squared diameter.
+    """Return whether the cell at this distance lies in the circle with this squared diameter.
 
-    Its outer edges must: (adx + 1/2)^2 + ady^2 <= r^2 and adx^2 + (ady + 1/2)^2 <= r^2.
+    Its outer edges must be inside: (adx + 1/2)^2 + ady^2 <= r^2 and adx^2 + (ady + 1/2)^2 <= r^2.
     """
     x, y = 2 * adx, 2 * ady
     return (x + 1) * (x + 1) + y * y <= d2 and x * x + (y + 1) * (y + 1) <= d2
@@ -68,13 +69,13 @@ def inside_circle(adx, ady, d2):
 @part
 def is_inside(g, x, y):
     """Return whether a cell is on the grid."""
-    # As an unsigned number, one below 0 is greater than any other.
+    # Cast to unsigned: negative numbers become larger than any grid.
     return (np.uint64(x) < np.uint64(g)) & (np.uint64(y) < np.uint64(g))
 
 
 @part
 def is_masked(area, g, x, y):
-    """Return whether a cell is on the grid and not in the area."""
+    """Return whether a cell is on the grid but not in the area."""
     if area is None:
         return False
     return is_inside(g, x, y) and not area[y, x]
@@ -90,9 +91,9 @@ def is_open(area, g, x, y):
 
 @part
 def step_within(area, g, x, y, dx, dy):
-    """Return the cell that a step leads to; an axis that would leave stays alone.
+    """Return the cell that a step leads to; only an axis that would leave does not move.
 
-    Where either of both would lead to a cell of the area and both together would not, x moves.
+    If each axis alone would stay in the area but both together would not, x moves.
     """
     if area is None:
         return x + dx if 0 <= x + dx < g else x, y + dy if 0 <= y + dy < g else y
@@ -121,7 +122,7 @@ def cell_probability(c, w, gauss, area, x, y):
 
 @part
 def rows_covered(w, g, d2):
-    """Return how many rows on each side of the circle's centre it covers whole, -1 for none."""
+    """Return the number of rows fully covered on each side of the circle's centre, -1 for none."""
     far = max(w.circle_x, g - 1 - w.circle_x)
     rest = d2 - (2 * far + 1) * (2 * far + 1)
     if rest < 0:
@@ -138,8 +139,8 @@ def update_circle(w, circle):
 
     Args:
         w: The world.
-        circle: (G + 1,) int64 out, -1 for none; behind the rows stands the diameter, so that worlds
-            side by side with equal circles share the work.
+        circle: (G + 1,) int64 out, -1 for none; the last element is the diameter, so that
+            consecutive worlds with equal circles share the work.
     """
     d = diameter(w)
     rows = len(circle) - 1
@@ -148,7 +149,7 @@ def update_circle(w, circle):
     circle[rows] = d
     d2 = d * d
     for ady in range(rows):
-        # The largest adx of `inside_circle`; the root of such an integer is exact when cut off.
+        # The largest adx of `inside_circle`; the truncated root of such an integer is exact.
         by_column, by_row = d2 - 4 * ady * ady, d2 - (2 * ady + 1) * (2 * ady + 1)
         across = (np.int64(np.sqrt(np.float64(max(by_column, 0)))) - 1) >> 1
         down = np.int64(np.sqrt(np.float64(max(by_row, 0)))) >> 1
@@ -181,7 +182,7 @@ def circle_sum(w, gauss, tails, circle, g):
 
 @part
 def area_sum(c, w, gauss, tails, runs, circle, g):
-    """Return the sum of the Gaussian over the cells of the area, with a circle those in it."""
+    """Return the sum of the Gaussian over the cells of the area, and of the circle if any."""
     total = 0.0
     for r in range(len(runs)):
         row, low, high = runs[r, 0], runs[r, 1], runs[r, 2]
@@ -208,16 +209,16 @@ def normalise(c, w, gauss, tails, runs, circle):
         total = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x) * span_sum(
             tails[1], -w.datum_y, g - 1 - w.datum_y
         )
-    # A Gaussian too far from the circle to be represented leaves all in the circle's centre.
+    # If the Gaussian underflows in the circle, the circle's centre has all the probability.
     w.scale = 1.0 / total if total > 1e-300 else 0.0
 
 
-# As a call of its own it takes a third longer to write large maps.
+# Without inlining, writing large maps takes a third longer.
 @inlined
 def write_map(c, w, gauss, area, circle, span, stream, out):
-    """Write the map (G, G) float32, out[y, x], row after row as memory likes it.
+    """Write the map (G, G) float32, out[y, x], row by row in memory order.
 
-    `circle` and `span` (G,) float64 are scratch; `stream` says whether to write past the caches.
+    `circle` and `span` (G,) float64 are scratch; `stream` is whether to write past the caches.
     """
     g = c.grid_size
     if w.scale == 0.0:
@@ -234,7 +235,7 @@ def write_map(c, w, gauss, area, circle, span, stream, out):
         update_circle(w, circle)
     half_width = -1
     for j in range(g):
-        # From row to row the circle's part of the weights changes only at its ends.
+        # Between rows, only the ends of the circle's span of weights change.
         wanted = circle[abs(j - y)] if c.circle else -1
         while half_width < wanted:
             half_width += 1
@@ -269,7 +270,7 @@ def cut_map(area, out):
 
 @part
 def less_one(remainder):
-    """Return the remainder with one cell taken off once it has reached one."""
+    """Return the remainder, reduced by one cell if it has reached one."""
     return remainder - np.sign(remainder) if abs(remainder) >= 1 else remainder
 
 
@@ -299,11 +300,11 @@ def drift(c, w, area):
 
 @part
 def disperse(c, w, gauss, tails):
-    """Write the tables for the spread that the map has now: the first map has the first one."""
+    """Write the tables for the map's present spread; the first map has the initial spread."""
     grown = max(w.map_steps - 1, 0) * c.dispersion_inc
     fill_axis(gauss[0], tails[0], c.grid_size, c.sigma_x + grown)
     if c.sigma_x == c.sigma_y:
-        # Element by element: assigning a slice takes the compiler three seconds.
+        # Assign element by element: a slice costs three seconds of compilation.
         for d in range(gauss.shape[1]):
             gauss[1, d] = gauss[0, d]
         for d in range(tails.shape[1]):
@@ -332,7 +333,7 @@ def drift_per_step(c, x, y):
     norm = np.sqrt(x * x + y * y)
     if not c.drift_by_speed or norm == 0.0:
         return x, y
-    # In the order of operations of DSSE 1.1.9: the last bit can decide when a cell is reached.
+    # Keep the order of operations of DSSE 1.1.9: the last bit can decide when a cell is reached.
     steps = c.cell_size / norm / c.step_duration_s
     return x / steps, y / steps
 

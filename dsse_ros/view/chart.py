@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a nautical chart has around its map: degrees and minutes along the edges, scale, north."""
+"""Chart elements around the map: degrees and minutes along the edges, scale bar, north arrow."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 _SAMPLES = 65
 _MINUTES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300)
-"""Between two marks of an edge."""
+"""Possible intervals between two marks of an edge."""
 
 
 def draw_chart(axes: Axes, side_km: float, origin: tuple[float, float, float] | None) -> None:
-    """Draw all of it around a map.
+    """Draw the chart elements around a map.
 
     Args:
-        axes: Of the map, in km from its south-west corner; there is room on its right.
+        axes: Axes of the map, in km from its south-west corner, with room on the right.
         side_km: Side of the map.
         origin: See `MissionView.origin`.
     """
@@ -49,15 +49,15 @@ def _draw_degrees(axes: Axes, side_km: float, origin: tuple[float, float, float]
 def degree_marks(
     along: NDArray[np.float64], degrees: NDArray[np.float64], hemispheres: str
 ) -> tuple[list[float], list[str]]:
-    """Return where along an edge round degrees and minutes are, and what they are.
+    """Return the places and labels of round degrees and minutes along an edge.
 
     Args:
-        along: (S,) places along the edge, growing.
+        along: (S,) places along the edge, increasing.
         degrees: (S,) latitude or longitude there, without a jump.
-        hemispheres: Letters of the positive and the negative ones.
+        hemispheres: Letters for positive and negative degrees.
 
     Returns:
-        Places and labels; none where the edge is close to a pole.
+        Places and labels; none if the edge is close to a pole.
     """
     steps = np.diff(degrees)
     span = float(abs(degrees[-1] - degrees[0]))
@@ -73,7 +73,7 @@ def degree_marks(
 
 
 def _degrees(minutes: float, decimals: int, hemispheres: str) -> str:
-    # Beyond the antimeridian the longitudes of the other side begin.
+    # Longitudes wrap at the antimeridian.
     minutes = (minutes + 10800.0) % 21600.0 - 10800.0 if hemispheres == "EW" else minutes
     shown = round(abs(minutes), decimals)
     width = 2 + decimals + bool(decimals)
@@ -88,7 +88,7 @@ def round_length(most: float) -> float:
 
 
 def _draw_scale(axes: Axes, side_km: float) -> None:
-    """Draw the scale, in the map's own units so that it is right at any size, and north."""
+    """Draw north and the scale, in the map's units so that it is right at any size."""
     length = round_length(0.3 * side_km)
     left, bottom = 1.17 * side_km, 0.0
     style: dict[str, Any] = {"color": "black", "clip_on": False}

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture of a mission shows, and the mission as text."""
+"""The contents of a picture of a mission, and the mission as text."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ SHADES = " .:-=+*#%@"
 
 @dataclass(frozen=True)
 class MissionView:
-    """What a picture of a mission shows; cells are (col, row), row 0 in the north.
+    """The contents of a picture of a mission; cells are (col, row), row 0 in the north.
 
     Attributes:
         probability: (G, G) float32, [row, col].
-        tracks: (N, K, 2) cells of each drone, from its start to where it is now.
+        tracks: (N, K, 2) cells of each drone, from its start to its present cell.
         alive: (N,) bool, whether the drone is still in flight.
-        persons: (P, 2) cells; no rows where the persons are not to be shown.
+        persons: (P, 2) cells; no rows if persons are hidden.
         found: (P,) bool.
-        datum: Supposed cell of the person, or None where it is not known.
+        datum: Supposed cell of the person, None if unknown.
         step: Steps done.
         timestep_limit: Steps the drones can do.
         cell_size_m: Side of a cell in metres.
         title: Name of the place.
-        pos: Cumulative probability of success of the searches, None where it is not known.
+        pos: Cumulative probability of success of the searches, None if unknown.
         coverage_rate: Share of the cells to cover that are covered; None for another task.
-        belief: Whether the probability is a belief, which has learned from the searches.
-        area: (G, G) bool [row, col], the cells that are searched; None for all.
-        searches: (G, G) int [row, col], how often each cell was searched; None where not known.
+        belief: Whether the probability is a belief, updated with the searches.
+        area: (G, G) bool [row, col], the searched cells; None for all.
+        searches: (G, G) int [row, col], number of searches of each cell; None if unknown.
         circle: (col, row, radius) of the circle of the map in cells, None for none.
         origin: WGS84 latitude and longitude in degrees of the grid's south-west corner and its
-            height in metres; None where the place is not known.
-        step_s: Time of one step in seconds, None where it is not known.
-        flown: Of each drone the places (M, 2) of the vehicle that flew its track, in metres east
-            and north of the grid's south-west corner; empty where there are no vehicles.
+            height in metres; None if the place is unknown.
+        step_s: Time of one step in seconds, None if unknown.
+        flown: For each drone, the positions (M, 2) of the vehicle that flew its track, in metres
+            east and north of the grid's south-west corner; empty without vehicles.
     """
 
     probability: NDArray[np.float32]
@@ -102,7 +102,7 @@ def to_ansi(view: MissionView) -> str:
         put(cell, "P")
     for i, track in enumerate(view.tracks):
         put(track[-1], str(i % 10) if view.alive[i] else "x")
-    # Its finder is in its cell.
+    # The drone that found a person is in the same cell.
     for cell in view.persons[view.found]:
         put(cell, "F")
     edge = "+" + "-" * len(rows) + "+"

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A mission as a movie: GIF, or MP4 by the ffmpeg of imageio-ffmpeg."""
+"""A mission as a movie: GIF, or MP4 with the ffmpeg of imageio-ffmpeg."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 FPS = 5
 _LAST_S = 2.0
-"""How long the end of the mission is shown."""
+"""Additional time for which the movie shows the end of the mission."""
 _SUFFIXES = (".gif", ".mp4")
 
 
 def check_movie(path: str | os.PathLike[str]) -> None:
-    """Check that a movie can be written to a file of this name.
+    """Check that a movie can be written to a file with this name.
 
     Raises:
-        FieldError: If not; one line says why.
+        FieldError: If not; one line gives the reason.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in _SUFFIXES:
@@ -58,13 +58,13 @@ def save_movie(
     fps: int = FPS,
     total: int | None = None,
 ) -> None:
-    """Write a mission as a movie; its end is shown for two seconds more.
+    """Write a mission as a movie that shows the end for two more seconds.
 
     Args:
         views: One for each frame.
         path: The file, .gif or .mp4.
         fps: Frames per second.
-        total: How many views there are, for the progress bar, where they have no length.
+        total: Number of views, for the progress bar, if `views` has no length.
 
     Raises:
         FieldError: If the file's name is not allowed, an extra is missing, or there is no view.
@@ -81,7 +81,7 @@ def save_movie(
 
 
 def _frames(views: Iterable[MissionView], last: int) -> Iterator[NDArray[np.uint8]]:
-    """Yield the image of each view, and the last one that many times more."""
+    """Yield the image of each view, then repeat the last one `last` times."""
     camera, frame = Camera(), None
     for view in views:
         frame = camera.rgb_array(view)
@@ -101,7 +101,7 @@ def _write_gif(
     def reduced(frame: NDArray[np.uint8]) -> Image.Image:
         return Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
 
-    # Equal frames in a row are written once, for their time together.
+    # Consecutive equal frames are written once, with their total duration.
     reduced(first).save(
         path, format="GIF", save_all=True, append_images=map(reduced, rest), loop=0,
         duration=round(1000 / fps), optimize=False,
@@ -131,7 +131,7 @@ def _write_mp4(
 ) -> None:
     import imageio_ffmpeg
 
-    # ffmpeg would not say in one line that it cannot.
+    # Raise a one-line OSError for an unwritable path; ffmpeg's own message is longer.
     Path(path).open("wb").close()
     height, width = first.shape[:2]
     writer = imageio_ffmpeg.write_frames(

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one drawing of a mission, on a matplotlib figure.
 
-Colours of the drones are those of Okabe and Ito ("Color Universal Design", 2008), distinct for the
-colour-blind too, without the two that are lost on the blue or the white of the sea. The
-drones have numbers too, and persons, datum and searches differ in shape.
+Drone colours are from Okabe and Ito ("Color Universal Design", 2008), which colour-blind readers
+can distinguish, without the two that are hard to see on the blue or white of the sea. Drones also
+have numbers, and persons, datum and searches differ in shape.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 SIZE_IN = (8.0, 6.0)
-"""Width and height of the figure it is made for, in inches."""
+"""Width and height of the figure that the layout is made for, in inches."""
 DRONE_COLOURS = ("#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#0072B2")
 MAX_NUMBERED_DRONES = 24
 MAX_STROKES = 4
-"""Searches of a cell that can be counted in the picture."""
+"""Number of searches of a cell that the picture can show as strokes."""
 _LANES = 8
-"""Tracks beside one another in a cell; the next drones share them."""
+"""Number of parallel tracks in a cell; further drones share them."""
 _AGES = 8
 """Shades of a track."""
 _SMALLEST_CELL_PT = 5.0
-"""Side of the cells that have room for strokes; others are shaded."""
+"""Smallest side of a cell with strokes; smaller cells are shaded."""
 _MAP_PT = 324.0
 """Side of the map in points."""
 
@@ -47,7 +47,7 @@ def drone_colour(number: int) -> str:
 
 
 def sea_colours() -> LinearSegmentedColormap:
-    """Return the colours of probabilities; the dark end of the blues is left to the tracks."""
+    """Return the colours of probabilities, without the dark blues, which are for the tracks."""
     from matplotlib import colormaps
     from matplotlib.colors import LinearSegmentedColormap
 
@@ -57,12 +57,12 @@ def sea_colours() -> LinearSegmentedColormap:
 class Picture:
     """The mission on a matplotlib figure: east to the right, north up, in km.
 
-    Tracks run beside one another, are darker the newer they are, and have a dot every so many
-    steps; each stroke through a cell is one search of it. What stays the same from one view to the
-    next is kept.
+    Tracks run in parallel, get darker towards the present, and have dots at regular intervals of
+    steps. Each stroke through a cell is one search of it. Elements that do not change from view to
+    view are kept.
 
     Args:
-        figure: It is drawn on from now on.
+        figure: The figure to draw on.
     """
 
     def __init__(self, figure: Figure) -> None:
@@ -72,14 +72,14 @@ class Picture:
 
     @property
     def moving(self) -> list[Artist]:
-        """What changes from view to view, and what lies over it, from the bottom to the top."""
+        """Artists that change from view to view, and those above them, from bottom to top."""
         over = [*self._axes.collections, *self._axes.images, *self._axes.texts, *self._axes.lines]
         over = [artist for artist in over if artist.get_clip_on()]
         over.sort(key=lambda artist: artist.get_zorder())
         return [*over, *self._axes.spines.values(), *self._percents, self._title, self._status]
 
     def draw(self, view: MissionView) -> bool:
-        """Draw the mission as it is now; returns whether more has changed than what is `moving`."""
+        """Draw the present mission; return whether other artists than `moving` have changed."""
         scene = (
             len(view.probability), view.cell_size_m, len(view.tracks), view.belief, view.origin,
             view.timestep_limit, None if view.area is None else view.area.tobytes(),
@@ -107,7 +107,7 @@ class Picture:
         for text in (self._title, self._status):
             text.set_parse_math(False)
 
-        # A root shows what is a little likely.
+        # A square root makes small probabilities visible.
         blues = sea_colours()
         self._sea = axes.imshow(
             view.probability, cmap=blues, norm=PowerNorm(0.5, 0, 1), extent=(0, side, 0, side),
@@ -132,13 +132,13 @@ class Picture:
 
         colours = np.array([to_rgb(drone_colour(i)) for i in range(count)]).reshape(count, 3)
         age = np.linspace(0.35, 1.0, _AGES)[:, np.newaxis, np.newaxis]
-        # Ages outside, so that a new part of any track lies over the old parts of all.
+        # Order by age first, so that new parts of any track lie above the old parts of all tracks.
         shades = (1.0 - age * (1.0 - colours)).reshape(-1, 3)
         width = 1.8 if count <= _LANES else 1.3
         joined = {"capstyle": "round", "joinstyle": "round"}
         self._casing = lines(colors="white", linewidths=width + 1.2, zorder=2, **joined)
         self._lines = lines(colors=shades, linewidths=width, zorder=2.1, **joined)
-        # Vehicles fly where they fly: the lines above are thinner, so that those below still show.
+        # Vehicle tracks may overlap: upper lines are thinner, so that lower ones stay visible.
         widths = np.linspace(6.0, 1.5, count) if count > 1 else 2.5
         self._flown = lines(colors=colours, linewidths=widths, zorder=2.5, **joined)
         lanes = min(count, _LANES)
@@ -195,13 +195,13 @@ class Picture:
         draw_chart(axes, side, view.origin)
 
     def _add_scale_of_colours(self, colours: Any, view: MissionView) -> None:
-        # A colour bar of matplotlib takes longer to change than all the rest takes to draw.
+        # Updating a matplotlib colour bar takes longer than drawing everything else.
         bar = self._panel.inset_axes((0.0, 0.88, 0.92, 0.035))
         bar.imshow(np.linspace(0, 1, 64)[np.newaxis], cmap=colours, aspect="auto")
         bar.set_xticks([-0.5, 31.5, 63.5], ["", "", ""])
         bar.set_yticks([])
         bar.tick_params(length=3)
-        # At the left end, half way, as the colours go by roots, and at the right end.
+        # Labels at the left end, the middle (the colours use roots) and the right end.
         self._percents = [
             self._panel.text(x, 0.865, "", fontsize=9, ha="center", va="top")
             for x in (0.0, 0.46, 0.92)
@@ -218,7 +218,7 @@ class Picture:
         )
 
     def _add_area(self, area: NDArray[np.bool_]) -> None:
-        """Draw what is not searched, and the edge of what is."""
+        """Draw the cells outside the area, and the edge of the area."""
         from matplotlib.collections import LineCollection
         from matplotlib.colors import ListedColormap
 
@@ -288,7 +288,7 @@ class Picture:
         places = np.stack([self._place(track) for track in view.tracks])
         last = places.shape[1] - 1
         lanes = places + self._lane[:, np.newaxis, np.newaxis]
-        # A track begins and ends where its drone is, in the middle of a cell.
+        # A track begins and ends at its drone, in the middle of a cell.
         lanes[:, 0], lanes[:, last] = places[:, 0], places[:, last]
         cuts = np.linspace(0, last, _AGES + 1).round().astype(int)
         parts = [
@@ -319,7 +319,7 @@ class Picture:
             points.set_edgecolor(edges)
 
     def _list(self, view: MissionView) -> bool:
-        """Write the legend, if it is another one; returns whether it is."""
+        """Write the legend if it has changed; return whether it has."""
         shown = {
             "drone": bool(view.alive.any()),
             "lost": not view.alive.all(),
@@ -364,7 +364,7 @@ class Picture:
 
 
 def _strokes(count: int) -> NDArray[np.float64]:
-    """Return lines (count, 2, 2) across a cell of side 1, from the south-west to the north-east."""
+    """Return lines (count, 2, 2) across a cell of side 1, from south-west to north-east."""
     shift = (np.arange(count) + 1) * 2 / (count + 1) - 1
     low, high = np.maximum(shift, 0), np.minimum(shift + 1, 1)
     return np.stack([np.stack([low, low - shift], 1), np.stack([high, high - shift], 1)], 1)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Where a mission is drawn: image, file and window, all by one `Picture` of its view."""
+"""Drawing of a mission as an image, to a file or in a window, all with one `Picture`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = [
 
 
 def new_figure() -> Figure:
-    """Return an empty figure of the size that `Picture` is made for, without a window."""
+    """Return an empty figure of the size for `Picture`, without a window."""
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
@@ -34,7 +34,7 @@ def new_figure() -> Figure:
 
 
 class Camera:
-    """Takes one image after the other."""
+    """Renders views of a mission as images."""
 
     def __init__(self) -> None:
         figure = new_figure()
@@ -48,7 +48,7 @@ class Camera:
     def rgb_array(self, view: MissionView) -> NDArray[np.uint8]:
         """Return the mission as an image (H, W, 3) uint8."""
         if self._picture.draw(view):
-            # Texts that stay take most of the time.
+            # Redraw only the moving artists: static texts take most of the time.
             for artist in self._picture.moving:
                 artist.set_animated(True)
             self._canvas.draw()
@@ -61,7 +61,7 @@ class Camera:
 
 
 def save_picture(view: MissionView, path: str | os.PathLike[str]) -> None:
-    """Write the mission as an image file; the ending of the path chooses the format."""
+    """Write the mission as an image file; the path's suffix sets the format."""
     figure = new_figure()
     Picture(figure).draw(view)
     figure.savefig(path)
@@ -71,7 +71,7 @@ class Viewer:
     """A window that shows the mission; without a display it draws and shows nothing.
 
     Args:
-        fps: Pictures per second at most.
+        fps: Maximum number of pictures per second.
     """
 
     def __init__(self, fps: float) -> None:
@@ -86,7 +86,7 @@ class Viewer:
         self._due_s = -math.inf
 
     def show(self, view: MissionView) -> None:
-        """Draw the mission once its turn has come, and let the window handle its events."""
+        """Wait for the next frame's time, draw the mission, and handle window events."""
         self._pause(self._due_s - time.monotonic())
         self._due_s = time.monotonic() + self._period_s
         self._picture.draw(view)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the signs in a picture of a mission look like and mean."""
+"""Look and meaning of the symbols in a picture of a mission."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ STAR: dict[str, Any] = {"markeredgecolor": "black"}
 def legend_signs(
     *, numbered: bool, shaded: bool, every: int, step_s: float | None
 ) -> dict[str, tuple[Any, str]]:
-    """Return signs and what they mean by name, in the order of the legend.
+    """Return symbols and their meanings by name, in the order of the legend.
 
     Args:
-        numbered: Whether drones have their numbers.
-        shaded: Whether searches are shown by shades.
+        numbered: Whether drones have numbers.
+        shaded: Whether shades show the searches.
         every: Steps between two dots of a track.
-        step_s: Time of one step in seconds, None where it is not known.
+        step_s: Time of one step in seconds, None if unknown.
     """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
