@@ -134,12 +134,7 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         "float", "Time of drift before the drones arrive.", 0.0, low=0, high=1e6, unit="min"
     )
     timestep_limit: int | None = field(
-        "int",
-        "Steps that the drones can do, their endurance.",
-        None,
-        low=1,
-        high=10**9,
-        unit="steps",
+        "int", "Most steps of a search.", None, low=1, high=10**9, unit="steps"
     )
 
     def __post_init__(self) -> None:
