@@ -62,7 +62,7 @@ class FaultFields(BatteryFields):
         unit="cells",
     )
     wind_speed: float = field(
-        "float", "Speed of the wind; below the drones' airspeed, drone_speed.", 0.0,
+        "float", "Speed of the wind; below that of the drones, whose airspeed is drone_speed.", 0.0,
         low=0, high=1000, unit="m/s",
     )  # fmt: skip
     wind_toward: float = field(
