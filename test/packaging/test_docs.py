@@ -199,7 +199,8 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> MissionRecord:
             assert planner.poll() is None, planner_log.read_text()
             assert time.monotonic() < deadline, (folder / "sim.log").read_text()
             time.sleep(0.1)
-    assert planner_log.read_text() == ""
+        # An interrupt may come while rclpy makes a task, which then complains.
+        assert planner_log.read_text() == ""
     return record
 
 
