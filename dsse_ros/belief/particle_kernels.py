@@ -66,8 +66,7 @@ def learn_look(
         # A single person counts as missing until the mission is over.
         missing[0] = 1.0
     for m in range(len(pods)):
-        # A rounding may be below 0.
-        left = max(numbers[LEFT_MIXED, m], 0.0)
+        left = numbers[LEFT_MIXED, m]
         for k in range(len(cells)):
             if cells[k, 0] == x and cells[k, 1] == y:
                 weights[m, k] *= left

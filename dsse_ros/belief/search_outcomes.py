@@ -96,9 +96,10 @@ def what_is_left(one_find, pods, class_of, missing, hazard, found, total, number
             numbers[LEFT_MIXED, m] += share * before
             numbers[ELSEWHERE, m] += share * (before + after)
         else:
+            # Rounding may leave each of these below 0.
             own = none * pods[m]
-            numbers[LEFT_APART, m] += share * (1.0 - before_mixed - own)
-            numbers[LEFT_MIXED, m] += share * (1.0 - before - own * (1.0 - occupied))
+            numbers[LEFT_APART, m] += share * max(1.0 - before_mixed - own, 0.0)
+            numbers[LEFT_MIXED, m] += share * max(1.0 - before - own * (1.0 - occupied), 0.0)
             numbers[ELSEWHERE, m] += share * max(1.0 - before - after, 0.0)
         before += detected
         before_mixed += none * mixed * pods[m]
