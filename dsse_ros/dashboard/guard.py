@@ -13,29 +13,27 @@ from __future__ import annotations
 import hashlib
 import hmac
 import ipaddress
-from collections.abc import Awaitable, Callable, Collection, MutableMapping
+from collections.abc import Collection
 from html import escape
-from http.cookies import CookieError, SimpleCookie
-from typing import Any
-from urllib.parse import parse_qs, urlencode, urlsplit
+from urllib.parse import urlencode, urlsplit
 
-Scope = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
+from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 COOKIE = "dsse_ros_dashboard"
 _OWN_SITES = ("same-origin", "none")
-"""Sec-Fetch-Site of this page, and of people: an address that was typed, a bookmark. What is no
-browser, and a browser that asks for a page of another machine without TLS, sends none."""
+"""Sec-Fetch-Site of this page itself, and of typed addresses and bookmarks. Programs send no such
+header, nor do browsers to a page of another machine without TLS."""
 HEADERS = {
     # Vue compiles the templates of NiceGUI's components in the browser; all of it is served here.
     "content-security-policy": "default-src 'self'; script-src 'self' 'unsafe-inline' "
     "'unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
     "font-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'self'; "
     "form-action 'self'; frame-ancestors 'none'",
-    # Of a page of another machine, without TLS, browsers do not say which site asks for it.
+    # Without TLS, browsers do not tell a page of another machine which site requests it.
     "cross-origin-resource-policy": "same-origin",
     "referrer-policy": "no-referrer",
     "x-content-type-options": "nosniff",
@@ -46,150 +44,121 @@ class Guard:
     """Refuses requests with a foreign Host, Origin or site, and without the token if there is one.
 
     A link on another site may open the page as a whole. A page of another site may not embed a part
-    of it.
+    of it. Starlette's `TrustedHostMiddleware` checks neither Origin nor IPv6 addresses.
 
     Args:
-        app: Gets what is not refused.
-        names: Hosts by which the page may be asked for, beside those of loopback; a port does not
-            matter, as a forwarded one is another.
-        any_address: Whether any IP address may be the Host: a browser that was led astray by a name
-            sends that name.
-        token: What has to be shown as `?token=`, `Authorization: Bearer` or the cookie that the
-            former leaves behind; None for nothing.
+        app: Receives the requests that are not refused.
+        names: Allowed hosts besides loopback, without a port because it may be forwarded.
+        any_address: Whether any IP address is an allowed host. DNS rebinding needs a name.
+        token: Required as `?token=`, as `Authorization: Bearer`, or as the cookie that `?token=`
+            sets; None for no token.
     """
 
     def __init__(
-        self, app: App, *, names: Collection[str] = (), any_address: bool = False,
+        self, app: ASGIApp, *, names: Collection[str] = (), any_address: bool = False,
         token: str | None = None,
     ) -> None:  # fmt: skip
         self._app = app
         self._names = {name.lower() for name in (*LOOPBACK, *names)}
         self._any_address = any_address
-        self._token = None if token is None else token.encode()
-        self._cookie = "" if token is None else _cookie_for(token)
+        self._token = token
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve a request, or refuse it with 403 or 401."""
+        """Pass a request on, or refuse it with 403 or 401."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        headers = {name.decode("latin-1"): value for name, value in scope["headers"]}
-        if reason := self._strange(scope, headers):
-            await _refuse(scope, send, 403, reason)
-            return
-        if self._token is not None:
-            given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token")
-            if given and scope["type"] == "http" and self._is_token(given[-1].encode("latin-1")):
-                await self._welcome(scope, headers, send)
-                return
-            if not self._is_known(headers):
-                reason = (
-                    "the token is missing or wrong: open the page once with ?token=... at its end"
-                )
-                await _refuse(scope, send, 401, reason)
-                return
-        await self._app(scope, receive, _with_headers(send))
 
-    def _strange(self, scope: Scope, headers: dict[str, bytes]) -> str:
-        """Return what is strange about a request, empty for nothing."""
-        host = headers.get("host", b"").decode("latin-1")
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(HEADERS)
+            await send(message)
+
+        answer = self._own_answer(HTTPConnection(scope))
+        if answer is not None and scope["type"] == "websocket":
+            # This answers the handshake with 403 (ASGI, "Close - send event").
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await (answer or self._app)(scope, receive, send_with_headers)
+
+    def _own_answer(self, request: HTTPConnection) -> Response | None:
+        """Return the guard's own answer to a request; None if the request may pass."""
+        if reason := self._foreign(request):
+            return PlainTextResponse(f"{reason}\n", 403)
+        if self._token is None:
+            return None
+        shown = request.query_params.get("token", "")
+        if request["type"] == "http" and _equal(shown, self._token):
+            return _welcome(request, self._token)
+        if _is_known(request, self._token):
+            return None
+        reason = "the token is missing or wrong: open the page once with ?token=... at its end"
+        return PlainTextResponse(f"{reason}\n", 401)
+
+    def _foreign(self, request: HTTPConnection) -> str:
+        """Return what is foreign about a request, "" for nothing."""
+        host = request.headers.get("host", "")
         if not self._is_ours(host):
             return f"Host {host!r} is not this page's"
-        if "origin" in headers:
-            origin = headers["origin"].decode("latin-1")
-            if origin.lower() not in (f"http://{host.lower()}", f"https://{host.lower()}"):
-                return f"Origin {origin!r} is not this page's"
-        site = headers.get("sec-fetch-site", b"none").decode("latin-1")
-        if site not in _OWN_SITES and not _is_opened(scope, headers):
-            return f"Sec-Fetch-Site {site!r} may open this page and have no part of it"
+        own_origins = [f"{scheme}://{host.lower()}" for scheme in ("http", "https")]
+        origin = request.headers.get("origin", own_origins[0])
+        if origin.lower() not in own_origins:
+            return f"Origin {origin!r} is not this page's"
+        if not _is_own_site(request) and not _is_opened(request):
+            site = request.headers["sec-fetch-site"]
+            return f"Sec-Fetch-Site {site!r} may link to this page but not embed a part of it"
         return ""
 
     def _is_ours(self, host: str) -> bool:
         try:
             name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            return False
-        if name in self._names:
-            return True
-        if not self._any_address:
-            return False
-        try:
+            if name in self._names:
+                return True
             ipaddress.ip_address(name)
         except ValueError:
             return False
+        return self._any_address
+
+
+def _is_known(request: HTTPConnection, token: str) -> bool:
+    scheme, _, given = request.headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer" and _equal(given.strip(), token):
         return True
+    return _equal(request.cookies.get(COOKIE, ""), _cookie_for(token))
 
-    def _is_token(self, given: bytes) -> bool:
-        return self._token is not None and hmac.compare_digest(given, self._token)
 
-    def _is_known(self, headers: dict[str, bytes]) -> bool:
-        scheme, _, given = headers.get("authorization", b"").partition(b" ")
-        if scheme.lower() == b"bearer" and self._is_token(given.strip()):
-            return True
-        try:
-            cookies = SimpleCookie(headers.get("cookie", b"").decode("latin-1"))
-        except CookieError:
-            return False
-        known = cookies.get(COOKIE)
-        return known is not None and hmac.compare_digest(
-            known.value.encode(), self._cookie.encode()
+def _welcome(request: HTTPConnection, token: str) -> Response:
+    """Set the cookie, and lead to the page without the token in its address."""
+    query = urlencode([one for one in request.query_params.multi_items() if one[0] != "token"])
+    location = f"/{request['path'].lstrip('/')}" + (f"?{query}" if query else "")
+    answer: Response = RedirectResponse(location, 303)
+    if not _is_own_site(request):
+        # After a link on another site, a browser withholds the cookie along a redirect.
+        answer = HTMLResponse(
+            f'<!doctype html><meta http-equiv="refresh" content="0;url={escape(location)}">'
         )
-
-    async def _welcome(self, scope: Scope, headers: dict[str, bytes], send: Send) -> None:
-        """Keep in a cookie that the token was shown, and lead to the page without it."""
-        query = parse_qs(scope["query_string"].decode("latin-1"))
-        query.pop("token")
-        target = scope["path"] + (f"?{urlencode(query, doseq=True)}" if query else "")
-        cookie = f"{COOKIE}={self._cookie}; Path=/; HttpOnly; SameSite=Strict"
-        location = "/" + target.lstrip("/")
-        if headers.get("sec-fetch-site", b"none").decode("latin-1") in _OWN_SITES:
-            await _answer(send, 303, "", {"location": location, "set-cookie": cookie})
-            return
-        # Along a redirect a browser that came by a link of another site keeps the cookie back.
-        page = f'<!doctype html><meta http-equiv="refresh" content="0;url={escape(location)}">'
-        kind = {"content-type": "text/html; charset=utf-8", "set-cookie": cookie}
-        await _answer(send, 200, page, kind)
+    answer.set_cookie(COOKIE, _cookie_for(token), httponly=True, samesite="strict")
+    return answer
 
 
-def _is_opened(scope: Scope, headers: dict[str, bytes]) -> bool:
-    """Return whether a browser opens what it asks for as a page of its own, as by a link."""
+def _is_own_site(request: HTTPConnection) -> bool:
+    return request.headers.get("sec-fetch-site", "none") in _OWN_SITES
+
+
+def _is_opened(request: HTTPConnection) -> bool:
+    """Return whether a browser opens the page as a whole, as from a link."""
     return (
-        scope["type"] == "http"
-        and scope["method"] in ("GET", "HEAD")
-        and headers.get("sec-fetch-mode") == b"navigate"
-        and headers.get("sec-fetch-dest") == b"document"
+        request["type"] == "http"
+        and request["method"] in ("GET", "HEAD")
+        and request.headers.get("sec-fetch-mode") == "navigate"
+        and request.headers.get("sec-fetch-dest") == "document"
     )
 
 
+def _equal(given: str, wanted: str) -> bool:
+    return hmac.compare_digest(given.encode(), wanted.encode())
+
+
 def _cookie_for(token: str) -> str:
-    """Return what the cookie holds: not the token itself, which may be good elsewhere too."""
+    """Return the value of the cookie: not the token, which may be valid elsewhere too."""
     return hmac.new(token.encode(), COOKIE.encode(), hashlib.sha256).hexdigest()
-
-
-def _with_headers(send: Send) -> Send:
-    """Return a `send` that adds `HEADERS` to what is answered."""
-    added = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
-
-    async def wrapped(message: MutableMapping[str, Any]) -> None:
-        if message["type"] == "http.response.start":
-            message = {**message, "headers": [*message.get("headers", ()), *added]}
-        await send(message)
-
-    return wrapped
-
-
-async def _refuse(scope: Scope, send: Send, status: int, reason: str) -> None:
-    if scope["type"] == "websocket":
-        # Before it is accepted, this answers the handshake with 403 (ASGI, "Close - send event").
-        await send({"type": "websocket.close", "code": 1008, "reason": reason[:100]})
-    else:
-        await _answer(send, status, f"{reason}\n")
-
-
-async def _answer(
-    send: Send, status: int, text: str, headers: dict[str, str] | None = None
-) -> None:
-    found = {"content-type": "text/plain; charset=utf-8", **HEADERS, **(headers or {})}
-    pairs = [(name.encode(), value.encode("latin-1")) for name, value in found.items()]
-    await send({"type": "http.response.start", "status": status, "headers": pairs})
-    await send({"type": "http.response.body", "body": text.encode()})

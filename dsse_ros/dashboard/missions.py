@@ -27,6 +27,8 @@ from msg_adapters.vehicles import place_from_pose
 
 LAYERS = {"probability_grid": "Map", "belief_grid": "Belief"}
 """Topics of the maps that the page can show, and their names."""
+_VALUES = ("paused", "publishers", "answer", "vehicle_answer")
+"""Attributes of a mission that the node sets."""
 _RUNS = 10
 """Runs whose `agents` are kept, which may come before or after their reports."""
 _EARLY = 1000
@@ -109,11 +111,7 @@ class Mission:
             "mission_report": self._on_mission_report,
             "probability_of_success": self._on_pos,
             "diagnostics": self._on_diagnostics,
-            "paused": self._on_paused,
-            "publishers": self._on_publishers,
-            "answer": self._on_answer,
             "bridge": self._on_bridge,
-            "vehicle_answer": self._on_vehicle_answer,
         }
 
     @property
@@ -169,6 +167,8 @@ class Mission:
             self._on_vehicle_pose(drone, message)
         elif topic in LAYERS:
             self._on_map(topic, message)
+        elif topic in _VALUES:
+            setattr(self, topic, message)
         else:
             self._read[topic](message)
 
@@ -211,7 +211,7 @@ class Mission:
     def _on_map(self, layer: str, message: Any) -> None:
         occupancy = occupancy_to_array(message)
         if not occupancy.size:
-            raise ValueError("data: no cells are not allowed")
+            raise ValueError("data must have at least one cell, got none")
         image = map_png(occupancy)
         self.maps[layer].add(to_nanoseconds(message.header.stamp), image)
 
@@ -226,20 +226,8 @@ class Mission:
         self.state, self.level = status.message, level_of(status)
         self.paused = status.message.partition(";")[0] in ("paused", "stopped")
 
-    def _on_paused(self, paused: bool) -> None:
-        self.paused = paused
-
-    def _on_publishers(self, count: int) -> None:
-        self.publishers = count
-
-    def _on_answer(self, answer: str) -> None:
-        self.answer = answer
-
     def _on_bridge(self, drones: tuple[str, ...]) -> None:
         self.bridge, self.had_bridge = drones, self.had_bridge or bool(drones)
-
-    def _on_vehicle_answer(self, answer: str) -> None:
-        self.vehicle_answer = answer
 
     def _on_vehicle_state(self, drone: str, message: Any) -> None:
         for status in message.status:
@@ -257,7 +245,7 @@ class Mission:
 
     def _vehicle(self, drone: str) -> Vehicle:
         if drone not in self.vehicles and len(self.vehicles) >= _MAX_VEHICLES:
-            raise ValueError(f"{drone}: more than {_MAX_VEHICLES} vehicles are not allowed")
+            raise ValueError(f"vehicles must be at most {_MAX_VEHICLES}, got another one: {drone}")
         return self.vehicles.setdefault(drone, Vehicle())
 
 
@@ -286,8 +274,8 @@ class Missions:
                 if len(self.by_namespace) >= self._max_missions and not self._drop():
                     continue
                 mission = Mission(one.namespace)
-                both = {**self.by_namespace, one.namespace: mission}
-                self.by_namespace = dict(sorted(both.items()))
+                self.by_namespace[one.namespace] = mission
+                self.by_namespace = dict(sorted(self.by_namespace.items()))
             self._heard += 1
             mission.heard = self._heard
             mission.receive(one.topic, one.read)
@@ -299,9 +287,7 @@ class Missions:
         gone = [one for one in missions if one.publishers == 0 and not one.bridge]
         if not gone:
             return False
-        oldest = min(gone, key=lambda mission: mission.heard)
-        kept = self.by_namespace.items()
-        self.by_namespace = {name: mission for name, mission in kept if mission is not oldest}
+        del self.by_namespace[min(gone, key=lambda mission: mission.heard).namespace]
         return True
 
     def _shrink(self) -> None:

@@ -257,7 +257,7 @@ class MissionPage:
         self._dark.value = order[(order.index(self._dark.value) + 1) % len(order)]
         self._theme.set_text(_THEMES[self._dark.value])
 
-    # What changes
+    # What changes; NiceGUI sends a text, an icon or a table only if it differs.
 
     def _update(self) -> None:
         now_s = time.monotonic()
@@ -268,15 +268,11 @@ class MissionPage:
             if frame is not None:
                 self._sent = (frame["number"], now_s)
                 self._map.draw(frame)
-                self._set_text(self._headline, self._view.headline())
+                self._headline.set_text(self._view.headline())
                 self._update_time()
         if now_s - self._slow_s >= _SLOW_S:
             self._slow_s = now_s
             self._update_slowly()
-
-    def _set_text(self, label: ui.label | ui.button, text: str) -> None:
-        if label.text != text:
-            label.set_text(text)
 
     def _update_time(self) -> None:
         history = self._view.history
@@ -294,13 +290,11 @@ class MissionPage:
         waiting = view.waiting()
         if waiting and not self._missions.by_namespace:
             waiting += f" ROS_DOMAIN_ID is {self._domain}."
-        self._set_text(self._waiting, waiting)
+        self._waiting.set_text(waiting)
         self._waiting.set_visibility(bool(waiting))
-        self._set_text(self._headline, view.headline())
+        self._headline.set_text(view.headline())
         self._update_choices()
-        html = view.drones_table()
-        if self._drones.content != html:
-            self._drones.set_content(html)
+        self._drones.set_content(view.drones_table())
         line = (view.pos_line(), view.step)
         if line != self._line:
             self._line = line
@@ -310,14 +304,13 @@ class MissionPage:
             button.set_enabled(has)
         self._live.set_enabled(view.step is not None)
         self._update_vehicles()
-        self._set_text(self._trouble, view.trouble())
+        self._trouble.set_text(view.trouble())
         if mission is not None:
             text, icon = ("Resume", "play_arrow") if mission.paused else ("Pause", "pause")
-            self._set_text(self._pause, text)
-            if self._pause.icon != icon:
-                self._pause.set_icon(icon)
-            self._set_text(self._state, mission.state)
-            self._set_text(self._answer, mission.answer)
+            self._pause.set_text(text)
+            self._pause.set_icon(icon)
+            self._state.set_text(mission.state)
+            self._answer.set_text(mission.answer)
 
     def _update_vehicles(self) -> None:
         mission = self._view.mission
@@ -334,8 +327,8 @@ class MissionPage:
         for (name, one), button in self._operate.items():
             button.set_enabled(bool(drones))
             if one and self._drone.value is not None:
-                self._set_text(button, f"{_OPERATIONS[name][0]} {self._drone.value}")
-        self._set_text(self._vehicle_answer, mission.vehicle_answer)
+                button.set_text(f"{_OPERATIONS[name][0]} {self._drone.value}")
+        self._vehicle_answer.set_text(mission.vehicle_answer)
 
     def _update_choices(self) -> None:
         view, mission = self._view, self._view.mission

@@ -181,7 +181,7 @@ class PageView:
         if mission is None or history is None or mission.info is None:
             return ""
         i, info = history.index(self.step), mission.info
-        states = history.states(i)
+        states = history.states[i]
         flying = int((states == DroneState.FLYING).sum())
         seconds = history.steps[i] * info.step_duration_s
         parts = [
@@ -203,7 +203,7 @@ class PageView:
         if history is None or mission.info is None:
             return _vehicles_table(mission)
         i, info = history.index(self.step), mission.info
-        report, states, rewards = history.report(i), history.states(i), history.rewards(i)
+        report, states, rewards = history.reports[i], history.states[i], history.rewards[i]
         rows = []
         for number, name in enumerate(info.agents):
             entry = report[number]

@@ -136,7 +136,7 @@ def test_the_token_in_the_address_becomes_a_cookie_that_no_script_can_read() -> 
     assert status == 303 and headers["location"] == "/?a=1"
     cookie, *attributes = headers["set-cookie"].split("; ")
     assert TOKEN not in cookie
-    assert {"HttpOnly", "SameSite=Strict"} <= set(attributes)
+    assert {"HttpOnly", "SameSite=strict"} <= set(attributes)
     for kind in ("http", "websocket"):
         assert ask(guard, {**host, "cookie": cookie}, kind=kind)[0] == 200
 

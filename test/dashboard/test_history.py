@@ -62,7 +62,7 @@ def test_every_step_can_be_looked_at_again(played: Played, steps: list[Step]) ->
         np.testing.assert_array_equal(looked, step.cells[np.asarray(step.searched)])
         np.testing.assert_array_equal((cells[:, 2] & FOUND) > 0, step.found)
         np.testing.assert_array_equal((cells[:, 2] & STATE) == DroneState.FLYING, step.flying)
-        np.testing.assert_allclose(history.rewards(i), earned)
+        np.testing.assert_allclose(history.rewards[i], earned)
         assert history.pos_at(i) == pytest.approx(step.pos)
 
 
@@ -75,7 +75,7 @@ def test_each_step_has_its_own_map(played: Played, steps: list[Step]) -> None:
         for i in range(len(steps)):
             found = history.map_at(maps, i)
             assert found is not None, layer
-            assert found[0] == history.stamp_ns(i)
+            assert found[0] == history.stamps_ns[i]
 
 
 def test_a_new_search_takes_the_place_of_the_old_one(played: Played) -> None:
@@ -88,7 +88,7 @@ def test_a_new_search_takes_the_place_of_the_old_one(played: Played) -> None:
         assert mission.history.steps == [step.number for step in shown]
         # The last map of the search before is none of this one.
         first = mission.history.map_at(mission.maps["belief_grid"], 0)
-        assert first is not None and first[0] == mission.history.stamp_ns(0)
+        assert first is not None and first[0] == mission.history.stamps_ns[0]
 
 
 def test_a_simulation_that_was_started_again_goes_on_in_its_place(played: Played) -> None:
@@ -116,19 +116,19 @@ def test_missed_steps_come_with_the_report_of_the_mission(data: Any) -> None:
     assert partly.history.steps == whole.history.steps
     assert list(partly.history.paths(partly.looks)) == list(whole.history.paths(whole.looks))
     for i in range(len(steps)):
-        np.testing.assert_array_equal(partly.history.rewards(i), whole.history.rewards(i))
+        np.testing.assert_array_equal(partly.history.rewards[i], whole.history.rewards[i])
 
 
 def test_a_drone_that_is_lost_between_two_steps_is_lost_in_the_last_one() -> None:
     played, mission = Played(**FIELDS, collisions=False), Mission("")
     show(mission, played, *played.play(1, steps=2))
     assert mission.history is not None
-    revision, before = mission.history.revision, mission.history.states(2).tolist()
+    revision, before = mission.history.revision, mission.history.states[2].tolist()
     assert before[1] == DroneState.FLYING
     played.mission.lose(1)
     show(mission, played, played.step())
     assert mission.history.revision > revision and len(mission.history) == 3
-    assert mission.history.states(2).tolist() == [before[0], DroneState.LOST, before[2]]
+    assert mission.history.states[2].tolist() == [before[0], DroneState.LOST, before[2]]
 
 
 def test_pos_that_comes_before_its_report_is_kept(played: Played) -> None:
