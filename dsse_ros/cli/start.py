@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from functools import partial
 
 from dsse_ros.extras import pip_install
 from dsse_ros.runtime.exit_codes import MISSING
@@ -74,56 +75,15 @@ def missing(error: ImportError) -> str | None:
     return f"{name} not found: {pip_install(extra)}{use}"
 
 
-def sim_node() -> int:
-    """`ros2 run dsse_ros sim_node`."""
-    return start("nodes.sim_node")
-
-
-def planner_node() -> int:
-    """`ros2 run dsse_ros planner_node`."""
-    return start("nodes.planner_node")
-
-
-def run_mission() -> int:
-    """`ros2 run dsse_ros run_mission`."""
-    return start("cli.run_mission")
-
-
-def mavlink_bridge() -> int:
-    """`ros2 run dsse_ros mavlink_bridge`."""
-    return start("nodes.mavlink_bridge")
-
-
-def export_mission() -> int:
-    """`ros2 run dsse_ros export_mission`."""
-    return start("cli.export_mission")
-
-
-def report() -> int:
-    """`ros2 run dsse_ros report`."""
-    return start("cli.report")
-
-
-def recorder() -> int:
-    """`ros2 run dsse_ros recorder`."""
-    return start("nodes.recorder")
-
-
-def foxglove_viewer() -> int:
-    """`ros2 run dsse_ros foxglove_viewer`."""
-    return start("nodes.foxglove_viewer")
-
-
-def replay() -> int:
-    """`ros2 run dsse_ros replay`."""
-    return start("cli.replay")
-
-
-def dashboard() -> int:
-    """`ros2 run dsse_ros dashboard`."""
-    return start("nodes.dashboard")
-
-
-def campaign() -> int:
-    """`ros2 run dsse_ros campaign`."""
-    return start("cli.campaign")
+# The executables of `ros2 run dsse_ros`, by name.
+sim_node = partial(start, "nodes.sim_node")
+planner_node = partial(start, "nodes.planner_node")
+mavlink_bridge = partial(start, "nodes.mavlink_bridge")
+recorder = partial(start, "nodes.recorder")
+foxglove_viewer = partial(start, "nodes.foxglove_viewer")
+dashboard = partial(start, "nodes.dashboard")
+run_mission = partial(start, "cli.run_mission")
+export_mission = partial(start, "cli.export_mission")
+report = partial(start, "cli.report")
+replay = partial(start, "cli.replay")
+campaign = partial(start, "cli.campaign")

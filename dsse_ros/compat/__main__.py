@@ -9,11 +9,11 @@ import runpy
 import sys
 from pathlib import Path
 
-from dsse_ros.compat.lending import VERSIONS, lend
+from dsse_ros.compat.aliases import VERSIONS, install_aliases
 
 
 def main() -> None:
-    """Lend the name DSSE to this process and run the script as Python would."""
+    """Install the module names of DSSE in this process and run the script as Python would."""
     parser = argparse.ArgumentParser(
         prog="python -m dsse_ros.compat",
         description="Run a script written for the package DSSE on dsse_ros.",
@@ -25,8 +25,8 @@ def main() -> None:
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="those of the script")
     given = parser.parse_args()
     if not given.script.is_file():
-        parser.error(f"script: {str(given.script)!r} is not allowed; a Python file")
-    lend(given.dsse)
+        parser.error(f"script must be a Python file, got {str(given.script)!r}")
+    install_aliases(given.dsse)
     sys.argv = [str(given.script), *given.arguments]
     sys.path[0] = str(given.script.resolve().parent)
     runpy.run_path(str(given.script), run_name="__main__")

@@ -123,13 +123,13 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             world.worlds[name].data for name in ("num_active", "num_missing", "done")
         )
         self._viewer: rendering.Viewer | None = None
-        self._camera: rendering.Camera | None = None
+        self._renderer: rendering.FigureRenderer | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         # A window stays with the environment that opened it.
         bound = {"_masks", "_actions", "_action_bytes", "_xy", "_alive", "_rewards", "_terminated"}
         bound |= {"_seen", "_truncated", "_num_active", "_num_missing", "_done", "_viewer"}
-        bound |= {"_camera"}
+        bound |= {"_renderer"}
         return {name: value for name, value in vars(self).items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -323,9 +323,9 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         if self.render_mode == "ansi":
             return rendering.to_ansi(view)
         if self.render_mode == "rgb_array":
-            if self._camera is None:
-                self._camera = rendering.Camera()
-            return self._camera.rgb_array(view)
+            if self._renderer is None:
+                self._renderer = rendering.FigureRenderer()
+            return self._renderer.rgb_array(view)
         if self._viewer is None:
             self._viewer = rendering.Viewer(float(self.metadata["render_fps"]))  # type: ignore[arg-type]
         self._viewer.show(view)
@@ -336,7 +336,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
-        self._camera = None
+        self._renderer = None
 
     def _show(self) -> None:
         if self.render_mode == "human":

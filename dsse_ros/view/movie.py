@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from dsse_ros.extras import pip_install
 from dsse_ros.progress import progress
 from dsse_ros.scenario.fields import FieldError
+from dsse_ros.view.legend import FOUND, LAND, PERSON
 from dsse_ros.view.mission_view import MissionView
 from dsse_ros.view.picture import DRONE_COLOURS, sea_colours
-from dsse_ros.view.rendering import Camera
-from dsse_ros.view.signs import FOUND, LAND, PERSON
+from dsse_ros.view.rendering import FigureRenderer
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -82,9 +82,9 @@ def save_movie(
 
 def _frames(views: Iterable[MissionView], last: int) -> Iterator[NDArray[np.uint8]]:
     """Yield the image of each view, then repeat the last one `last` times."""
-    camera, frame = Camera(), None
+    renderer, frame = FigureRenderer(), None
     for view in views:
-        frame = camera.rgb_array(view)
+        frame = renderer.rgb_array(view)
         yield frame
     if frame is not None:
         for _ in range(last):

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.view.chart import draw_chart, round_length
+from dsse_ros.view.legend import CIRCLE, DATUM, EDGE, FOUND, LAND, PERSON, STAR, legend_entries
 from dsse_ros.view.mission_view import MissionView
-from dsse_ros.view.signs import CIRCLE, DATUM, EDGE, FOUND, LAND, PERSON, STAR, legend_signs
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -337,10 +337,10 @@ class Picture:
         if listed == self._listed:
             return False
         self._listed = listed
-        signs = legend_signs(
+        entries = legend_entries(
             numbered=self._numbered, shaded=self._shaded, every=self._every, step_s=view.step_s
         )
-        chosen = [sign for name, sign in signs.items() if shown[name]]
+        chosen = [entry for name, entry in entries.items() if shown[name]]
         self._panel.legend(
             [handle for handle, _ in chosen], [label for _, label in chosen], loc="upper left",
             bbox_to_anchor=(-0.04, 0.79), fontsize=9, frameon=False, borderaxespad=0.0,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "Camera", "MissionView", "Picture", "Viewer", "new_figure", "save_picture", "to_ansi",
+    "FigureRenderer", "MissionView", "Picture", "Viewer", "new_figure", "save_picture", "to_ansi",
 ]  # fmt: skip
 
 
@@ -33,7 +33,7 @@ def new_figure() -> Figure:
     return Figure(figsize=SIZE_IN, dpi=100)
 
 
-class Camera:
+class FigureRenderer:
     """Renders views of a mission as images."""
 
     def __init__(self) -> None:

@@ -18,7 +18,7 @@ from dsse_ros import progress
 from dsse_ros.search import FieldError
 from dsse_ros.view import movie
 from dsse_ros.view.mission_view import MissionView
-from dsse_ros.view.rendering import Camera
+from dsse_ros.view.rendering import FigureRenderer
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +37,14 @@ def test_a_gif_shows_every_view_and_the_last_one_longer(
 ) -> None:
     path = tmp_path / "mission.gif"
     movie.save_movie(iter(views), path, fps=5)
-    camera = Camera()
+    renderer = FigureRenderer()
     with Image.open(path) as gif:
         assert gif.n_frames == len(views) and gif.info["loop"] == 0
         durations = []
         for number, view in enumerate(views):
             gif.seek(number)
             durations.append(gif.info["duration"])
-            off = np.asarray(gif.convert("RGB")).astype(int) - camera.rgb_array(view)
+            off = np.asarray(gif.convert("RGB")).astype(int) - renderer.rgb_array(view)
             # With colours of a palette.
             assert np.abs(off).mean() < 3
     assert durations == [200, 200, 200, 2200]
@@ -57,10 +57,10 @@ def test_an_mp4_shows_every_view(views: list[MissionView], tmp_path: Path) -> No
     assert frames == len(views) + 10 and seconds == pytest.approx(frames / 5, abs=0.21)
     reader = imageio_ffmpeg.read_frames(str(path))
     width, height = next(reader)["size"]
-    camera = Camera()
+    renderer = FigureRenderer()
     for view in views:
         frame = np.frombuffer(next(reader), np.uint8).reshape(height, width, 3)
-        assert np.abs(frame.astype(int) - camera.rgb_array(view)).mean() < 6
+        assert np.abs(frame.astype(int) - renderer.rgb_array(view)).mean() < 6
     reader.close()
 
 

@@ -218,7 +218,7 @@ def test_the_image_follows_the_map() -> None:
 
 
 def test_an_image_shows_nothing_of_those_before_it() -> None:
-    """One camera takes all images of an environment; another one sees the same, at any time."""
+    """One renderer draws all images of an environment; a new one draws the same at any time."""
     env = started(
         drones_positions=[(0, 0), (1, 6), (6, 1)], person_amount=2, render_mode="rgb_array",
         collision=0.0, **FAR,
@@ -234,7 +234,7 @@ def test_an_image_shows_nothing_of_those_before_it() -> None:
     picture_of(env)
     for actions in ((1, 1, 3), (1, 1, 3), (3, 1, 3), (4, 0, 1), (4, 0, 1)):
         step(env, *actions)
-        kept, new = marks(picture_of(env)), marks(rendering.Camera().rgb_array(env.view()))
+        kept, new = marks(picture_of(env)), marks(rendering.FigureRenderer().rgb_array(env.view()))
         for (one, where), (other, there) in zip(kept, new, strict=True):
             assert one == other
             # The margins may differ by the width of a digit.
@@ -281,7 +281,7 @@ def test_the_image_shows_how_often_a_cell_was_searched() -> None:
     for searches in range(5):
         counts = np.zeros((8, 8), int)
         counts[5, 5] = searches
-        pictures.append(rendering.Camera().rgb_array(replace(view, searches=counts)))
+        pictures.append(rendering.FigureRenderer().rgb_array(replace(view, searches=counts)))
     sea = [picture[:, : picture.shape[1] * 16 // 25] for picture in pictures]
     ink = [int((picture != sea[0]).any(axis=2).sum()) for picture in sea]
     assert all(more > less + 20 for less, more in itertools.pairwise(ink))

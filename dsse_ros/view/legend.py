@@ -19,10 +19,10 @@ DATUM: dict[str, Any] = {"color": "black", "markeredgewidth": 1.8}
 STAR: dict[str, Any] = {"markeredgecolor": "black"}
 
 
-def legend_signs(
+def legend_entries(
     *, numbered: bool, shaded: bool, every: int, step_s: float | None
 ) -> dict[str, tuple[Any, str]]:
-    """Return symbols and their meanings by name, in the order of the legend.
+    """Return the symbols and their meanings by name, in the order of the legend.
 
     Args:
         numbered: Whether drones have numbers.
@@ -33,7 +33,7 @@ def legend_signs(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    def sign(marker: str, size: float, **style: Any) -> Line2D:
+    def symbol(marker: str, size: float, **style: Any) -> Line2D:
         return Line2D([], [], linestyle="none", **{"marker": marker, "markersize": size, **style})
 
     def line(**style: Any) -> Line2D:
@@ -45,14 +45,14 @@ def legend_signs(
     drone = {"color": "0.35", "markeredgecolor": "white"}
     ring = {"markerfacecolor": "none"}
     found = (
-        sign("*", 9, **STAR | {"markerfacecolor": "white"}),
-        sign("o", 15, markeredgecolor="black", markeredgewidth=3.4, **ring),
-        sign("o", 15, markeredgecolor=FOUND, markeredgewidth=1.7, **ring),
+        symbol("*", 9, **STAR | {"markerfacecolor": "white"}),
+        symbol("o", 15, markeredgecolor="black", markeredgewidth=3.4, **ring),
+        symbol("o", 15, markeredgecolor=FOUND, markeredgewidth=1.7, **ring),
     )
     return {
-        "drone": (sign("o", 10, **drone), "drone with its number" if numbered else "drone"),
-        "lost": (sign("X", 10, **drone), "drone that is lost"),
-        "start": (sign("s", 5, color="white", markeredgecolor="0.35"), "start of a drone"),
+        "drone": (symbol("o", 10, **drone), "drone with its number" if numbered else "drone"),
+        "lost": (symbol("X", 10, **drone), "drone that is lost"),
+        "start": (symbol("s", 5, color="white", markeredgecolor="0.35"), "start of a drone"),
         "flown": (line(linewidth=2.2), "flown by its vehicle"),
         "track": (line(**dots), f"track, darker is newer;\ndot every {steps}{minutes}"),
         "searched": (
@@ -61,9 +61,9 @@ def legend_signs(
             else Patch(facecolor="white", edgecolor="0.35", linewidth=0.7, hatch="///"),
             "searched, darker is\nmore often" if shaded else "searched: a stroke\nfor each time",
         ),
-        "datum": (sign("+", 10, **DATUM), "datum: where drift alone\nputs the person"),
+        "datum": (symbol("+", 10, **DATUM), "datum: where drift alone\nputs the person"),
         "circle": (line(**CIRCLE), "circle of the map"),
-        "person": (sign("*", 13, **STAR | {"markerfacecolor": PERSON}), "person at sea"),
+        "person": (symbol("*", 13, **STAR | {"markerfacecolor": PERSON}), "person at sea"),
         "found": (found, "person found"),
         "outside": (Patch(facecolor=LAND, edgecolor=EDGE), "not to be searched"),
     }

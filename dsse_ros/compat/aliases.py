@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Lends the published module names to this process, for scripts that import them."""
+"""The published module names in this process, for scripts that import them."""
 
 from __future__ import annotations
 
@@ -40,22 +40,25 @@ VERSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "DSSE.env": {"DroneSwarmSearch": v1.DroneSwarmSearch},
     },
 }
-"""The published modules with their names, of each version."""
+"""The modules of each version, with the names in them."""
 
 
-def lend(version: str = "1.1.9") -> None:
-    """Let this process import `DSSE` as that version had it; an installed one is hidden.
+def install_aliases(version: str = "1.1.9") -> None:
+    """Make `import DSSE` in this process import this package; an installed `DSSE` is hidden.
+
+    Args:
+        version: Version of DSSE whose module names are installed.
 
     Raises:
         ValueError: If the version is neither 1.1.9 nor 0.1.13.
     """
     if version not in VERSIONS:
-        raise ValueError(f"version: {version!r} is not allowed; one of {', '.join(VERSIONS)}")
+        raise ValueError(f"version must be one of {', '.join(VERSIONS)}, got {version!r}")
     for name in [name for name in sys.modules if name.split(".")[0] == "DSSE"]:
         del sys.modules[name]
     for name, contents in VERSIONS[version].items():
-        module = ModuleType(name, f"Lent by dsse_ros.compat, in place of DSSE {version}.")
-        # With a path it is a package, and what it lacks is a ModuleNotFoundError with its name.
+        module = ModuleType(name, f"An alias of dsse_ros.compat, in place of DSSE {version}.")
+        # A path makes it a package, so that a missing submodule raises ModuleNotFoundError.
         module.__path__ = []
         vars(module).update(contents)
         sys.modules[name] = module

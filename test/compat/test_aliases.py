@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from dsse_ros import compat
-from dsse_ros.compat.lending import VERSIONS
+from dsse_ros.compat.aliases import VERSIONS
 
 SCRIPT = """
 import sys
@@ -54,10 +54,10 @@ def test_a_script_for_the_first_version_finds_that(tmp_path: Path) -> None:
 
 def test_a_script_that_is_not_there_is_named(tmp_path: Path) -> None:
     done = run(tmp_path, "", str(tmp_path / "other.py"))
-    assert done.returncode == 2 and "other.py' is not allowed" in done.stderr
+    assert done.returncode == 2 and "must be a Python file" in done.stderr
 
 
-def test_every_name_that_is_lent_is_one_of_ours() -> None:
+def test_every_alias_names_something_of_this_package() -> None:
     for modules in VERSIONS.values():
         for names in modules.values():
             assert all(each.__module__.startswith("dsse_ros.compat") for each in names.values())
