@@ -47,13 +47,13 @@ def searcher_test(searcher: Searcher, *, rules: str | Rules = "v2", seed: int = 
     Raises:
         AssertionError: If a promise is broken; one line names it.
     """
-    _check(isinstance(searcher, Searcher), f"{searcher!r} is no Searcher")
-    _check(bool(searcher.doc), "doc is empty; it says what the kind is")
+    assert isinstance(searcher, Searcher), f"{searcher!r} is no Searcher"
+    assert searcher.doc, "doc is empty; it says what the kind is"
     with registered(SEARCHERS, searcher) as name:
         for swarm in ((name,), (name, name, name), (name, DEFAULT, name, DEFAULT)):
             env = _env(swarm, rules, STEPS)
             first = _fly(env, seed, swarm)
-            _check(_fly(env, seed, swarm) == first, "the same seed gives another mission")
+            assert _fly(env, seed, swarm) == first, "the same seed gives another mission"
             _check_snapshot(_env(swarm, rules, STEPS), _env(swarm, rules, STEPS), seed)
         _check_endurance(searcher, name, rules)
 
@@ -76,12 +76,14 @@ class _Flight:
     """State of a drone derived from its commands.
 
     Attributes:
+        kind: The drone's kind.
         needed: Steps that a move takes.
         heading: The move in progress, None for none.
         done: Steps of this move that are done.
         flown: Steps since the start.
     """
 
+    kind: Searcher
     needed: int
     heading: int | None = None
     done: int = 0
@@ -91,10 +93,9 @@ class _Flight:
 def _flights(env: SearchEnv) -> dict[str, _Flight]:
     scenario = env.scenario
     fastest = max(scenario.speeds)
-    of_kinds = [whole_steps(fastest, speed) for speed in scenario.speeds]
     return {
-        agent: _Flight(of_kinds[number])
-        for agent, number in zip(env.possible_agents, scenario.kind_of, strict=True)
+        agent: _Flight(scenario.kinds[kind], whole_steps(fastest, scenario.speeds[kind]))
+        for agent, kind in zip(env.possible_agents, scenario.kind_of, strict=True)
     }
 
 
@@ -120,31 +121,24 @@ def _fly(env: SearchEnv, seed: int, swarm: tuple[str, ...]) -> list[Any]:
                 moved = env.positions[number] - before[number]
                 _check_move(env, agent, joint[agent], moved, infos[agent], flights[agent])
         inside = (env.positions >= 0) & (env.positions < env.scenario.grid_size)
-        _check(bool(inside.all()), "a drone has left the grid by an action that its mask allows")
+        assert inside.all(), "a drone has left the grid by an action that its mask allows"
         seen.append((joint, rewards, terminated, truncated, env.positions.tolist()))
     return seen
-
-
-def _kind_of(env: SearchEnv, agent: str) -> Searcher:
-    number = env.possible_agents.index(agent)
-    return env.scenario.kinds[env.scenario.kind_of[number]]
 
 
 def _check_mask(env: SearchEnv, agent: str, mask: NDArray[np.int8], flight: _Flight) -> None:
     """Check the actions that a drone's mask allows."""
     allowed = np.flatnonzero(mask).tolist()
     names = [env.rules.actions[action] for action in allowed]
-    _check(bool(allowed), f"{agent}: the action mask allows nothing")
+    assert allowed, f"{agent}: the action mask allows nothing"
     if flight.heading is not None:
-        _check(
-            allowed == [flight.heading],
+        assert allowed == [flight.heading], (
             f"{agent}: under way with {env.rules.actions[flight.heading]} the action mask allows "
-            f"{', '.join(names)}",
+            f"{', '.join(names)}"
         )
-    moves = _kind_of(env, agent).moves
-    if moves is not None:
-        others = [name for name in names if name not in (*moves, "search")]
-        _check(not others, f"{agent}: the action mask allows {', '.join(others)}, no moves of its")
+    if flight.kind.moves is not None:
+        others = [name for name in names if name not in (*flight.kind.moves, "search")]
+        assert not others, f"{agent}: the action mask allows {', '.join(others)}, no moves of its"
 
 
 def _check_move(
@@ -162,20 +156,18 @@ def _check_move(
     arrives = flight.done >= flight.needed
     expected = move if arrives else (0, 0)
     status = info.get("status", "searching")
-    limit = endurance_steps(_kind_of(env, agent), env.scenario.step_duration_s)
-    if limit and flight.flown > limit and "battery" not in info:
-        # A drone that has landed is taken out in the next step.
-        _check(False, f"{agent}: still in the search after its endurance of {limit} steps")
-    _check(
-        tuple(moved.tolist()) == expected,
+    limit = endurance_steps(flight.kind, env.scenario.step_duration_s)
+    # A drone that has landed is taken out in the next step.
+    in_time = not limit or flight.flown <= limit or "battery" in info
+    assert in_time, f"{agent}: still in the search after its endurance of {limit} steps"
+    assert tuple(moved.tolist()) == expected, (
         f"{agent}: step {flight.done} of the {flight.needed} of {env.rules.actions[action]} has "
-        f"moved it by {moved.tolist()}, not by {list(expected)}",
+        f"moved it by {moved.tolist()}, not by {list(expected)}"
     )
     ended = limit > 0 and flight.flown == limit
     wanted = "home" if ended else "searching" if arrives else "under_way"
-    _check(
-        status == wanted,
-        f"{agent}: its status is {status!r} after step {flight.flown}, not {wanted!r}",
+    assert status == wanted, (
+        f"{agent}: its status is {status!r} after step {flight.flown}, not {wanted!r}"
     )
     over = arrives or ended
     flight.heading, flight.done = (None, 0) if over else (action, flight.done)
@@ -193,7 +185,7 @@ def _check_snapshot(env: SearchEnv, twin: SearchEnv, seed: int) -> None:
         if step > 0:
             twin.advance(joint)
             same = env.world.state_bytes() == twin.world.state_bytes()
-            _check(same, f"step {step + 1} after a snapshot is another one than without it")
+            assert same, f"step {step + 1} after a snapshot is another one than without it"
 
 
 def _check_endurance(searcher: Searcher, name: str, rules: str | Rules) -> None:
@@ -209,17 +201,6 @@ def _check_endurance(searcher: Searcher, name: str, rules: str | Rules) -> None:
     while env.agents and steps < limit + 5:
         env.step({agent: search for agent in env.agents})
         steps += 1
-    _check(
-        steps == limit + 1,
-        f"its endurance is {limit} steps of {step_s:g} s; it was in the search for {steps - 1}",
+    assert steps == limit + 1, (
+        f"its endurance is {limit} steps of {step_s:g} s; it was in the search for {steps - 1}"
     )
-
-
-def _check(kept: bool, broken: str) -> None:
-    """Raise unless a promise was kept.
-
-    Raises:
-        AssertionError: If it was not.
-    """
-    if not kept:
-        raise AssertionError(broken)

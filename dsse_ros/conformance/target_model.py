@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -92,7 +94,8 @@ def _test_search(rules: Rules, seed: int) -> None:
     inflation = _inflation(scenario, rules)
     for step in range(STEPS):
         poc, outside = _poc(belief)
-        cells = _counted(world)
+        persons = world.persons
+        cells = _counted(persons["x"].ravel(), persons["y"].ravel(), world.grid_size)
         beyond = excess(cells, np.append(poc.ravel(), outside), inflation)
         assert beyond <= SIGMAS, (
             f"step {step}: persons are not where the belief has them, by {beyond:.1f} sigmas"
@@ -130,10 +133,8 @@ def _inflation(scenario: Scenario, rules: Rules) -> float:
     return 1.0 + WORLDS * float((truth**2).sum() + (tracks.weights**2).sum())
 
 
-def _counted(world: World) -> NDArray[np.int64]:
-    """Return the number of persons in each cell, and last the number outside the grid."""
-    g = world.grid_size
-    x, y = world.persons["x"].ravel(), world.persons["y"].ravel()
+def _counted(x: NDArray[Any], y: NDArray[Any], g: int) -> NDArray[np.int64]:
+    """Return the number of persons in each of G x G cells, and last the number outside the grid."""
     inside = (x >= 0) & (x < g) & (y >= 0) & (y < g)
     return np.bincount(np.where(inside, y * g + x, g * g), minlength=g * g + 1)
 
@@ -151,10 +152,8 @@ def _test_futures(belief: TargetBelief, seed: int) -> None:
     for h in range(exact + 1):
         row, col = np.divmod(cells[h], forecast.side)
         margin = (forecast.side - g) // 2
-        x, y = col - margin, row - margin
-        inside = (x >= 0) & (x < g) & (y >= 0) & (y < g)
-        counts = np.bincount(np.where(inside, y * g + x, g * g), minlength=g * g + 1)
         poc, outside = _poc(ahead)
+        counts = _counted(col - margin, row - margin, g)
         beyond = excess(counts, np.append(poc.ravel(), outside))
         assert beyond <= SIGMAS, (
             f"futures are not where the belief is after {h} steps, by {beyond:.1f} sigmas"
