@@ -36,7 +36,7 @@ setup(
     packages=find_packages(include=["dsse_ros", "dsse_ros.*", "msg_adapters", "msg_adapters.*"]),
     package_data={
         "dsse_ros": ["models/*"],
-        "dsse_ros.dashboard": ["*.css", "*.js"],
+        "dsse_ros.dashboard": ["*.css", "*.html", "*.js"],
         "dsse_ros.report": ["*.html"],
         "dsse_ros.runtime": ["fastdds.xml"],
     },
@@ -78,7 +78,7 @@ setup(
         "ray": ["ray>=2.40"],
         "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],
         # The program `dashboard`; `browser` drives one in its tests.
-        "dashboard": ["nicegui>=3.18", "pillow>=10.2"],
+        "dashboard": ["jinja2>=3.1", "nicegui>=3.18", "pillow>=10.2"],
         "browser": ["playwright>=1.49"],
         # `make coverage`, `make mutants`, `make lock`, `make sbom` and `make audit`.
         "quality": [

@@ -33,7 +33,7 @@ HEADERS = {
     "'unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
     "font-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'self'; "
     "form-action 'self'; frame-ancestors 'none'",
-    # Without TLS, browsers do not tell a page of another machine which site requests it.
+    # Without TLS, browsers do not send a page of another machine the requesting site.
     "cross-origin-resource-policy": "same-origin",
     "referrer-policy": "no-referrer",
     "x-content-type-options": "nosniff",

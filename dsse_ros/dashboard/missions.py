@@ -56,6 +56,11 @@ class Vehicle:
     level: int = 0
     place: tuple[float, float] | None = None
 
+    @property
+    def severity(self) -> str:
+        """The level as a word."""
+        return ("ok", "warn", "error", "stale")[min(self.level, 3)]
+
 
 def _looks_of(info: AgentsInfo) -> Looks | None:
     """Return what the drones look at; None if each entered cell counts."""

@@ -112,7 +112,7 @@ def bind(host: str, port: int) -> socket.socket:
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
     except (OSError, UnicodeError):
-        raise FieldError(f"host: {host!r} is not allowed; an address of this machine is") from None
+        raise FieldError(f"host must be an address of this machine, got {host!r}") from None
     bound = socket.socket(family, kind, protocol)
     try:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -44,9 +44,9 @@ class DashboardSettings:
     def __post_init__(self) -> None:
         check_all(self)
         if not self.host:
-            raise FieldError("host: '' is not allowed; an address of this machine is")
+            raise FieldError("host must be an address of this machine, got ''")
         if not self.token_file and not is_loopback(self.host):
-            raise FieldError(f"host: {self.host!r} is not allowed without token_file; 127.0.0.1 is")
+            raise FieldError(f"host must be 127.0.0.1 without token_file, got {self.host!r}")
 
     def read_token(self) -> str | None:
         """Return the token in the file, None for no file.
@@ -67,8 +67,8 @@ class DashboardSettings:
         token = lines[0].strip() if lines else ""
         if len(token) < MIN_TOKEN or not (token.isascii() and token.isprintable()):
             raise FieldError(
-                f"token_file: the first line of {path!r} is not allowed; at least {MIN_TOKEN} "
-                "printable ASCII characters are"
+                f"token_file: the first line of {path!r} must have at least {MIN_TOKEN} printable "
+                "ASCII characters"
             )
         return token
 

@@ -1,16 +1,17 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The view of a mission on one page: the step, the map, and the texts beside it."""
+"""The contents of one page: the shown step, its map, and the texts beside it."""
 
 from __future__ import annotations
 
 import base64
-import html
 from dataclasses import dataclass
 from typing import Any
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
 from dsse_ros.dashboard.history import DroneState, SearchHistory
-from dsse_ros.dashboard.missions import LAYERS, Mission, Missions, Vehicle
+from dsse_ros.dashboard.missions import LAYERS, Mission, Missions
 from msg_adapters.geodesy import cell_to_geodetic
 
 STATES = {
@@ -21,19 +22,21 @@ STATES = {
     DroneState.OUT_OF_TIME: "out of time",
 }
 MAX_POINTS = 400
-"""Largest number of points of the POS line; a chart has no room for more."""
-_LEVELS = ("ok", "warn", "error", "stale")
+"""Largest number of points of the POS line, about one for each pixel of the chart."""
+_DRONES = Environment(
+    loader=PackageLoader("dsse_ros.dashboard", "."), autoescape=True, undefined=StrictUndefined
+).get_template("drones.html")
 
 
 @dataclass
 class Sent:
-    """What the browser has already.
+    """What the browser already has.
 
     Attributes:
-        key: Search, revision of its history, layer.
-        rows: Steps.
-        image: Stamp of the map, None for none.
-        state: Everything else that a frame shows.
+        key: Search, revision of its history, and layer.
+        rows: Number of steps.
+        image: Stamp of the map, None without one.
+        state: Everything else in a frame.
     """
 
     key: object = None
@@ -46,12 +49,12 @@ class PageView:
     """One page in one browser.
 
     Args:
-        missions: All that there are.
+        missions: All missions.
 
     Attributes:
-        namespace: Of the mission that is shown; None for the first one there is.
-        layer: Topic of the map that is shown; None for the belief where it goes out, or the map.
-        step: The step that is shown; None for the last one, whichever that is.
+        namespace: Namespace of the shown mission; None for the first one.
+        layer: Topic of the shown map; None for the belief if it is published, else the map.
+        step: The shown step; None for the last one.
     """
 
     def __init__(self, missions: Missions) -> None:
@@ -64,7 +67,7 @@ class PageView:
 
     @property
     def mission(self) -> Mission | None:
-        """The mission that is shown; None where there is none."""
+        """The shown mission; None if there is none."""
         missions = self._missions.by_namespace
         if self.namespace is None:
             return next(iter(missions.values()), None)
@@ -72,7 +75,7 @@ class PageView:
 
     @property
     def history(self) -> SearchHistory | None:
-        """The steps of the search that is shown; None before the first is known."""
+        """The steps of the shown search; None before the first is known."""
         mission = self.mission
         if mission is None or mission.info is None or not mission.history:
             return None
@@ -80,7 +83,7 @@ class PageView:
 
     @property
     def shown_layer(self) -> str:
-        """The layer that is shown."""
+        """Topic of the shown map."""
         if self.layer is not None:
             return self.layer
         mission = self.mission
@@ -92,16 +95,16 @@ class PageView:
         self.namespace, self.step = namespace, None
 
     def forget_sent(self) -> None:
-        """Send everything again: the browser has lost it."""
+        """Send everything again, because the browser has lost it."""
         self._sent = Sent()
 
     # The map
 
     def frame(self) -> dict[str, Any] | None:
-        """Return what the map has to draw now; None if it shows that already.
+        """Return what the map has to draw; None if the browser already shows it.
 
-        The keys are the number of the frame, search, grid, names of the drones, first place and
-        rows of the new steps (see `SearchHistory.paths`), the step shown, image (a data URL, only
+        The keys are the number of the frame, search, grid, names of the drones, first index and
+        rows of the new steps (see `SearchHistory.paths`), the shown step, image (a data URL, only
         if it has changed) and vehicles (drone, column, row).
         """
         mission, history = self.mission, self.history
@@ -113,7 +116,7 @@ class PageView:
         i = history.index(self.step)
         key = (mission.namespace, history.key, history.revision, self.shown_layer)
         found = history.map_at(mission.maps[self.shown_layer], i)
-        # The present position of a vehicle does not belong to an earlier step.
+        # An earlier step must not show the current position of a vehicle.
         vehicles = [] if self.step is not None else [
             (info.agents.index(name), *vehicle.place)
             for name, vehicle in mission.vehicles.items()
@@ -135,7 +138,7 @@ class PageView:
         self, key: object, rows: int, found: tuple[int, bytes] | None, frame: dict[str, Any],
         state: object,
     ) -> dict[str, Any] | None:  # fmt: skip
-        """Return a frame with its number, and with the image if that is new; None if nothing is."""
+        """Return a frame with its number, and the image if it is new; None if nothing is new."""
         stamp = found[0] if found is not None else None
         sent, now = self._sent, Sent(key, rows, stamp, state)
         if self._number and now == sent:
@@ -149,7 +152,7 @@ class PageView:
     # Texts
 
     def waiting(self) -> str:
-        """Return what the page waits for; empty where it has a mission to show."""
+        """Return what the page is waiting for, "" if it has a mission to show."""
         if not self._missions.by_namespace:
             return "Waiting for a simulation: no step_report in any namespace yet."
         mission = self.mission
@@ -166,7 +169,7 @@ class PageView:
         return ""
 
     def trouble(self) -> str:
-        """Return what is wrong with the messages; empty for nothing."""
+        """Return what is wrong with the messages, "" for nothing."""
         mission = self.mission
         if mission is None:
             return ""
@@ -176,7 +179,7 @@ class PageView:
         return "; ".join(lines)
 
     def headline(self) -> str:
-        """Return the state of the search in the step that is shown."""
+        """Return the state of the search in the shown step."""
         mission, history = self.mission, self.history
         if mission is None or history is None or mission.info is None:
             return ""
@@ -196,43 +199,26 @@ class PageView:
         return ", ".join(parts)
 
     def drones_table(self) -> str:
-        """Return the drones in the step that is shown, as the rows of an HTML table."""
+        """Return an HTML table of the drones in the shown step, or of the vehicles before any."""
         mission, history = self.mission, self.history
         if mission is None:
             return ""
-        if history is None or mission.info is None:
-            return _vehicles_table(mission)
-        i, info = history.index(self.step), mission.info
-        report, states, rewards = history.reports[i], history.states[i], history.rewards[i]
-        rows = []
-        for number, name in enumerate(info.agents):
-            entry = report[number]
-            action = int(entry["action"])
-            did = info.actions[action] if 0 <= action < len(info.actions) else "none"
-            state = STATES[DroneState(int(states[number]))]
-            if entry["held"]:
-                state += ", held"
-            vehicle = mission.vehicles.get(name)
-            cells = [
-                f'<th scope="row"><span class="swatch swatch-{number % 7}"></span>'
-                f"{html.escape(name)}</th>",
-                f"<td>{state}</td>",
-                f"<td>{int(entry['col'])}, {int(entry['row'])}</td>",
-                f"<td>{html.escape(did)}</td>",
-                f'<td class="number">{rewards[number]:.1f}</td>',
-            ]
-            if mission.vehicles:
-                cells.append(_vehicle_cell(vehicle))
-            rows.append(f"<tr>{''.join(cells)}</tr>")
-        heads = [
-            "Drone",
-            "State",
-            "Cell",
-            "Action",
-            "Reward",
-            *["Vehicle"] * bool(mission.vehicles),
-        ]
-        return _table(heads, rows)
+        names, steps = sorted(mission.vehicles), []
+        if history is not None and mission.info is not None:
+            i, actions = history.index(self.step), mission.info.actions
+            names = list(mission.info.agents)
+            for entry, state, reward in zip(
+                history.reports[i], history.states[i], history.rewards[i], strict=True
+            ):
+                action = int(entry["action"])
+                steps.append({
+                    "state": STATES[DroneState(int(state))] + (", held" if entry["held"] else ""),
+                    "col": entry["col"],
+                    "row": entry["row"],
+                    "action": actions[action] if 0 <= action < len(actions) else "none",
+                    "reward": reward,
+                })  # fmt: skip
+        return _DRONES.render(names=names, steps=steps, vehicles=mission.vehicles) if names else ""
 
     def place(self, cell: tuple[int, int]) -> str:
         """Return a cell (col, row) with the latitude and longitude of its centre."""
@@ -244,7 +230,7 @@ class PageView:
         return f"cell {cell[0]}, {cell[1]}: {abs(lat):.6f}° {north}, {abs(lon):.6f}° {east}"
 
     def pos_line(self) -> list[tuple[int, float]]:
-        """Return the points of the POS over the steps, in percent, at most `MAX_POINTS`."""
+        """Return at most `MAX_POINTS` points (step, POS in percent)."""
         history = self.history
         if history is None:
             return []
@@ -257,30 +243,10 @@ class PageView:
 
 
 def layers_of(mission: Mission | None) -> dict[str, str]:
-    """Return the layers that there are of a mission, by topic."""
+    """Return the names of the layers that a mission has published, by topic."""
     if mission is None:
         return {}
     return {topic: name for topic, name in LAYERS.items() if mission.maps[topic]}
-
-
-def _vehicles_table(mission: Mission) -> str:
-    """Return the vehicles of a mission of which no step is known, as an HTML table."""
-    rows = [
-        f'<tr><th scope="row">{html.escape(name)}</th>{_vehicle_cell(vehicle)}</tr>'
-        for name, vehicle in sorted(mission.vehicles.items())
-    ]
-    return _table(["Drone", "Vehicle"], rows) if rows else ""
-
-
-def _vehicle_cell(vehicle: Vehicle | None) -> str:
-    level = _LEVELS[min(vehicle.level, 3)] if vehicle else "stale"
-    message = vehicle.message if vehicle else "no state"
-    return f'<td class="level-{level}">{html.escape(message)}</td>'
-
-
-def _table(heads: list[str], rows: list[str]) -> str:
-    head = "".join(f'<th scope="col">{text}</th>' for text in heads)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 
 
 def _outcome(states: Any) -> str:
