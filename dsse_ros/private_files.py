@@ -28,7 +28,7 @@ def read_private(path: str | Path) -> bytes:
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}") from error
     if mode & _OTHERS:
-        raise ValueError(f"{path}: mode {mode & 0o777:o} is not allowed; 600 keeps it secret")
+        raise ValueError(f"{path}: mode must be 600 to keep it secret, got {mode & 0o777:o}")
     if len(data) > _LARGEST:
-        raise ValueError(f"{path}: more than {_LARGEST} bytes are not allowed")
+        raise ValueError(f"{path}: size must be at most {_LARGEST} bytes")
     return data

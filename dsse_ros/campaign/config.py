@@ -51,7 +51,7 @@ class PlannerEntry:
         check_all(self)
         object.__setattr__(self, "name", self.name or self.planner)
         if not isinstance(self.options, Mapping):
-            raise FieldError(f"options: {shown(self.options)} is not allowed; names and values")
+            raise FieldError(f"options must be names and values, got {shown(self.options)}")
         check_known("the options", [k for k in self.options if not isinstance(k, str)], ())
 
 
@@ -239,7 +239,7 @@ def _entries(values: Mapping[str, Any], key: str, make: Callable[[Any], T]) -> t
     """Return what a list of the file states, each with a name of its own."""
     items = values.get(key)
     if not isinstance(items, Sequence) or isinstance(items, str) or not items:
-        raise FieldError(f"{key}: {shown(items)} is not allowed; a list of one or more")
+        raise FieldError(f"{key} must be a list of one or more, got {shown(items)}")
     made: list[T] = []
     names: list[str] = []
     for number, item in enumerate(items):
@@ -249,7 +249,7 @@ def _entries(values: Mapping[str, Any], key: str, make: Callable[[Any], T]) -> t
             raise FieldError(f"{key}[{number}]: {error}") from None
         name = made[-1].name  # type: ignore[attr-defined]
         if name in names:
-            raise FieldError(f"{key}[{number}]: name: {name!r} stands twice; give each its own")
+            raise FieldError(f"{key}[{number}]: name must be unique, got {name!r} twice")
         names.append(name)
     return tuple(made)
 
@@ -272,7 +272,7 @@ def _case_of(value: Any, folder: Path) -> Case:
     path = None
     if source is not None:
         if not isinstance(source, str):
-            raise FieldError(f"scenario: {shown(source)} is not allowed; a YAML file or a name")
+            raise FieldError(f"scenario must be a YAML file or a name, got {shown(source)}")
         beside = folder / source
         path = beside.resolve() if beside.is_file() else find_scenario(source)
     for name in FILES:

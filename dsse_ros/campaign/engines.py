@@ -39,11 +39,6 @@ class WorkerError(RuntimeError):
     """A planner has failed, or workers die over a chunk again and again; its text is one line."""
 
 
-def _cores() -> int:
-    # A container may have fewer than the machine.
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 class _Worker:
     """A process of this machine that plays one chunk after another.
 
@@ -96,7 +91,8 @@ def local(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Job
         WorkerError: If a planner fails, or workers die over a chunk again and again.
     """
     left = list(reversed(jobs))
-    count = settings.workers or _cores()
+    # A container may have fewer cores than the machine.
+    count = settings.workers or len(os.sched_getaffinity(0))
     deaths: Counter[int] = Counter()
     idle: list[_Worker] = []
     busy: dict[Any, tuple[_Worker, Job]] = {}

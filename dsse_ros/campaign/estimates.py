@@ -67,7 +67,6 @@ def of_mean(values: Values, confidence: float, *by: Labels) -> Estimate:
         by: The clusters; of pairs those of both planners.
     """
     mean = float(values.mean())
-    by = by or (np.arange(len(values)),)
     count = min(map(_effective_count, by))
     if count < 2:
         return Estimate(mean, -np.inf, np.inf)
@@ -96,23 +95,21 @@ def _effective_size(hits: Values, confidence: float, labels: Labels) -> float:
     return max(1.0, float(size / design_effect * quantiles**2))
 
 
-def of_share(hits: NDArray[np.bool_], confidence: float, labels: Labels | None = None) -> Estimate:
+def of_share(hits: NDArray[np.bool_], confidence: float, labels: Labels) -> Estimate:
     """Return a share with its Wilson interval (Wilson 1927), of clusters with their effective size.
 
     Of one cluster it is that of one mission or wider: all from 0 to 1.
     """
-    share, size = float(hits.mean()), float(len(hits))
-    if labels is not None:
-        size = _effective_size(hits, confidence, labels)
-        if size < 2 <= len(hits):
-            return Estimate(share, 0.0, 1.0)
+    share, size = float(hits.mean()), _effective_size(hits, confidence, labels)
+    if size < 2 <= len(hits):
+        return Estimate(share, 0.0, 1.0)
     z = float(stats.norm.ppf(0.5 + confidence / 2))
     centre = (share + z * z / (2 * size)) / (1 + z * z / size)
     reach = z * (share * (1 - share) / size + z * z / (4 * size * size)) ** 0.5 / (1 + z * z / size)
     return Estimate(share, max(0.0, centre - reach), min(1.0, centre + reach))
 
 
-def of_median(values: Values, confidence: float, labels: Labels | None = None) -> Estimate:
+def of_median(values: Values, confidence: float, labels: Labels) -> Estimate:
     """Return a median with its interval by order statistics, which no distribution is assumed for.
 
     Of clusters, the ranks are those among as many values as their effective size (Woodruff 1952).
@@ -120,9 +117,7 @@ def of_median(values: Values, confidence: float, labels: Labels | None = None) -
     """
     ordered, count = np.sort(values), len(values)
     median = float(np.median(ordered))
-    size = count
-    if labels is not None:
-        size = int(_effective_size(values <= median, confidence, labels))
+    size = int(_effective_size(values <= median, confidence, labels))
     rank = max(int(stats.binom.ppf(0.5 - confidence / 2, size, 0.5)) - 1, 0)
     low = rank * count // size
     return Estimate(median, float(ordered[low]), float(ordered[count - 1 - low]))

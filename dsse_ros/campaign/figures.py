@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
@@ -47,10 +48,7 @@ def pos_figure(missions: Sequence[Played], confidence: float, theme: Theme) -> F
         )  # fmt: skip
     axes.set(xlabel="mission time (min)", ylabel="POS", ylim=(0, 1))
     axes.set_xlim(0, max(float(minutes[-1]), 1e-3))
-    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-    axes.grid(color=theme.faint, linewidth=0.6)
-    axes.set_axisbelow(True)
-    add_legend(axes, theme, 4)
+    _finish(axes, theme)
     return figure
 
 
@@ -78,8 +76,12 @@ def estimates_figure(
             label=played.planner,
         )  # fmt: skip
     axes.set(xlabel="restricted mean time to detection (min)", ylabel="missions with all found")
+    _finish(axes, theme)
+    return figure
+
+
+def _finish(axes: Axes, theme: Theme) -> None:
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.grid(color=theme.faint, linewidth=0.6)
     axes.set_axisbelow(True)
     add_legend(axes, theme, 4)
-    return figure

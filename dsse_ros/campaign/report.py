@@ -7,7 +7,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -128,19 +128,14 @@ def _csv(head: Sequence[str], lines: Sequence[Sequence[Any]]) -> bytes:
 
 
 def _summary_line(row: Row) -> tuple[Any, ...]:
-    of = row.estimate
-    time = "" if row.time_s is None else row.time_s
-    return (
-        row.played.case.name, row.played.planner, row.measure, time, row.unit, of.value, of.low,
-        of.high,
-    )  # fmt: skip
+    of = row.played
+    return (of.case.name, of.planner, row.measure, row.time_s, row.unit, *astuple(row.estimate))
 
 
 def _pair_line(pair: Pair) -> tuple[Any, ...]:
-    found, time = pair.found, pair.time_s
     return (
-        pair.case.name, pair.first, pair.second, pair.only_first, pair.only_second, found.value,
-        found.low, found.high, pair.found_p, time.value, time.low, time.high, pair.time_p,
+        pair.case.name, pair.first, pair.second, pair.only_first, pair.only_second,
+        *astuple(pair.found), pair.found_p, *astuple(pair.time_s), pair.time_p,
     )  # fmt: skip
 
 

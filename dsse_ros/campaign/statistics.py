@@ -215,9 +215,7 @@ def _wilcoxon(differences: Floats, by: Sequence[Labels]) -> float:
 
 def holm(p: Sequence[float]) -> list[float]:
     """Return p-values adjusted for their number by Holm's step-down procedure (Holm 1979)."""
-    order = sorted(range(len(p)), key=p.__getitem__)
-    adjusted, so_far = [0.0] * len(p), 0.0
-    for rank, k in enumerate(order):
-        so_far = max(so_far, min(1.0, (len(p) - rank) * p[k]))
-        adjusted[k] = so_far
+    order = np.argsort(p)
+    scaled = np.minimum(1.0, np.arange(len(p), 0, -1) * np.take(p, order))
+    adjusted: list[float] = np.maximum.accumulate(scaled)[order.argsort()].tolist()
     return adjusted

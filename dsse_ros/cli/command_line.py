@@ -110,7 +110,7 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
         FieldError: If one of them, or the seed, is not allowed.
     """
     if not 0 <= arguments.seed <= MAX_SEED:
-        raise FieldError(f"seed: {arguments.seed} is not allowed; 0 to 2^62")
+        raise FieldError(f"seed must be from 0 to 2^62, got {arguments.seed}")
     of_scenario = {k: v for k, v in arguments.fields.items() if k in specs(Scenario)}
     of_rules = {k: v for k, v in arguments.fields.items() if k not in of_scenario}
     rules = profile(arguments.rules, **of_rules)

@@ -27,6 +27,7 @@ from msg_adapters.frames import scenario_frame
 from msg_adapters.mission_items import Home
 
 LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
+OPTIONS = ("autopilot", "merge_legs", *LENGTHS)
 """Parameters of the flight that are options of the same name."""
 
 
@@ -61,9 +62,9 @@ def _home(text: str) -> Home:
     try:
         lat_deg, lon_deg, alt_m = (float(part) for part in text.split(","))
     except ValueError:
-        raise FieldError(f"home: {text!r} is not allowed; LAT,LON,ALT") from None
+        raise FieldError(f"home must be LAT,LON,ALT, got {text!r}") from None
     if not (abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and abs(alt_m) <= 1e5):
-        raise FieldError(f"home: {text!r} is not allowed; a place on Earth")
+        raise FieldError(f"home must be a place on Earth, got {text!r}")
     return Home(lat_deg, lon_deg, alt_m)
 
 
@@ -91,28 +92,17 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         spec = of_flight[name]
         add(f"--{name.replace('_', '-')}", type=float, default=getattr(defaults, name),
             help=f"{spec.doc.rstrip('.')}, {spec.unit}")  # fmt: skip
-    options = {name: (name, of_flight[name]) for name in ("autopilot", "merge_legs", *LENGTHS)}
-    return parser.parse_with_ros(argv, options)
+    return parser.parse_with_ros(argv, {name: (name, of_flight[name]) for name in OPTIONS})
 
 
 def main(argv: list[str] | None = None) -> int:
     """Write the files; returns the exit code, 2 for bad input."""
     arguments = parse(argv)
     try:
-        settings = FlightSettings(
-            autopilot=arguments.autopilot,
-            merge_legs=arguments.merge_legs,
-            acceptance_radius=arguments.acceptance_radius,
-            search_altitude=arguments.search_altitude,
-            search_hold=arguments.search_hold,
-            altitude_step=arguments.altitude_step,
-        )
+        settings = FlightSettings(**{name: getattr(arguments, name) for name in OPTIONS})
         home = _home(arguments.home) if arguments.home else None
         _, scenario, rules = search_of(arguments)
         env = prepared_env(scenario, rules, lambda line: print(line, file=sys.stderr, flush=True))
-    except FieldError as error:
-        return fail("export_mission", error)
-    try:
         frames = layers(scenario_frame(env.scenario), settings, len(env.possible_agents))
     except FieldError as error:
         return fail("export_mission", error)

@@ -68,7 +68,7 @@ def choose(missions: Sequence[RecordedMission], number: int | None) -> RecordedM
     if not of_number:
         numbers = sorted({one.number for one in missions})
         shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
-        raise FieldError(f"mission: {number} is not allowed; of the file: {shown}")
+        raise FieldError(f"mission must be one of the file ({shown}), got {number}")
     return of_number[-1]
 
 

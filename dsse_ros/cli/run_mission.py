@@ -12,12 +12,14 @@ import argparse
 import collections
 import contextlib
 import json
+import os
 import re
 import signal
 import socket
 import subprocess
 import sys
 import time
+import webbrowser
 from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,7 +33,6 @@ from sensor_msgs.msg import Image, PointCloud2
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
-from dsse_ros.dashboard.browser import open_browser
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.mission.mission_log import MissionRecord, last_pos, read_log
 from dsse_ros.mission.mission_views import mission_views
@@ -62,10 +63,6 @@ STOP_S = 10.0
 
 class MissionFailed(Exception):
     """The mission did not come to its end."""
-
-
-class MissionStopped(Exception):
-    """Somebody has interrupted the mission."""
 
 
 class Watcher(Node):
@@ -190,7 +187,7 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[]
 
     Raises:
         MissionFailed: If there is no page within `SILENCE_S`.
-        MissionStopped: If `stop` is wanted.
+        KeyboardInterrupt: If `stop` is wanted.
     """
     if not arguments.view:
         yield lambda: None
@@ -204,13 +201,15 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[]
         deadline_s = time.monotonic() + SILENCE_S
         while not (served := re.search(r"page at (\S+)", log.read_text(errors="replace"))):
             if stop.wanted:
-                raise MissionStopped
+                raise KeyboardInterrupt
             check_running(page, "dashboard", log)
             if time.monotonic() > deadline_s:
                 raise MissionFailed(f"no page within {SILENCE_S:g} s; see {log}")
             time.sleep(0.05)
         print(f"page at {served[1]}", flush=True)
-        open_browser(served[1])
+        # Without a display, a text browser would take over the terminal.
+        if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+            webbrowser.open(served[1])
 
         def keep() -> None:
             if sys.stdin.isatty():
@@ -245,7 +244,7 @@ def fly(
 
     Raises:
         MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
-        MissionStopped: If `stop` is wanted.
+        KeyboardInterrupt: If `stop` is wanted.
     """
     out: Path = arguments.out
     belief = shows_belief(arguments, scenario, rules)
@@ -277,7 +276,7 @@ def fly(
         nonlocal last_step_s, show_compiled
         executor.spin_once(timeout_sec=0.1)
         if stop.wanted:
-            raise MissionStopped
+            raise KeyboardInterrupt
         check_running(child, name, log)
         if watcher.step > bar.n:
             last_step_s = time.monotonic()
@@ -436,7 +435,7 @@ def main(argv: list[str] | None = None) -> int:
         # Such as a folder in a file's place, or a full disk.
         fail("run_mission", f"out: {error.filename or str(arguments.out)!r}: {error.strerror}")
         return 1
-    except MissionStopped:
+    except KeyboardInterrupt:
         return 130
     finally:
         try_shutdown()

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from operator import index
 from typing import Any, TypeVar
@@ -27,19 +28,10 @@ def with_names(names: Mapping[str, str], make: Callable[[], T]) -> T:
         return make()
     except FieldError as error:
         published = {ours: name for name, ours in names.items()}
-        field, colon, rest = str(error).partition(":")
-        raise FieldError(f"{published.get(field, field)}{colon}{rest}") from None
-
-
-def check_render_mode(mode: Any) -> str:
-    """Return a published render mode.
-
-    Raises:
-        FieldError: If it is none.
-    """
-    if mode not in ("ansi", "human"):
-        raise FieldError(f"render_mode: {mode!r} is not allowed; ansi or human")
-    return str(mode)
+        # The message begins with the name of the field.
+        raise FieldError(
+            re.sub(r"^\w+", lambda field: published.get(field[0], field[0]), str(error))
+        ) from None
 
 
 def joint_action(actions: Mapping[str, Any], agents: list[str], count: int) -> list[int]:

@@ -98,8 +98,8 @@ class CoverageDroneSwarmSearch(SwarmEnv):
     ) -> None:
         if not isinstance(prob_matrix_path, str):
             raise ValueError(
-                f"prob_matrix_path: {prob_matrix_path!r} is not allowed; the path of a .npy, CSV "
-                "or GeoTIFF file, for no ocean model is run here"
+                "prob_matrix_path must be a .npy, CSV or GeoTIFF file, because no ocean model runs "
+                f"here, got {prob_matrix_path!r}"
             )
         self.reward_scheme = dict(self.reward_scheme)
         self._set_up(

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from dsse_ros.compat.arguments import check_render_mode, joint_action, with_names
-from dsse_ros.scenario.fields import FieldError
+from dsse_ros.compat.arguments import joint_action, with_names
+from dsse_ros.scenario.fields import FieldError, Spec
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.agent_spaces import AgentSpaces
@@ -21,6 +21,7 @@ from dsse_ros.view import rendering
 
 Cell = tuple[int, int]
 Infos = dict[str, dict[str, Any]]
+RENDER_MODE = Spec("str", "How a mission is shown.", choices=("ansi", "human"))
 
 
 class DroneData(NamedTuple):
@@ -60,7 +61,7 @@ class PublishedEnv:
         Raises:
             FieldError: If an argument is not allowed; it has its published name.
         """
-        self.render_mode = check_render_mode(render_mode)
+        self.render_mode = RENDER_MODE.check("render_mode", render_mode)
         self._scenario = with_names(self._names, scenario)
         self._make(self._rules())
         self.possible_agents = self._search.possible_agents

@@ -105,9 +105,7 @@ def check_flat(arguments: Iterable[str]) -> None:
     for argument in arguments:
         name, _, value = argument.partition(":=")
         if _NESTED_LIST.match(value):
-            raise FieldError(
-                f"{name}: {shown(value)} is not allowed; a flat list, as [col0, row0, ...]"
-            )
+            raise FieldError(f"{name} must be a flat list [col0, row0, ...], got {shown(value)}")
 
 
 def to_ros(spec: Spec, value: Any) -> Any:

@@ -123,7 +123,7 @@ class Endpoints:
         changed = {policy: _POLICIES[policy][1](values[prefix + policy]) for policy in policies}
         if qos is COMMANDS and changed.get("durability") == DurabilityPolicy.TRANSIENT_LOCAL:
             raise FieldError(
-                f"{prefix}durability: 'transient_local' is not allowed; volatile, as a command is "
-                "for the moment"
+                f"{prefix}durability must be volatile, because an old command must not take "
+                "effect, got 'transient_local'"
             )
         return QoSProfile(**{policy: getattr(qos, policy) for policy in _POLICIES} | changed)

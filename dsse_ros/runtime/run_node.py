@@ -202,7 +202,7 @@ def _init(arguments: list[str]) -> None:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     domain = rclpy.get_default_context().get_domain_id()
     if domain > MAX_DOMAIN:
-        raise FieldError(f"ROS_DOMAIN_ID: {domain} is not allowed; 0 to {MAX_DOMAIN}")
+        raise FieldError(f"ROS_DOMAIN_ID must be from 0 to {MAX_DOMAIN}, got {domain}")
 
 
 @contextlib.contextmanager

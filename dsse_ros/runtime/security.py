@@ -18,7 +18,7 @@ ENABLE, STRATEGY, KEYSTORE = (f"ROS_SECURITY_{name}" for name in ("ENABLE", "STR
 _ENFORCE = "Enforce"
 _ALLOWED = {ENABLE: ("true", "false", ""), STRATEGY: (_ENFORCE, "Permissive", "")}
 """Values that rcl knows, letter by letter; it treats any other value as no."""
-_HEEDING = (
+_ENFORCING = (
     "rmw_fastrtps_cpp",
     "rmw_fastrtps_dynamic_cpp",
     "rmw_cyclonedds_cpp",
@@ -37,7 +37,7 @@ def is_asked_for(environment: Mapping[str, str]) -> bool:
     """
     for name, allowed in _ALLOWED.items():
         if (value := environment.get(name, "")) not in allowed:
-            raise FieldError(f"{name}: {value!r} is not allowed; {' or '.join(allowed[:2])}")
+            raise FieldError(f"{name} must be {' or '.join(allowed[:2])}, got {value!r}")
     return environment.get(ENABLE) == "true"
 
 
@@ -53,7 +53,7 @@ def enforce(environment: MutableMapping[str, str]) -> bool:
     if not is_asked_for(environment):
         return False
     if not environment.get(KEYSTORE):
-        raise FieldError(f"{KEYSTORE}: missing with {ENABLE}=true; the folder of the keys")
+        raise FieldError(f"{KEYSTORE} must be the folder of the keys with {ENABLE}=true, got none")
     environment[STRATEGY] = _ENFORCE
     return True
 
@@ -68,10 +68,10 @@ def check_middleware(environment: Mapping[str, str], middleware: str) -> None:
     Raises:
         FieldError: If the environment requests security and the middleware ignores that.
     """
-    if is_asked_for(environment) and middleware not in _HEEDING:
+    if is_asked_for(environment) and middleware not in _ENFORCING:
         raise FieldError(
-            f"RMW_IMPLEMENTATION: {middleware!r} is not allowed with {ENABLE}=true, which it does "
-            f"not heed; one of {', '.join(_HEEDING)}"
+            f"RMW_IMPLEMENTATION must be one of {', '.join(_ENFORCING)} with {ENABLE}=true, "
+            f"got {middleware!r}"
         )
 
 
@@ -79,7 +79,7 @@ def explained(error: str, middleware: str) -> str:
     """Return an error of ROS 2, explained if the DDS was built without security."""
     if any(text in error for text in _WITHOUT):
         return (
-            f"{ENABLE}: 'true' is not allowed; the DDS below {middleware} was built without "
-            "security, as that of the wheels is: source a full ROS 2"
+            f"{ENABLE} must be false, got true: the DDS of {middleware} was built without "
+            "security, as in the wheels; source a full ROS 2"
         )
     return error

@@ -37,9 +37,7 @@ def check_movie(path: str | os.PathLike[str]) -> None:
     """
     suffix = Path(path).suffix.lower()
     if suffix not in _SUFFIXES:
-        raise FieldError(
-            f"movie: {os.fspath(path)!r} is not allowed; a file that ends in .gif or .mp4"
-        )
+        raise FieldError(f"movie must end in .gif or .mp4, got {os.fspath(path)!r}")
     if suffix == ".mp4":
         try:
             import imageio_ffmpeg
@@ -75,7 +73,7 @@ def save_movie(
     try:
         first = next(frames)
     except StopIteration:
-        raise FieldError("movie: no view is not allowed; one or more") from None
+        raise FieldError("movie must have at least one view, got none") from None
     write = _write_gif if Path(path).suffix.lower() == ".gif" else _write_mp4
     write(first, frames, path, fps)
 

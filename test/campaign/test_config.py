@@ -31,9 +31,9 @@ SMALL: dict[str, Any] = {
         ({**SMALL, "engine": "dask"}, "engine: 'dask' is not allowed; one of local, ray"),
         ({**SMALL, "confidence": 95}, "confidence: 95 is not allowed"),
         ({**SMALL, "pos_at_s": [60, -1]}, r"pos_at_s: \[60, -1\] is not allowed"),
-        ({**SMALL, "planners": []}, r"planners: \[\] is not allowed; a list of one or more"),
+        ({**SMALL, "planners": []}, r"planners must be a list of one or more, got \[\]"),
         ({**SMALL, "planners": ["gredy"]}, r"planners\[0\]: planner: 'gredy' is not known"),
-        ({**SMALL, "planners": ["sweep", "sweep"]}, r"planners\[1\]: name: 'sweep' stands twice"),
+        ({**SMALL, "planners": ["sweep", "sweep"]}, r"planners\[1\]: name must be unique"),
         ({**SMALL, "planners": [{"seed": 1}]}, r"planners\[0\]: 'seed' is not a field of a plann"),
         ({**SMALL, "planners": [{"name": "x"}]}, r"planners\[0\]: planner is missing"),
         (

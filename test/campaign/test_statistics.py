@@ -53,26 +53,26 @@ def played(
 
 
 def test_an_interval_of_a_share_is_wilsons() -> None:
-    share = of_share(np.arange(20) < 3, 0.95)
+    share = of_share(np.arange(20) < 3, 0.95, np.arange(20))
     # By hand: (p + z^2 / 2 n -+ z sqrt(p q / n + z^2 / 4 n^2)) / (1 + z^2 / n).
     assert (share.low, share.high) == pytest.approx((0.0523686, 0.3604188), abs=1e-6)
 
 
 def test_an_interval_of_a_mean_is_students() -> None:
-    mean = of_mean(np.array([1.0, 2.0, 3.0, 4.0, 5.0]), 0.95)
+    mean = of_mean(np.array([1.0, 2.0, 3.0, 4.0, 5.0]), 0.95, np.arange(5))
     assert mean.high - mean.value == pytest.approx(2.776445 * (2.5 / 5) ** 0.5, abs=1e-5)
-    assert of_mean(np.array([7.0]), 0.95).high == np.inf
+    assert of_mean(np.array([7.0]), 0.95, np.arange(1)).high == np.inf
 
 
 def test_an_interval_of_a_median_is_between_order_statistics() -> None:
-    median = of_median(np.arange(1.0, 11.0), 0.95)
+    median = of_median(np.arange(1.0, 11.0), 0.95, np.arange(10))
     # The second and the ninth of ten hold it with 97.9 %, a step further in is too little.
     assert (median.low, median.value, median.high) == (2, 5.5, 9)
 
 
 def test_medians_are_covered_as_often_as_the_level_promises() -> None:
     rng = np.random.default_rng(1)
-    intervals = [of_median(rng.exponential(size=41), 0.9) for _ in range(1000)]
+    intervals = [of_median(rng.exponential(size=41), 0.9, np.arange(41)) for _ in range(1000)]
     assert np.mean([one.low <= np.log(2) <= one.high for one in intervals]) > 0.88
 
 
@@ -113,11 +113,15 @@ SIZES = st.lists(st.integers(0, 5), min_size=3, max_size=40)
 @given(SIZES, st.randoms(use_true_random=False))
 def test_clusters_of_one_mission_each_change_nothing(values: list[int], random: Random) -> None:
     numbers = np.array(values, float)
-    alone = np.array(random.sample(range(len(values)), len(values)))
-    mean, same = of_mean(numbers, 0.9), of_mean(numbers, 0.9, alone)
-    assert (same.low, same.high) == pytest.approx((mean.low, mean.high))
-    assert of_share(numbers > 2, 0.9, alone) == of_share(numbers > 2, 0.9)
-    assert of_median(numbers, 0.9, alone) == of_median(numbers, 0.9)
+    count = len(values)
+    alone = np.array(random.sample(range(count), count))
+    mean = of_mean(numbers, 0.9, alone)
+    student = stats.t(count - 1, numbers.mean(), stats.sem(numbers) or 1e-300)
+    assert (mean.low, mean.high) == pytest.approx(student.interval(0.9))
+    wilson = stats.binomtest(int((numbers > 2).sum()), count).proportion_ci(0.9, "wilson")
+    share = of_share(numbers > 2, 0.9, alone)
+    assert (share.low, share.high) == pytest.approx((wilson.low, wilson.high))
+    assert of_median(numbers, 0.9, alone) == of_median(numbers, 0.9, np.arange(count))
 
 
 @given(SIZES, st.integers(2, 6))
@@ -126,9 +130,10 @@ def test_missions_played_again_with_the_same_draws_say_nothing_more(
 ) -> None:
     once, again = np.array(values, float), np.repeat(values, times).astype(float)
     labels = np.repeat(np.arange(len(values)), times)
-    one, more = of_mean(once, 0.9), of_mean(again, 0.9, labels)
+    alone = np.arange(len(values))
+    one, more = of_mean(once, 0.9, alone), of_mean(again, 0.9, labels)
     assert (more.value, more.low, more.high) == pytest.approx((one.value, one.low, one.high))
-    share, shares = of_share(once > 2, 0.9), of_share(again > 2, 0.9, labels)
+    share, shares = of_share(once > 2, 0.9, alone), of_share(again > 2, 0.9, labels)
     assert shares.value == pytest.approx(share.value)
     # Student's quantile stands in place of the normal one.
     assert shares.low <= share.low + 1e-9 and shares.high >= share.high - 1e-9
@@ -170,7 +175,7 @@ def test_intervals_of_clusters_hold_as_often_as_the_level_promises() -> None:
     assert 0.88 < np.mean([one.low <= 0.5 <= one.high for one in shares]) < 0.96
     assert 0.86 < np.mean([one.low <= 0 <= one.high for one in medians]) < 0.96
     # As if missions were independent, they do not.
-    plain = [of_mean(values, 0.9) for values in samples]
+    plain = [of_mean(values, 0.9, np.arange(400)) for values in samples]
     assert np.mean([one.low <= 0 <= one.high for one in plain]) < 0.6
 
 

@@ -126,7 +126,7 @@ def test_anything_else_is_no_key(tmp_path: Path, data: bytes) -> None:
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o666, 0o644])
 def test_a_key_that_others_can_use_is_refused(tmp_path: Path, mode: int) -> None:
-    with pytest.raises(ValueError, match="600 keeps it secret"):
+    with pytest.raises(ValueError, match="mode must be 600"):
         read_key(key_file(tmp_path / "key", KEY, mode))
 
 

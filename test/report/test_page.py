@@ -171,7 +171,7 @@ def test_a_mission_of_one_step_on_a_large_grid_has_a_report(
     [
         (["nothing.csv"], "report: file: 'nothing.csv': No such file or directory"),
         ([__file__], "is neither the CSV of a mission nor a bag (MCAP)"),
-        (["LOG", "--mission", "7"], "report: mission: 7 is not allowed; of the file: 1, 2, 3"),
+        (["LOG", "--mission", "7"], "report: mission must be one of the file (1, 2, 3), got 7"),
         (["LOG", "--steps", "99"], "report: steps: 99 is not allowed; a recorded step, 0 to "),
         (["LOG", "--scenario", "atlantis"], "report: scenario: 'atlantis' is no file"),
         (["LOG", "--scenario", "santos"], "report: scenario: grid_size 20 is not allowed; 9 is"),

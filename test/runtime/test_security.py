@@ -69,12 +69,12 @@ def test_a_node_does_not_start_unprotected_where_security_is_asked_for(
 )
 def test_a_request_that_ros_2_would_take_for_no_is_refused(name: str, value: str) -> None:
     environment = {**ASKED, name: value}
-    with pytest.raises(FieldError, match=f"{name}: '{value}' is not allowed; "):
+    with pytest.raises(FieldError, match=f"{name} must be .*, got '{value}'"):
         security.enforce(environment)
 
 
 def test_a_request_without_keys_is_refused() -> None:
-    with pytest.raises(FieldError, match="ROS_SECURITY_KEYSTORE: missing"):
+    with pytest.raises(FieldError, match="ROS_SECURITY_KEYSTORE must be .*, got none"):
         security.enforce({"ROS_SECURITY_ENABLE": "true"})
 
 
@@ -98,5 +98,5 @@ def test_nothing_changes_where_nobody_asks(enable: str | None) -> None:
 
 def test_a_middleware_that_does_not_heed_it_is_refused() -> None:
     security.check_middleware(ASKED, "rmw_fastrtps_cpp")
-    with pytest.raises(FieldError, match="RMW_IMPLEMENTATION: 'rmw_zenoh_cpp' is not allowed"):
+    with pytest.raises(FieldError, match="RMW_IMPLEMENTATION must be .*, got 'rmw_zenoh_cpp'"):
         security.check_middleware(ASKED, "rmw_zenoh_cpp")

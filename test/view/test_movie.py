@@ -66,13 +66,13 @@ def test_an_mp4_shows_every_view(views: list[MissionView], tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", ["mission.avi", "mission", ".gif"])
 def test_other_names_are_refused(views: list[MissionView], tmp_path: Path, name: str) -> None:
-    with pytest.raises(FieldError, match=r"^movie: .* is not allowed; .*\.gif or \.mp4$"):
+    with pytest.raises(FieldError, match=r"^movie must end in \.gif or \.mp4, got "):
         movie.save_movie(views, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_movie_of_nothing_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FieldError, match="^movie: "):
+    with pytest.raises(FieldError, match="^movie must have"):
         movie.save_movie([], tmp_path / "mission.gif")
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from play import put_person, started, step
 
 from dsse_ros.search import SearchEnv, parallel_env
-from dsse_ros.view import chart, mission_view, rendering, signs
+from dsse_ros.view import chart, legend, mission_view, rendering
 from dsse_ros.view.picture import DRONE_COLOURS
 
 AT_SEA, FOUND = (240, 228, 66), (50, 205, 50)
@@ -117,7 +117,7 @@ def test_the_pictures_show_what_is_not_searched() -> None:
     env.render_mode = "rgb_array"
     image = env.render()
     assert isinstance(image, np.ndarray)
-    land = rgb(signs.LAND)
+    land = rgb(legend.LAND)
     share = (image == land).all(axis=2).sum() / image[..., 0].size
     assert share > 0.05
     plain = started(render_mode="rgb_array", person_initial_position=(4, 7)).render()
