@@ -25,7 +25,7 @@ from dsse_ros.search import FieldError, Rules, Scenario
 
 MAX_SEED = 2**62
 MAX_MISSIONS = 10**8
-T = TypeVar("T")
+T = TypeVar("T", "PlannerEntry", "Case")
 
 
 @dataclass(frozen=True)
@@ -241,16 +241,14 @@ def _entries(values: Mapping[str, Any], key: str, make: Callable[[Any], T]) -> t
     if not isinstance(items, Sequence) or isinstance(items, str) or not items:
         raise FieldError(f"{key} must be a list of one or more, got {shown(items)}")
     made: list[T] = []
-    names: list[str] = []
     for number, item in enumerate(items):
         try:
-            made.append(make(item))
+            one = make(item)
+            if one.name in [other.name for other in made]:
+                raise FieldError(f"name must be unique, got {one.name!r} twice")
         except FieldError as error:
             raise FieldError(f"{key}[{number}]: {error}") from None
-        name = made[-1].name  # type: ignore[attr-defined]
-        if name in names:
-            raise FieldError(f"{key}[{number}]: name must be unique, got {name!r} twice")
-        names.append(name)
+        made.append(one)
     return tuple(made)
 
 

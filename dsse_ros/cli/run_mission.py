@@ -222,12 +222,10 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[]
 
 def default_port_free() -> bool:
     """Return whether a page can be bound to the port that it has by default."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", DashboardSettings().port))
-        except OSError:
-            return False
+    try:
+        socket.create_server(("127.0.0.1", DashboardSettings().port)).close()
+    except OSError:
+        return False
     return True
 
 

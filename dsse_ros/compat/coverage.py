@@ -42,17 +42,6 @@ class CoverageMatrix:
             np.save(file, self.original_map)
 
 
-def rules_of(rewards: Mapping[str, float]) -> Rules:
-    """Return the profile coverage with these rewards."""
-    return profile(
-        "coverage",
-        move=rewards["default"],
-        leave_grid=rewards["default"],
-        time_out=rewards["exceed_timestep"],
-        cover=rewards["search_cell"],
-    )
-
-
 class CoverageDroneSwarmSearch(SwarmEnv):
     """The coverage task of DSSE 1.1.9 (PettingZoo parallel API).
 
@@ -132,7 +121,14 @@ class CoverageDroneSwarmSearch(SwarmEnv):
         self.all_states = {(x, y) for x in range(g) for y in range(g)}
 
     def _rules(self) -> Rules:
-        return rules_of(self.reward_scheme)
+        rewards = self.reward_scheme
+        return profile(
+            "coverage",
+            move=rewards["default"],
+            leave_grid=rewards["default"],
+            time_out=rewards["exceed_timestep"],
+            cover=rewards["search_cell"],
+        )
 
     def _make(self, rules: Rules) -> None:
         super()._make(rules)

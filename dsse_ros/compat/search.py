@@ -92,22 +92,6 @@ class ProbabilityMatrix:
         return int(world["datum_y"]), int(world["datum_x"])
 
 
-def rules_of(rewards: Reward) -> Rules:
-    """Return the profile v2 with these rewards."""
-    return profile(
-        "v2",
-        move=rewards.default,
-        leave_grid=rewards.leave_grid,
-        time_out=rewards.exceed_timestep,
-        # Every search that finds nobody is one below the least probability.
-        search_min_probability=1.0,
-        search_min_inclusive=False,
-        search_below=rewards.default,
-        find=rewards.search_and_find,
-        find_bonus=rewards.search_and_find,
-    )
-
-
 class DroneSwarmSearch(SwarmEnv):
     """The search of DSSE 1.1.9 (PettingZoo parallel API).
 
@@ -185,7 +169,19 @@ class DroneSwarmSearch(SwarmEnv):
         self.rewards_sum = no_rewards(self.possible_agents)
 
     def _rules(self) -> Rules:
-        return rules_of(self.reward_scheme)
+        rewards = self.reward_scheme
+        return profile(
+            "v2",
+            move=rewards.default,
+            leave_grid=rewards.leave_grid,
+            time_out=rewards.exceed_timestep,
+            # No cell has a probability above 1, so every unsuccessful search gets `search_below`.
+            search_min_probability=1.0,
+            search_min_inclusive=False,
+            search_below=rewards.default,
+            find=rewards.search_and_find,
+            find_bonus=rewards.search_and_find,
+        )
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None

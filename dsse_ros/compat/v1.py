@@ -20,19 +20,6 @@ from dsse_ros.search.world import HOLD
 Observations = dict[str, dict[str, tuple[tuple[int, int], NDArray[np.float32]]]]
 
 
-def rules_of(rewards: Mapping[str, float]) -> Rules:
-    """Return the profile v1 with these rewards."""
-    return profile(
-        "v1",
-        move=rewards["default"],
-        leave_grid=rewards["leave_grid"],
-        collision=rewards["drones_collision"],
-        time_out=rewards["exceed_timestep"],
-        find=rewards["search_and_find"],
-        find_bonus=rewards["search_and_find"],
-    )
-
-
 class DroneSwarmSearch(PublishedEnv):
     """The search of DSSE 0.1.13, which has the shape of no PettingZoo environment of today.
 
@@ -88,7 +75,16 @@ class DroneSwarmSearch(PublishedEnv):
         self.rewards_sum = no_rewards(self.possible_agents)
 
     def _rules(self) -> Rules:
-        return rules_of(self.reward_scheme)
+        rewards = self.reward_scheme
+        return profile(
+            "v1",
+            move=rewards["default"],
+            leave_grid=rewards["leave_grid"],
+            collision=rewards["drones_collision"],
+            time_out=rewards["exceed_timestep"],
+            find=rewards["search_and_find"],
+            find_bonus=rewards["search_and_find"],
+        )
 
     def _make(self, rules: Rules) -> None:
         super()._make(rules)

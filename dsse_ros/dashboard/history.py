@@ -7,6 +7,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterator
 from enum import IntEnum
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -132,14 +133,10 @@ class SearchHistory:
         if report["all_found"].any():
             self._completed.add(step)
         i = bisect_left(self.steps, step)
-        if i < len(self.steps) and self.steps[i] == step:
-            self.reports[i], self.stamps_ns[i] = report, stamp_ns
-            self.revision += 1
-        else:
-            self.revision += i < len(self.steps)
-            self.steps.insert(i, step)
-            self.reports.insert(i, report)
-            self.stamps_ns.insert(i, stamp_ns)
+        self.revision += i < len(self.steps)
+        replaced = slice(i, i + (self.steps[i : i + 1] == [step]))
+        self.steps[replaced], self.reports[replaced] = [step], [report]
+        self.stamps_ns[replaced] = [stamp_ns]
         if i and stamp_ns < self.stamps_ns[i - 1]:
             # Mission time has restarted during the search.
             self.stamps_ns[:i] = [stamp_ns] * i
@@ -152,11 +149,9 @@ class SearchHistory:
         stamps = dict(zip(self.steps, self.stamps_ns, strict=True))
         self.steps = reports["step"][:, 0].tolist()
         self.reports = list(reports)
-        self.stamps_ns = [stamps.get(step, -1) for step in self.steps]
-        last = -1
-        for i, stamp in enumerate(self.stamps_ns):
-            # A step that was not received shows the map of the step before.
-            self.stamps_ns[i] = last = max(stamp, last)
+        # A step that was not received shows the map of the step before.
+        known = [stamps.get(step, -1) for step in self.steps]
+        self.stamps_ns = list(accumulate(known, max))
         self.states.clear()
         self.rewards.clear()
         self._follow()
@@ -164,10 +159,8 @@ class SearchHistory:
     def add_pos(self, step: int, pos: float) -> None:
         """Add the cumulative probability of success after a step."""
         i = bisect_left(self.pos, (step, -1.0))
-        if i < len(self.pos) and self.pos[i][0] == step:
-            self.pos[i] = (step, pos)
-        else:
-            self.pos.insert(i, (step, pos))
+        known = i < len(self.pos) and self.pos[i][0] == step
+        self.pos[i : i + known] = [(step, pos)]
 
     def _follow(self) -> None:
         """Compute missing states and rewards, which depend on earlier steps."""

@@ -40,9 +40,6 @@ def map_png(occupancy: NDArray[np.int8]) -> bytes:
 def _shrunk(levels: NDArray[np.int8]) -> NDArray[np.int8]:
     """Return blocks of cells as one, so that no side is longer than `MAX_SIDE`."""
     block = -(-max(levels.shape) // MAX_SIDE)
-    if block == 1:
-        return levels
-    rows, cols = (-(-side // block) for side in levels.shape)
-    padded = np.full((rows * block, cols * block), -1, dtype=np.int8)
-    padded[: levels.shape[0], : levels.shape[1]] = levels
-    return padded.reshape(rows, block, cols, block).max(axis=(1, 3))
+    for axis, side in enumerate(levels.shape):
+        levels = np.maximum.reduceat(levels, np.arange(0, side, block), axis=axis)
+    return levels
