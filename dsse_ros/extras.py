@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How to install what is optional; nothing is imported that may be missing."""
+"""How to install optional dependencies; this module imports none of them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def pip_install(extra: str) -> str:
 
 
 def _clone() -> str:
-    """Return the folder that pip has installed the package from, or one that says which it is.
+    """Return the folder that pip installed the package from, or a placeholder for it.
 
-    Its name alone would be that of whatever somebody puts on PyPI.
+    The package's name alone would install whatever somebody uploads to PyPI under it.
     """
     try:
         noted = metadata.distribution("dsse_ros").read_text("direct_url.json")

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Files with secrets, such as keys: read only where nobody but their owner may use them."""
+"""Files with secrets, such as keys: read only if nobody but their owner may use them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import stat
 from pathlib import Path
 
 _LARGEST = 1 << 16
-"""Bytes: a key has 32, a token a line."""
+"""Bytes; a key has 32, a token is one line."""
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
 def read_private(path: str | Path) -> bytes:
-    """Return what is in a file that its owner alone may use.
+    """Return the content of a file that only its owner may use.
 
     Raises:
         ValueError: If it cannot be read, is too large, or if others than its owner may use
@@ -22,7 +22,7 @@ def read_private(path: str | Path) -> bytes:
     """
     try:
         with open(path, "rb") as file:
-            # Of the file that is open, whatever the path leads to by now.
+            # The mode of the open file: the path may lead to another one by now.
             mode = os.fstat(file.fileno()).st_mode
             data = file.read(_LARGEST + 1)
     except OSError as error:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Bars of long jobs, on a terminal only: elsewhere, and without tqdm, they say nothing."""
+"""Progress bars of long jobs, on terminals with tqdm only."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ def progress(items: Iterable[T], label: str, *, total: int | None = None) -> Ite
     """Return the items, with a bar and the time left on standard error.
 
     Args:
-        items: What is worked on, one after the other.
-        label: What the job is.
-        total: How many items there are, where they have no length.
+        items: The items of the job.
+        label: Name of the job.
+        total: Number of items, if they have no length.
     """
     try:
         from tqdm import tqdm
@@ -32,14 +32,14 @@ def progress(items: Iterable[T], label: str, *, total: int | None = None) -> Ite
 
 @contextlib.contextmanager
 def progress_to(total: int, label: str) -> Iterator[Callable[[int], None]]:
-    """Show a bar and the time left on standard error while the block lasts.
+    """Show a bar and the time left on standard error during the block.
 
     Args:
-        total: Where it ends.
-        label: What the job is.
+        total: Number at the end of the bar.
+        label: Name of the job.
 
     Yields:
-        What moves the bar to a number.
+        A function that moves the bar to a number.
     """
     try:
         from tqdm import tqdm

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`make sim`: one mission from start to end, `sim_node` and `planner_node` as two processes.
 
-It watches the topics as any listener would, stops both at the end of the mission, and leaves a
-summary, a picture, a movie if one is wanted, and the CSV of its steps.
+It watches the topics like any subscriber, stops both nodes at the end of the mission, and writes a
+summary, a picture, the CSV of the steps and, if requested, a movie.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib.figure  # noqa: F401  Where it is missing, no mission is flown.
+import matplotlib.figure  # noqa: F401  Fail before the mission if it is missing.
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
@@ -53,7 +53,7 @@ from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
 SILENCE_S = 60.0
-"""Wall time without a step, or the compiler at work, after which the mission has failed."""
+"""Wall time without a step or a running compiler after which the mission has failed."""
 SIM_PARAMETERS = (*specs(SimSettings), *specs(Scenario), *specs(Rules), *OF_EVERY_NODE)
 PLANNER_PARAMETERS = (*specs(PlannerSettings), *OF_EVERY_NODE)
 DASHBOARD_PARAMETERS = (*specs(DashboardSettings), *OF_EVERY_NODE)
@@ -62,7 +62,7 @@ STOP_S = 10.0
 
 
 class MissionFailed(Exception):
-    """The mission did not come to its end."""
+    """The mission did not reach its end."""
 
 
 class Watcher(Node):
@@ -70,13 +70,13 @@ class Watcher(Node):
 
     Args:
         log: The record of the mission, which is written before a step is published.
-        belief: Whether the belief goes out too.
+        belief: Whether the belief is published too.
 
     Attributes:
         step: Steps done, -1 before the first report.
         num_active: Drones in flight.
-        done: Whether the mission is over and its last map is here.
-        probability: The last belief (G, G), or the last map if no belief goes out.
+        done: Whether the mission is over and its last map has arrived.
+        probability: The last belief (G, G), or the last map if no belief is published.
     """
 
     def __init__(self, log: Path, *, belief: bool) -> None:
@@ -93,7 +93,7 @@ class Watcher(Node):
 
     @property
     def done(self) -> bool:
-        """Whether no drone is left, and the map of that step is here too."""
+        """Whether no drone is in flight, and the map of that step has arrived too."""
         return self.step >= 0 and self.num_active == 0 and self._map_stamp == self._report_stamp
 
     def _on_map(self, message: Image) -> None:
@@ -123,15 +123,15 @@ class Watcher(Node):
 def process(
     module: str, parameters: dict[str, Any], log: Path, ros: Sequence[str] = ()
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a node with these parameters as a process of its own; it is stopped at the end.
+    """Run a node with these parameters as a process during the block.
 
     Further ROS arguments come before the parameters.
     """
-    # Not by -m, which would prefer a source tree in the working directory to the installation.
+    # With -m, a source tree in the working directory would come before the installation.
     program = f"import sys; del sys.path[0]; from dsse_ros.cli.start import {module}; "
     command = [sys.executable, "-c", program + f"sys.exit({module}())", "--ros-args", *ros]
     for name, value in parameters.items():
-        # A text is quoted, as what follows := is read as YAML.
+        # ROS parses the value as YAML, so texts need quotes.
         text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
         command += ["-p", f"{name}:={text}"]
     with log.open("wb") as output:
@@ -151,10 +151,10 @@ def process(
 
 
 def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
-    """Raise if a process has ended, with the reason that it has printed.
+    """Raise if a process has ended, with the reason that it printed.
 
     Raises:
-        MissionFailed: If it has.
+        MissionFailed: If it has ended.
     """
     code = child.poll()
     if code is None:
@@ -166,7 +166,7 @@ def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
 
 
 def ros_for(parameters: Collection[str], ros: Sequence[str]) -> list[str]:
-    """Return ROS arguments without those of -p that are for no node or another one."""
+    """Return ROS arguments without parameters for other nodes."""
     kept: list[str] = []
     for flag, value in pairs(ros):
         name = value.partition(":=")[0]
@@ -176,18 +176,18 @@ def ros_for(parameters: Collection[str], ros: Sequence[str]) -> list[str]:
 
 
 def compiling(log: Path) -> bool:
-    """Return whether the last line of a node's log is that it compiles."""
+    """Return whether the last line of a node's log announces the compiler."""
     _, announced, after = log.read_text(errors="replace").rpartition(COMPILING)
     return bool(announced) and not after.strip()
 
 
 @contextlib.contextmanager
 def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[], None]]:
-    """Show the mission in the browser, if that is wanted; gives what keeps the page open.
+    """Show the mission in the browser if requested; yield a function that keeps the page open.
 
     Raises:
         MissionFailed: If there is no page within `SILENCE_S`.
-        KeyboardInterrupt: If `stop` is wanted.
+        KeyboardInterrupt: If a signal has come.
     """
     if not arguments.view:
         yield lambda: None
@@ -221,7 +221,7 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[]
 
 
 def default_port_free() -> bool:
-    """Return whether a page can be bound to the port that it has by default."""
+    """Return whether the default port of the page is free."""
     try:
         socket.create_server(("127.0.0.1", DashboardSettings().port)).close()
     except OSError:
@@ -230,7 +230,7 @@ def default_port_free() -> bool:
 
 
 def shows_belief(arguments: argparse.Namespace, scenario: ResolvedScenario, rules: Rules) -> bool:
-    """Return whether a belief follows the mission, which is shown then instead of the map."""
+    """Return whether a belief follows the mission and is shown instead of the map."""
     settings = SimSettings(compute_pos=arguments.compute_pos)
     return not rules.covers and settings.has_belief(scenario.grid_size)
 
@@ -242,7 +242,7 @@ def fly(
 
     Raises:
         MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
-        KeyboardInterrupt: If `stop` is wanted.
+        KeyboardInterrupt: If a signal has come.
     """
     out: Path = arguments.out
     belief = shows_belief(arguments, scenario, rules)
@@ -279,7 +279,7 @@ def fly(
         if watcher.step > bar.n:
             last_step_s = time.monotonic()
             bar.set_description_str(watcher.line(), refresh=False)
-            # The step that finds the time out is one more than the limit.
+            # The step that detects the timeout is one more than the limit.
             bar.update(min(watcher.step, bar.total) - bar.n)
         if watcher.step < 0 and compiling(sim_log):
             if show_compiled is None:
@@ -293,7 +293,7 @@ def fly(
             raise MissionFailed("another mission is on this ROS_DOMAIN_ID; choose one of your own")
 
     with bar, compiler, process("sim_node", sim, sim_log, sim_ros) as sim_process:
-        # The planner comes when the watcher is there, so that no step is missed.
+        # Start the planner once the watcher receives messages, so that it misses no step.
         while watcher.step < 0:
             watch("sim_node", sim_process, sim_log)
         compiler.close()
@@ -331,7 +331,7 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
     if persons > 1:
         end += f" ({found} of {persons} persons)"
     rewards = record.rewards.sum(axis=1)
-    # What ends a mission flags every drone that is left.
+    # The end of a mission terminates or truncates every drone left.
     success = end.startswith(("FOUND", "ALL"))
     down = 0 if success else int((~record.alive & ~record.truncated).sum())
     rows = {
@@ -351,7 +351,7 @@ def summary(record: MissionRecord, scenario: Scenario) -> str:
 def draw(
     record: MissionRecord, scenario: ResolvedScenario, rules: Rules, arguments: argparse.Namespace
 ) -> dict[str, Path]:
-    """Draw the mission; returns what was written: nothing if somebody has reset the mission.
+    """Draw the mission; return the written files, none if somebody has reset the mission.
 
     Raises:
         OSError: If a file cannot be written.
@@ -400,7 +400,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one mission; returns 0 at its end, found or not, 2 for bad input, 1 if it failed."""
+    """Run one mission; return 0 at its end, found or not, 2 for bad input, 1 if it failed."""
     arguments = parse(argv)
     try:
         specs(SimSettings)["step_rate"].check("rate", arguments.rate)
@@ -412,7 +412,7 @@ def main(argv: list[str] | None = None) -> int:
     except FieldError as error:
         return fail("run_mission", error)
     stop = Stop()
-    # An interrupt between the start of a node and its `finally` would leave it behind.
+    # An exception between the start of a node and its `finally` would leave the node running.
     on_signals(stop)
     try:
         init_ros(["run_mission", "--ros-args", *arguments.ros])
@@ -430,7 +430,7 @@ def main(argv: list[str] | None = None) -> int:
         fail("run_mission", error)
         return 1
     except OSError as error:
-        # Such as a folder in a file's place, or a full disk.
+        # For example a folder in the place of a file, or a full disk.
         fail("run_mission", f"out: {error.filename or str(arguments.out)!r}: {error.strerror}")
         return 1
     except KeyboardInterrupt:

@@ -45,7 +45,7 @@ class Inbox:
     """Messages for the page, and commands for the node.
 
     Args:
-        complete: Topics whose every message counts; for other topics only the last one does.
+        complete: Topics of which every message is kept; of other topics only the last one is.
     """
 
     def __init__(self, complete: Collection[str]) -> None:
@@ -59,7 +59,7 @@ class Inbox:
         of_all = received.topic in self._complete
         key = object() if of_all else (received.namespace, received.topic)
         with self._lock:
-            # Put last, as it came last.
+            # Insert it at the end, in the order of arrival.
             self._messages.pop(key, None)
             self._messages[key] = received
 

@@ -30,16 +30,16 @@ LAYERS = {"probability_grid": "Map", "belief_grid": "Belief"}
 _VALUES = ("paused", "publishers", "answer", "vehicle_answer")
 """Attributes of a mission that the node sets."""
 _RUNS = 10
-"""Runs whose `agents` are kept, which may come before or after their reports."""
+"""Number of runs whose `agents` are kept; they may arrive before or after their reports."""
 _EARLY = 1000
-"""Values of POS that are kept until the first report of their search."""
+"""Number of POS values that are kept until the first report of their search."""
 MAX_MISSIONS = 20
-"""Namespaces whose missions are kept; a simulation that has gone makes room for another one."""
+"""Number of missions that are kept; one whose simulation is gone makes room for another."""
 MAX_BYTES = 256 * 2**20
-"""Size of the maps and steps of all missions. Above it, the page drops the gone mission that has
-been silent for longest and, if that is not enough, every second map of the others."""
+"""Size of the maps and steps of all missions. Above it, the page drops the mission that has been
+gone for longest and, if that is not enough, every second map of the others."""
 _MAX_VEHICLES = 1000
-"""Names of vehicles that are kept of one mission."""
+"""Largest number of vehicles of one mission."""
 
 
 @dataclass
@@ -63,7 +63,7 @@ class Vehicle:
 
 
 def _looks_of(info: AgentsInfo) -> Looks | None:
-    """Return what the drones look at; None if each entered cell counts."""
+    """Return the looks of the drones; None if each entered cell counts as searched."""
     if info.definition is None:
         return own_cell_looks(len(info.agents), info.actions)
     rules = info.definition.rules
@@ -74,22 +74,22 @@ class Mission:
     """The mission of one simulation.
 
     Args:
-        namespace: Of the simulation, "" for none.
+        namespace: Namespace of the simulation, "" for none.
 
     Attributes:
         history: The steps of the current search; None before the first report.
         maps: By layer.
         vehicles: By name of the drone.
-        state: What the simulation reports of itself: running, paused, what it waits for, ...
+        state: Reported state of the simulation: running, paused, what it is waiting for, ...
         level: Level of the state, as in DiagnosticStatus.
-        paused: Whether the mission is paused, as far as is known.
-        publishers: Number of publishers of its reports: 0 while its simulation is gone.
+        paused: Whether the mission is paused, as last reported.
+        publishers: Number of publishers of its reports, 0 while its simulation is gone.
         answer: Result of the last command.
-        bridge: Names of the drones whose vehicles a bridge flies; none while there is no bridge.
-        had_bridge: Whether there is a bridge, or was one.
+        bridge: Names of the drones whose vehicles a bridge flies; empty without a bridge.
+        had_bridge: Whether there is or was a bridge.
         vehicle_answer: Result of the last command for vehicles.
         trouble: Why the last message could not be read, by topic.
-        heard: Counter that grows with each message of any mission.
+        heard: Number of messages of all missions up to the last one of this mission.
     """
 
     def __init__(self, namespace: str) -> None:
@@ -121,18 +121,18 @@ class Mission:
 
     @property
     def nbytes(self) -> int:
-        """Size of its maps and steps."""
+        """Size of the maps and steps."""
         of_steps = 0 if self.history is None else self.history.nbytes
         return of_steps + sum(maps.nbytes for maps in self.maps.values())
 
     @property
     def title(self) -> str:
-        """What it is called."""
+        """The name that the page shows."""
         return self.namespace or "/"
 
     @property
     def looks(self) -> Looks | None:
-        """What the drones look at; None where each cell that is entered counts, or if not known."""
+        """The looks of the drones; None if unknown, or if each entered cell counts as searched."""
         info = self.info
         if info is None:
             return None
@@ -142,7 +142,7 @@ class Mission:
 
     @property
     def info(self) -> AgentsInfo | None:
-        """What `agents` says of the search under way; None before it is known."""
+        """The content of `agents` for the current search; None before it is known."""
         if self.history is None:
             return None
         info = self._infos.get(self.history.key[0])
@@ -159,7 +159,7 @@ class Mission:
         try:
             self._take(topic, read())
         except Exception as error:
-            # Anybody can publish anything: the page must go on.
+            # Anybody can publish anything, and the page must survive it.
             self.trouble[topic] = " ".join(str(error).split()) or type(error).__name__
         else:
             self.trouble.pop(topic, None)
@@ -192,19 +192,19 @@ class Mission:
 
     def _on_mission_report(self, message: Any) -> None:
         reports = mission_report_from_message(message)
-        # The page may have missed steps, or was opened later.
+        # The page may have missed steps, or been started later.
         history = self.history
         known = history is not None and reports.size > 0 and _key(reports[0]) == history.key
         if history is not None and known and len(reports) > len(history):
             history.add_all(reports)
 
     def _history_of(self, report: NDArray[Any], stamp_ns: int) -> SearchHistory:
-        """Return the history that a report belongs to, a new one for another search."""
+        """Return the history that a report belongs to; a new one for a new search."""
         history = self.history
         if history is None or history.key != _key(report) or history.num_drones != len(report):
             another = history is None or history.key[0] != int(report["run_id"][0])
             if another:
-                # Mission time may begin anew. The map of a step comes before its report.
+                # Mission time may restart. The map of a step arrives before its report.
                 for maps in self.maps.values():
                     maps.keep_only(stamp_ns)
             history = self.history = SearchHistory(*_key(report), len(report))
@@ -287,7 +287,7 @@ class Missions:
         self._shrink()
 
     def _drop(self) -> bool:
-        """Give up the mission that has gone for longest; returns whether there is one."""
+        """Drop the mission that has been gone for longest; return whether there is one."""
         missions = self.by_namespace.values()
         gone = [one for one in missions if one.publishers == 0 and not one.bridge]
         if not gone:
@@ -296,7 +296,7 @@ class Missions:
         return True
 
     def _shrink(self) -> None:
-        """Give up missions and maps until the others have room."""
+        """Drop missions and maps until the others fit."""
         while sum(mission.nbytes for mission in self.by_namespace.values()) > self._max_bytes:
             if self._drop():
                 continue
@@ -306,7 +306,7 @@ class Missions:
 
 
 def level_of(status: Any) -> int:
-    """Return the level of a DiagnosticStatus as a number; in Python it is one byte."""
+    """Return the level of a DiagnosticStatus, which rclpy holds as one byte, as a number."""
     return status.level[0] if isinstance(status.level, bytes) else int(status.level)
 
 

@@ -19,7 +19,7 @@ STYLE = Path(__file__).with_name("style.css")
 _SLOW_S = 0.5
 """Wall time between updates of tables and charts."""
 _LOST_S = 2.0
-"""Wall time after which a frame that was not drawn is taken for lost."""
+"""Wall time after which a frame that was not drawn counts as lost."""
 _BLUE = "#0072B2"
 _OPERATIONS = {
     "arm": ("Arm", "flight_takeoff"),
@@ -28,7 +28,7 @@ _OPERATIONS = {
     "return": ("Return", "home"),
     "land": ("Land", "flight_land"),
 }
-"""Commands for vehicles: what their buttons are called, and their icons."""
+"""Commands for vehicles: the labels and icons of their buttons."""
 _TO_CONFIRM = {
     "arm": "Clear {} to fly? Motors may start and vehicles take off at once: nobody may be near.",
     "land": "Land {} right below where it is now, also where that is water?",
@@ -53,10 +53,10 @@ class MissionPage:
     """One page in one browser.
 
     Args:
-        missions: All that there are.
-        inbox: Takes the commands.
-        frame_rate: Pictures per second at most.
-        domain: ROS domain, for who waits for a mission in another one.
+        missions: All missions.
+        inbox: Receives the commands.
+        frame_rate: Largest number of frames per second.
+        domain: ROS domain, shown while there is no mission: it may be the wrong one.
     """
 
     def __init__(self, missions: Missions, inbox: Inbox, frame_rate: float, domain: int) -> None:
@@ -81,7 +81,7 @@ class MissionPage:
         self._build_dialog()
         ui.timer(1.0 / frame_rate, self._update)
 
-    # What stands where
+    # Layout
 
     def _build_header(self) -> None:
         with ui.element("header").classes("bar"):
@@ -93,7 +93,7 @@ class MissionPage:
             with ui.element("div").classes("buttons").props("role=group aria-label='Simulation'"):
                 self._pause = self._button("Pause", "pause", self._on_pause)
                 self._step = self._button("Step", "skip_next", lambda: self._command("step"))
-                self._reset = self._button("Reset", "replay", lambda: self._dialog.open())
+                self._reset = self._button("Reset", "replay", self._on_reset)
             self._theme = (
                 self._button(_THEMES[None], "contrast", self._on_theme)
                 .classes("theme")
@@ -156,7 +156,7 @@ class MissionPage:
                 with ui.element("div").classes("buttons").props(f"role=group aria-label='{whom}'"):
                     if one:
                         self._drone = ui.select([], label="Vehicle").props("dense outlined")
-                        # Buttons never say another name than the one that they are for.
+                        # A button must never show another vehicle than the one it commands.
                         self._drone.on("update:model-value", self._update_vehicles)
                     for name, (text, icon) in _OPERATIONS.items():
                         button = self._button(
@@ -178,9 +178,9 @@ class MissionPage:
             ui.label("Start a new mission? The one under way ends, also for its vehicles.")
             with ui.row():
                 self._button("Cancel", "close", self._dialog.close).props("autofocus")
-                self._button("Reset the mission", "replay", self._on_reset)
+                self._button("Reset the mission", "replay", lambda: self._dialog.submit(True))
 
-    # What the controls do
+    # Controls
 
     def _view_again(self) -> None:
         self._view.forget_sent()
@@ -207,7 +207,7 @@ class MissionPage:
         step = int(event.args)
         if history is not None:
             self._view.step = None if step >= history.steps[-1] else step
-        # It stands there already.
+        # The browser has already moved the slider there.
         self._time.props["value"] = step
         self._slow_s = 0.0
 
@@ -220,10 +220,10 @@ class MissionPage:
         if mission is not None:
             self._command("resume" if mission.paused else "pause")
 
-    def _on_reset(self) -> None:
-        self._dialog.close()
-        self._view.step = None
-        self._command("reset")
+    async def _on_reset(self) -> None:
+        if await self._dialog:
+            self._view.step = None
+            self._command("reset")
 
     def _command(self, name: str) -> None:
         mission = self._view.mission
@@ -238,7 +238,8 @@ class MissionPage:
         if name not in _TO_CONFIRM:
             self._inbox.command(command)
             return
-        # Confirming runs this command, even if the choice changes meanwhile.
+        # Confirming runs the command in the question, even if the selection changes meanwhile.
+        # Awaiting the dialog would not do: after two quick clicks it answers the first one.
         self._to_confirm = command
         whom = command.vehicle or "all vehicles"
         where = f" in {mission.namespace}" if mission.namespace else ""
@@ -257,7 +258,7 @@ class MissionPage:
         self._dark.value = order[(order.index(self._dark.value) + 1) % len(order)]
         self._theme.set_text(_THEMES[self._dark.value])
 
-    # What changes; NiceGUI sends a text, an icon or a table only if it differs.
+    # Updates; NiceGUI sends a text, an icon or a table only if it differs.
 
     def _update(self) -> None:
         now_s = time.monotonic()
@@ -320,7 +321,7 @@ class MissionPage:
         self._vehicles.set_visibility(True)
         drones, chosen = list(mission.bridge), self._drone.value
         self._bridge_gone.set_visibility(not drones)
-        # Those of a bridge that is gone stay to be seen.
+        # The vehicles of a bridge that is gone stay visible.
         if drones and (self._drone.options != drones or chosen not in drones):
             self._drone.set_options(drones, value=chosen if chosen in drones else drones[0])
         self._drone.set_enabled(bool(drones))

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Serves the page in a thread of its own, so that a slow browser holds up no message."""
+"""Serves the page in its own thread, so that a slow browser delays no messages."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from dsse_ros.scenario.fields import FieldError
 
 _OF_PORT = (errno.EADDRINUSE, errno.EACCES)
 _STOP_S = 0.5
-"""Wall time in which connections must end."""
+"""Wall time for connections to end."""
 _KEPT_MESSAGES = 20
 """Wall time for a page to reconnect; a reconnected page gets everything again."""
 
 
 class PageServer:
-    """The page, once it is started.
+    """Serves the page.
 
     Args:
-        inbox: Messages to show, and commands of the page.
+        inbox: Messages for the page, and commands from it.
         settings: See `DashboardSettings`.
-        domain: ROS domain, which the page names while it waits for a mission.
+        domain: ROS domain, which the page shows while it waits for a mission.
 
     Attributes:
-        missions: What is known of the missions; of the server's thread.
+        missions: State of the missions; only the server's thread may use it.
         url: Address of the page.
 
     Raises:
@@ -75,11 +75,11 @@ class PageServer:
         self._thread = threading.Thread(target=self._serve, name="page", daemon=True)
 
     def start(self) -> None:
-        """Serve from now on."""
+        """Start serving."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Close all connections; what does not end soon goes with the process."""
+        """Close all connections; those that do not end soon end with the process."""
         self._server.should_exit = True
         if self._thread.ident is not None:
             self._thread.join(_STOP_S)
@@ -105,7 +105,7 @@ def bind(host: str, port: int) -> socket.socket:
     """Return a socket that listens at an address.
 
     Raises:
-        FieldError: If it cannot.
+        FieldError: If the address cannot be bound.
     """
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
