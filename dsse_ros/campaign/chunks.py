@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Chunks of missions: plays them, and stores them so that they survive kills.
+"""Plays chunks of missions, and stores them so that they survive kills.
 
-A chunk is a complete file or no file: it is written under another name, synced to the disk and
-renamed. Each mission is therefore in the results once, whenever a campaign was killed.
+A chunk is written under another name, synced to the disk and renamed, so that its file is complete
+or absent. Each mission is therefore in the results once, whenever a campaign is killed.
 """
 
 from __future__ import annotations
@@ -40,15 +40,13 @@ COLUMNS = pa.schema(
         ("drones_lost", pa.int64()),
     ]
 )
-"""Of the results: one row for each mission.
-
-`planner_seed` is null where the planner has drawn nothing.
-"""
+"""Columns of the results, one row for each mission; `planner_seed` is null if the planner drew
+nothing."""
 MANIFEST, CHUNKS, LOCK = "campaign.json", "chunks", "campaign.lock"
 _PART = ".part"
 
 Columns = dict[str, NDArray[Any]]
-"""What the missions of a chunk came to: `found` bool, `steps`, `lost`, `collisions`,
+"""Results of the missions of a chunk: `found` bool, `steps`, `lost`, `collisions`,
 `planner_seeds` int64 and `path_length_m` float64, (M,) each."""
 Job = tuple[Chunk, PlannerEntry, Case, int]
 """A chunk, with its planner, its scenario and the seed of the campaign."""
@@ -62,7 +60,7 @@ def job(campaign: Campaign, chunk: Chunk) -> Job:
 
 
 def play(of: Job) -> Columns:
-    """Play the missions of a chunk; the result is the same on every machine and every time."""
+    """Play the missions of a chunk; the result is the same each time, on any machine."""
     chunk, entry, case, seed = of
     dealt = None
     if (seeds := entry.planner_seeds) is not None:
@@ -172,10 +170,10 @@ class Results:
         write_whole(self._path(chunk.number), lambda path: pq.write_table(table, path))
 
     def collect(self) -> pa.Table:
-        """Write `missions.parquet` and `missions.csv` of all chunks; returns the missions.
+        """Write `missions.parquet` and `missions.csv` of all chunks; return the missions.
 
         Raises:
-            FieldError: If a chunk is not what was written.
+            FieldError: If a chunk is damaged.
             OSError: If a file cannot be read or written.
         """
         table = pa.concat_tables(self._read()).combine_chunks()
@@ -202,7 +200,7 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file completely or not at all, even if the power fails.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         write: Called with the path to write to.
 
     Raises:
@@ -221,7 +219,7 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file of this content, as `write_whole` does.
+    """Write a file with this content, like `write_whole`.
 
     Raises:
         OSError: If it cannot be written.

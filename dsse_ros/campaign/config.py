@@ -33,7 +33,7 @@ class PlannerEntry:
     """A planner of a campaign.
 
     Attributes:
-        options: Names and values.
+        options: Options of the planner.
     """
 
     planner: str = field("str", "Planner: one of this package, or one that another registers.")
@@ -57,12 +57,12 @@ class PlannerEntry:
 
 @dataclass(frozen=True)
 class Case:
-    """A scenario of a campaign, with all that was to be derived.
+    """A scenario of a campaign, with its derived values.
 
     Attributes:
-        name: In the results.
-        scenario: What is searched.
-        rules: Of the search.
+        name: Name in the results.
+        scenario: The scenario.
+        rules: Rules of the search.
     """
 
     name: str
@@ -114,7 +114,7 @@ class CampaignSettings:
 
 ENTRIES = ("planners", "scenarios")
 _OF_RESULTS = ("seed", "missions", "chunk")
-"""Settings that decide which missions are played, and where the results go."""
+"""Settings that decide which missions are played and in which chunks."""
 
 
 @dataclass(frozen=True)
@@ -122,11 +122,11 @@ class Chunk:
     """Missions that are played and written together.
 
     Attributes:
-        number: Of the chunk, from 0.
-        planner: Its number in the campaign.
-        case: Its number in the campaign.
+        number: Number of the chunk, from 0.
+        planner: Number of the planner in the campaign.
+        case: Number of the case in the campaign.
         first: Number of the first mission of that planner in that case.
-        count: How many.
+        count: Number of missions.
     """
 
     number: int
@@ -146,7 +146,7 @@ class Campaign:
 
     @classmethod
     def from_yaml(cls, path: str | os.PathLike[str]) -> Campaign:
-        """Return the campaign that a YAML file states; paths in it start from its folder.
+        """Return the campaign of a YAML file; its paths are relative to its folder.
 
         Raises:
             FieldError: If the file cannot be read, is not YAML, or does not fit.
@@ -163,7 +163,7 @@ class Campaign:
 
         Args:
             values: As in the YAML file.
-            folder: That paths of scenarios start from.
+            folder: Folder that paths of scenarios are relative to.
 
         Raises:
             FieldError: If a field is unknown or a value is not allowed.
@@ -188,7 +188,7 @@ class Campaign:
         return campaign
 
     def chunks(self) -> list[Chunk]:
-        """Return all that is to be played, in the order of the results."""
+        """Return all chunks, in the order of the results."""
         missions, size = self.settings.missions, self.settings.chunk
         places = [
             (planner, case, first, min(size, missions - first))
@@ -236,7 +236,7 @@ def _digest_of_area(scenario: ResolvedScenario) -> str | None:
 
 
 def _entries(values: Mapping[str, Any], key: str, make: Callable[[Any], T]) -> tuple[T, ...]:
-    """Return what a list of the file states, each with a name of its own."""
+    """Return the entries of a list in the file, which must have unique names."""
     items = values.get(key)
     if not isinstance(items, Sequence) or isinstance(items, str) or not items:
         raise FieldError(f"{key} must be a list of one or more, got {shown(items)}")

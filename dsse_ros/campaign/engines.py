@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Engines that play chunks: processes of this machine, or a Ray cluster.
 
-An engine yields chunks as they are done, in any order. If a worker is killed, another one plays its
+An engine yields chunks as they finish, in any order. If a worker is killed, another one plays its
 chunk again.
 """
 
@@ -26,17 +26,17 @@ from dsse_ros.campaign.config import CampaignSettings
 from dsse_ros.search import FieldError
 
 MAX_DEATHS = 5
-"""Workers that may die over one chunk."""
+"""Number of workers that may die while they play the same chunk."""
 WAITING = 2
-"""Chunks for each CPU of a cluster that are handed out at once."""
+"""Number of chunks in flight for each CPU of a cluster."""
 CONNECT_S = 10.0
-"""For a connection to the cluster."""
+"""Time limit of a connection to the cluster."""
 
 Engine = Callable[[Sequence[Job], CampaignSettings], Iterator[tuple[Job, Columns]]]
 
 
 class WorkerError(RuntimeError):
-    """A planner has failed, or workers die over a chunk again and again; its text is one line."""
+    """A planner has failed, or a chunk has killed too many workers; the text is one line."""
 
 
 class _Worker:
@@ -47,7 +47,7 @@ class _Worker:
     """
 
     def __init__(self) -> None:
-        # Forked, it would share locks that threads hold.
+        # A forked process would inherit locks that other threads hold.
         context = get_context("spawn")
         self.connection, its_end = context.Pipe()
         self._process = context.Process(target=_serve, args=(its_end,))
@@ -55,14 +55,14 @@ class _Worker:
         its_end.close()
 
     def end(self) -> None:
-        """End it, whatever it does."""
+        """Kill the process."""
         self._process.kill()
         self._process.join()
         self.connection.close()
 
 
 def _serve(jobs: Connection[Columns | WorkerError, Job]) -> None:
-    """Play what comes, leave Ctrl-C to the campaign, and end with it even if it was killed."""
+    """Play jobs, leave Ctrl-C to the campaign, and end with it even if it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None
@@ -85,10 +85,10 @@ def _answer(job: Job) -> Columns | WorkerError:
 
 
 def local(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Job, Columns]]:
-    """Yield chunks that processes of this machine have played.
+    """Yield chunks played by processes of this machine.
 
     Raises:
-        WorkerError: If a planner fails, or workers die over a chunk again and again.
+        WorkerError: If a planner fails, or a chunk kills too many workers.
     """
     left = list(reversed(jobs))
     # A container may have fewer cores than the machine.
@@ -101,7 +101,7 @@ def local(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Job
             while left and len(busy) < count:
                 worker, job = idle.pop() if idle else _Worker(), left.pop()
                 busy[worker.connection] = worker, job
-                # One that was killed is noticed where its answer is read.
+                # A killed worker is noticed when its answer is read.
                 with suppress(OSError):
                     worker.connection.send(job)
             for ready in connection.wait(list(busy)):
@@ -138,14 +138,14 @@ def _failed(job: Job, reason: Exception | str) -> WorkerError:
 
 
 def on_ray(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Job, Columns]]:
-    """Yield chunks that the workers of a Ray cluster have played, one for each of its CPUs.
+    """Yield chunks played by the workers of a Ray cluster, one for each of its CPUs.
 
     The package must be installed on its machines.
 
     Raises:
         FieldError: If there is no cluster at the address.
         ImportError: If Ray is not installed.
-        WorkerError: If a planner fails, or workers die again and again.
+        WorkerError: If a planner fails, or a chunk kills too many workers.
     """
     import ray
 
@@ -180,7 +180,7 @@ def on_ray(jobs: Sequence[Job], settings: CampaignSettings) -> Iterator[tuple[Jo
 
 
 def _check_listening(address: str, host: str, port: str) -> None:
-    # Ray itself would try for minutes.
+    # Ray itself would retry for minutes.
     try:
         socket.create_connection((host, int(port)), timeout=CONNECT_S).close()
     except (OSError, ValueError, OverflowError) as error:
@@ -188,4 +188,4 @@ def _check_listening(address: str, host: str, port: str) -> None:
 
 
 ENGINES: Mapping[str, Engine] = MappingProxyType({"local": local, "ray": on_ray})
-"""By the name in a campaign's file."""
+"""Engines by their name in a campaign's file."""

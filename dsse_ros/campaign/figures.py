@@ -16,7 +16,7 @@ from dsse_ros.campaign.statistics import Played, restricted_s
 from dsse_ros.report.figures import OKABE_ITO, STYLES, Theme, add_legend, chart
 
 MAX_POINTS = 200
-"""Of a curve."""
+"""Largest number of points of a curve."""
 
 
 def pos_figure(missions: Sequence[Played], confidence: float, theme: Theme) -> Figure:

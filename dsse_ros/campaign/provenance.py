@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What decides a campaign's results besides its file: libraries, and the bytes of files."""
+"""Versions of libraries and hashes of files, which decide a campaign's results too."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from typing import Any
 from dsse_ros.planners.registry import GROUP
 
 LIBRARIES = ("dsse_ros", "numpy", "numba")
-"""Of every campaign."""
+"""Libraries that every campaign uses."""
 LIBRARIES_OF: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"onnx": ("onnxruntime",), "route": ("ortools",)}
 )
-"""Those of a planner too."""
+"""Libraries that single planners use."""
 
 
 def versions(planners: Iterable[str]) -> dict[str, str | None]:
-    """Return the versions of what decides, by distribution; None if one is not installed."""
+    """Return the versions of the libraries that these planners use; None if not installed."""
     names = {*LIBRARIES}
     for planner in planners:
         names |= {*LIBRARIES_OF.get(planner, ())}
@@ -52,7 +52,7 @@ def files(planner: str, options: Mapping[str, Any]) -> dict[str, str]:
 
 def _paths(planner: str, options: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
     if planner == "onnx" and not options.get("model"):
-        # The extra is there, or the campaign would have been refused.
+        # Without the extra, the campaign would have been refused already.
         from dsse_ros.planners.onnx import SHIPPED
 
         yield "model", SHIPPED
@@ -62,7 +62,7 @@ def _paths(planner: str, options: Mapping[str, Any]) -> Iterator[tuple[str, Path
 
 
 def difference(name: str, there: Any, here: Any) -> str:
-    """Return what differs in a part of a campaign's definition, for people."""
+    """Return the differences in a part of a campaign's definition as text."""
     if name not in ("files", "versions") or not isinstance(there, dict):
         return name
     keys = [key for key in {**there, **here} if there.get(key) != here.get(key)]

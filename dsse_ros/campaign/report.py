@@ -46,7 +46,7 @@ class Row:
 
 
 def played_of(campaign: Campaign, table: pa.Table) -> list[Played]:
-    """Return the missions of each scenario and planner, in their order."""
+    """Return the missions of each scenario and planner, in the order of the campaign."""
     found = []
     for case in campaign.cases:
         of_case = table.filter(pc.equal(table["scenario"], case.name))
@@ -79,12 +79,12 @@ def rows_of(campaign: Campaign, played: Played) -> list[Row]:
 
 
 def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
-    """Write summary, pairs, figures and page; returns the path of the page.
+    """Write summary, pairs, figures and page; return the path of the page.
 
     Args:
-        campaign: What was played.
+        campaign: The campaign.
         table: Its missions.
-        folder: It is there.
+        folder: An existing folder.
 
     Raises:
         OSError: If a file cannot be written.

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a campaign shows: estimates with confidence intervals, and planners compared in pairs."""
+"""Results of a campaign: estimates with confidence intervals, and comparisons of planners."""
 
 from __future__ import annotations
 
@@ -67,11 +67,11 @@ class Measure:
     """One number of a planner in a scenario.
 
     Attributes:
-        name: In files.
-        label: For people.
+        name: Name in files.
+        label: Name on the page.
         unit: `share` (0 to 1), `s`, `m`, or "" for a count.
-        meaning: Its definition, and how its interval is made.
-        estimate: Of missions, with the horizon in seconds and the confidence level.
+        meaning: Definition, and method of the interval.
+        estimate: Called with the missions, the horizon in seconds and the confidence level.
     """
 
     name: str
@@ -133,7 +133,7 @@ class Pair:
 
     Attributes:
         case: The scenario.
-        first, second: Their names.
+        first, second: Names of the planners.
         only_first, only_second: Missions in which only that one has found every person.
         found: Difference of the share of missions with all found.
         found_p: Of McNemar's exact test (McNemar 1947), adjusted; with clusters see `signs_p`.

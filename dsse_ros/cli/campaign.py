@@ -29,7 +29,6 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     )
     parser.add("config", type=Path, help="YAML file, see docs/campaign.md")
     parser.add("--out", type=Path, help="folder of the results, by default the file's name")
-    parser.set_defaults(seed=0, fields={})
     return parser.parse_with_ros(argv, {})
 
 

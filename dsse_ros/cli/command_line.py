@@ -57,7 +57,6 @@ class Parser(argparse.ArgumentParser):
         self.add("--drones", type=int, help="number of drones, by default the scenario's")
         seeded = "random seed of the map, the persons and the planner"
         self.add("--seed", type=int, default=0, help=seeded)
-        self.set_defaults(fields={})
 
     def parse_with_ros(
         self,

@@ -51,8 +51,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add("--namespace", help="of the simulation, if a bag has several")
     parser.add("--max-cells", type=int, default=LARGEST_GRID_CELLS,
                help="cells of the largest grid")  # fmt: skip
-    # Of the scenario, whose drones are those of the record.
-    parser.set_defaults(seed=0, fields={})
+    parser.set_defaults(seed=0)
     return parser.parse_with_ros(argv, {})
 
 

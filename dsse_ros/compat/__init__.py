@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The published names of DSSE 1.1.9 over this package's search; those of 0.1.13 are in `v1`.
 
-Change the import, or run a script as it is: `python -m dsse_ros.compat script.py`. What is equal
-and what differs: docs/coming_from_dsse.md. Source: the documentation and the behaviour of the
-package DSSE 1.1.9.
+Change the import, or run a script unchanged: `python -m dsse_ros.compat script.py`.
+docs/coming_from_dsse.md lists the differences. The sources are the documentation and the behaviour
+of the package DSSE 1.1.9.
 """
 
 from dsse_ros.compat.constants import Actions, Reward

@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 def with_names(names: Mapping[str, str], make: Callable[[], T]) -> T:
-    """Return what `make` makes; an error names arguments as the caller knows them.
+    """Return the result of `make`; its errors name arguments as the caller knows them.
 
     Args:
         names: Our name, by published name.

@@ -21,7 +21,7 @@ Observations = dict[str, tuple[Cell, NDArray[np.float64]]]
 
 
 class CoverageMatrix:
-    """The probability that is left: a visit takes that of its cell."""
+    """The remaining probability: a visit removes that of its cell."""
 
     def __init__(self, search: SearchEnv) -> None:
         coverage = search.world.coverage
@@ -37,7 +37,7 @@ class CoverageMatrix:
         return len(self.original_map)
 
     def save_state(self, output_path: str) -> None:
-        """Write the matrix as it was before all visits to a .npy file."""
+        """Write the matrix without any visits to a .npy file."""
         with open(output_path, "wb") as file:
             np.save(file, self.original_map)
 
@@ -45,8 +45,8 @@ class CoverageMatrix:
 class CoverageDroneSwarmSearch(SwarmEnv):
     """The coverage task of DSSE 1.1.9 (PettingZoo parallel API).
 
-    An observation is the agent's cell (x, y) and the probability that is left over its maximum,
-    (G, G) float64 as [y, x]; all 0 once nothing is left. The matrix comes from a file, `.npy`, CSV
+    An observation is the agent's cell (x, y) and the remaining probability over its maximum, (G, G)
+    float64 as [y, x]; all 0 once nothing is left. The matrix comes from a file, `.npy`, CSV
     or GeoTIFF: particles of an ocean model are not simulated here.
 
     Raises:
@@ -175,29 +175,29 @@ class CoverageDroneSwarmSearch(SwarmEnv):
 
     @property
     def not_seen_states(self) -> set[Cell]:
-        """Cells (x, y) that are to be covered."""
+        """Cells (x, y) left to cover."""
         return _cells_where(self.probability_matrix.probability_map > 0)
 
     @property
     def repeated_coverage(self) -> int:
-        """Visits of cells that needed none."""
+        """Number of visits of cells that were already covered."""
         coverage = self._search.world.coverage
         assert coverage is not None
         return int(coverage.records["repeated"][0])
 
     @property
     def cumm_pos(self) -> float:
-        """Probability of the covered cells, times that of detection."""
+        """Probability of the covered cells times the probability of detection."""
         return float(self._search.world.coverage_metrics()["pos"][0])
 
     @property
     def probability(self) -> NDArray[np.float64]:
-        """What agents observe of the matrix, (G, G) as [y, x]."""
+        """The matrix as agents observe it, (G, G) as [y, x]."""
         matrix = self.probability_matrix.get_matrix()
         return matrix / (matrix.max() or 1.0)
 
     def save_matrix(self, path: str) -> None:
-        """Write the matrix as it was before all visits to a .npy file."""
+        """Write the matrix without any visits to a .npy file."""
         self.probability_matrix.save_state(path)
 
 

@@ -38,17 +38,17 @@ def no_rewards(agents: Iterable[str]) -> dict[str, float]:
 
 
 class PublishedEnv:
-    """A search under published names, of which the subclass states the rest.
+    """A search under published names.
 
     Attributes:
         render_mode: `ansi` or `human`.
         possible_agents: Names of all drones.
-        agents: Names of the drones that still search; none before the first reset.
-        timestep: Steps that are done, None before the first reset.
+        agents: Names of the drones in the search; none before the first reset.
+        timestep: Number of steps done, None before the first reset.
     """
 
     _names: ClassVar[Mapping[str, str]]
-    """Published names of arguments whose fields of the scenario have other names."""
+    """Fields of the scenario by published argument, where the names differ."""
 
     render_mode: str
     possible_agents: list[str]
@@ -84,7 +84,7 @@ class PublishedEnv:
         """
         rules = self._rules()
         if rules != self._search.rules:
-            # The new search goes on with the random numbers of the one before.
+            # The new search continues the random numbers of the old one.
             state = self._search.world.worlds["rng"].copy()
             self._make(rules)
             self._search.world.worlds["rng"] = state
@@ -124,7 +124,7 @@ class PublishedEnv:
 
     @property
     def steps_done(self) -> int:
-        """Steps of the mission that are done."""
+        """Number of steps done in the mission."""
         return self._search.steps_done
 
     @property
@@ -137,7 +137,7 @@ class PublishedEnv:
         return self.possible_agents
 
     def render(self) -> str | None:
-        """Show the mission in a window in the mode human; return it as text else."""
+        """Show the mission in a window in the mode human, otherwise return it as text."""
         if self.render_mode == "human":
             self._search.render()
             return None
@@ -149,7 +149,7 @@ class PublishedEnv:
 
 
 class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
-    """What the two environments of DSSE 1.1.9 have in common besides.
+    """The common base of the two environments of DSSE 1.1.9.
 
     Attributes:
         grid_size: Cells along each axis.
@@ -188,12 +188,12 @@ class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
         }
 
     def _infos(self) -> Infos:
-        """Return what is known besides, for each agent."""
+        """Return the info of each agent."""
         raise NotImplementedError
 
     @property
     def probability(self) -> NDArray[Any]:
-        """What agents observe of the map, (G, G) as [y, x]."""
+        """The map as agents observe it, (G, G) as [y, x]."""
         raise NotImplementedError
 
     def is_valid_position(self, position: Cell) -> bool:
@@ -204,5 +204,5 @@ class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
     def calculate_simulation_time_step(
         drone_max_speed: float, cell_size: float, wind_resistance: float = 0.0
     ) -> float:
-        """Return the seconds of one step: metres of a cell over metres per second."""
+        """Return the duration of one step in seconds: cell size over speed."""
         return cell_size / (drone_max_speed - wind_resistance)

@@ -24,7 +24,7 @@ NAMES = {
     "pre_render_time": "pre_search_minutes",
     "grid_cell_size": "cell_size",
 }
-"""Published names of arguments whose fields of the scenario have other names."""
+"""Fields of the scenario by published argument, where the names differ."""
 
 
 class Person:

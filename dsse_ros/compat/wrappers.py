@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The wrappers of DSSE 1.1.9, which are those of `dsse_ros.search.wrappers` by other names."""
+"""The wrappers of `dsse_ros.search.wrappers` under the names of DSSE 1.1.9."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class TopNProbsWrapper(EncodedObservations):
 
 
 class CommunicationWrapper(DiscountedObservations):
-    """Agents observe less probability where drones have just been."""
+    """Agents observe less probability where drones have been recently."""
 
     def __init__(self, env: Any, n_steps: int = 20) -> None:
         super().__init__(env, n_steps)

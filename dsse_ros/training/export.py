@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A trained policy as the ONNX file that the planner `onnx` flies."""
+"""Export of a trained policy as an ONNX file for the planner `onnx`."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from dsse_ros.training.foveated import Foveated, order_of_actions
 
 
 class Scores(nn.Module):
-    """The scores of the actions, of a policy that was trained on the encoding `foveated`.
+    """The action scores of a policy trained on the encoding `foveated`.
 
     Args:
-        policy: What was trained.
-        names: Of the actions.
+        policy: The trained policy.
+        names: Names of the actions.
     """
 
     def __init__(self, policy: ActorCriticPolicy, names: Sequence[str]) -> None:
         super().__init__()
         self._foveated = Foveated()
-        # By turn and action of the rules, which number it has in turned windows.
+        # Number of each action of the rules in turned windows, by turn.
         numbers = torch.from_numpy(order_of_actions(names)).argsort(dim=1)
         self.register_buffer("_numbers", numbers)
         self._hidden = policy.mlp_extractor.policy_net
@@ -48,11 +48,11 @@ def export(
     """Write a policy as ONNX.
 
     Args:
-        policy: What was trained.
-        path: Of the file.
-        metadata: What it is for, see `dsse_ros.planners.onnx`.
-        grid: G of an example; others fit too.
-        drones: M of an example; others fit too.
+        policy: The trained policy.
+        path: Path of the file.
+        metadata: Properties of the model, see `dsse_ros.planners.onnx`.
+        grid: G of the example; the model takes other sizes too.
+        drones: M of the example; the model takes other numbers too.
     """
     scores = Scores(policy, metadata["actions"]).eval()
     example = torch.rand(3, 2 * drones), torch.rand(3, grid, grid), torch.zeros(3, 1)
@@ -68,7 +68,7 @@ def export(
         external_data=False, verbose=False,
     )  # fmt: skip
     model = onnx.load(path)
-    # What onnxruntime 1.17 reads.
+    # onnxruntime 1.17 reads no later version.
     model.ir_version = min(model.ir_version, 9)
     onnx.helper.set_model_props(model, {METADATA: json.dumps(dict(metadata))})
     onnx.save(model, path)

@@ -22,9 +22,9 @@ BLOCKS = 9
 """Blocks along the window of each level: with these levels it sees 40 cells in each direction."""
 FEATURES = (3 * BLOCKS**2 + 1) * len(LEVELS) + 3
 FAR = 8.0
-"""Cells: beyond a few times this distances to the middle of the map look the same."""
+"""Cells; distances to the middle of the map saturate beyond a few times this."""
 NOTHING = 1e-9
-"""Probability of a whole window that counts as none."""
+"""Highest probability in a window that counts as none."""
 TURNS = 8
 """The symmetries of a square."""
 
@@ -32,12 +32,12 @@ TURNS = 8
 class Foveated(nn.Module):
     """Turns the inputs of the planner `onnx` into features; it has no weights.
 
-    Around the drone lie windows of `BLOCKS` x `BLOCKS` blocks, a block of 1, 3 or 9 cells along a
-    side: of each its probability over the highest in the window, and how many drones are in it,
-    those with lower numbers and those with higher ones apart, as drones in one cell would do the
-    same for ever otherwise. Grids of any size and any number of drones fit. The windows are
-    mirrored so that the middle of the map lies ahead between right and down, nearer to right: what
-    was learned in one direction holds in all eight.
+    Windows of `BLOCKS` x `BLOCKS` blocks surround the drone; a block has 1, 3 or 9 cells along a
+    side. Features of a block are its probability over the highest in the window, and the numbers of
+    drones in it with a lower and with a higher number than this one. Without this distinction,
+    drones in the same cell would act alike for ever. The grid and the swarm may have any size. The
+    windows are mirrored so that the middle of the map lies between right and down, nearer to right.
+    So a policy learned in one direction holds in all eight.
     """
 
     def forward(
@@ -97,7 +97,7 @@ def order_of_actions(names: Sequence[str]) -> NDArray[np.int64]:
     """Return (`TURNS`, A): by turn, the action that each number stands for in turned windows.
 
     Args:
-        names: Of the actions, by number; with each move also those it can be mirrored to.
+        names: Names of the actions by number; with each move, its mirror images too.
     """
     moves = [ACTION_VECTORS[name] for name in names]
     order = np.zeros((TURNS, len(moves)), np.int64)
@@ -128,10 +128,10 @@ def _seen(
 
 
 def foveated(names: Sequence[str]) -> Encoding:
-    """Return what `Foveated` makes of an observation, with the actions by number turned likewise.
+    """Return the encoding `Foveated`, with the numbers of the actions turned likewise.
 
     Args:
-        names: Of the actions.
+        names: Names of the actions.
     """
     order = order_of_actions(names)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a learner sees of a rollout: the transitions in which drones act."""
+"""A rollout buffer that contains only the transitions of drones that act."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from sb3_contrib.common.maskable.buffers import (
 
 
 class ActingRolloutBuffer(MaskableRolloutBuffer):
-    """A rollout buffer of MaskablePPO that hands out no transition without an allowed action.
+    """A rollout buffer of MaskablePPO without the transitions that allow no action.
 
-    `MaskablePPO(..., rollout_buffer_class=ActingRolloutBuffer)` on a `DroneVecEnv`: drones that are
-    out of the search take no part in losses, nor in the mean and deviation of the advantages.
+    Pass it as `MaskablePPO(..., rollout_buffer_class=ActingRolloutBuffer)` for a `DroneVecEnv`.
+    Drones that have left the search then affect neither losses nor the scale of the advantages.
     """
 
     def get(  # type: ignore[override]
@@ -27,14 +27,14 @@ class ActingRolloutBuffer(MaskableRolloutBuffer):
         """Yield the transitions in random order, in batches of about the same size.
 
         Args:
-            batch_size: The most of a batch; None for all at once.
+            batch_size: Largest size of a batch; None for one batch.
         """
         if not self.generator_ready:
-            # It makes of all arrays what `_get_samples` reads.
+            # This flattens the arrays for `_get_samples`.
             next(super().get(1))
         indices: NDArray[np.int64] = np.flatnonzero(self.action_masks.any(axis=1))
         np.random.shuffle(indices)
-        # Of equal size: of a last batch of one the deviation would be none.
+        # Batches of equal size, because a last batch of one would have no deviation.
         count = 1 if batch_size is None else -(-len(indices) // batch_size)
         for part in np.array_split(indices, max(count, 1)):
             if len(part):

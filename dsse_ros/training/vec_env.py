@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The searches as Stable-Baselines3 wants them."""
+"""A batch of searches as a `VecEnv` of Stable-Baselines3."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from dsse_ros.search.drone_slots import DroneSlots
 class DroneVecEnv(VecEnv):
     """A `VecEnv` of one environment for each drone of each world, with action masks.
 
-    When a drone's search ends, infos have what `Monitor` writes (`episode`), `is_success`, whether
-    every person was found, and `TimeLimit.truncated`, whether it ended because time was out: then
-    the learner takes the value of `terminal_observation` for what was to come.
+    When a drone's search ends, its info has `episode` as from `Monitor`, `is_success` (whether
+    every person was found) and `TimeLimit.truncated` (whether time ran out). After a timeout the
+    learner bootstraps from the value of `terminal_observation`.
 
-    A drone that does not act, as it is out of a mission that others go on with or as its time is
-    out, still has its place in the arrays, for they cannot shrink. No action is allowed to it: its
-    mask is all False. `rollouts.ActingRolloutBuffer` keeps what such drones do from the learner.
+    A drone that no longer acts, because it has left a mission that others continue or its time has
+    run out, keeps its place in the arrays, because they cannot shrink. Its mask is all False.
+    `rollouts.ActingRolloutBuffer` hides the transitions of such drones from the learner.
 
     Args:
         slots: The drones.
@@ -44,7 +44,7 @@ class DroneVecEnv(VecEnv):
         self._actions = np.zeros(slots.num_slots, np.int64)
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """Return (S, A) bool, the actions that are allowed; none to a drone that does not act."""
+        """Return (S, A) bool, the allowed actions; a drone that does not act has none."""
         return self._masks
 
     def reset(self) -> NDArray[np.float32]:
@@ -56,7 +56,7 @@ class DroneVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Note the actions (S,) of the next step."""
+        """Store the actions (S,) of the next step."""
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], list[dict[str, Any]]]:
@@ -91,7 +91,7 @@ class DroneVecEnv(VecEnv):
         self.slots.close()
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
-        """Return what a method of this object returns for each slot."""
+        """Call a method of this object; return its result for each slot."""
         return list(getattr(self, method_name)(*args, **kwargs)[self._indices(indices)])
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
