@@ -105,19 +105,14 @@ class CoverageDroneSwarmSearch(SwarmEnv):
             ),
         )
         self.grid_size = self.probability_matrix.get_map_size()
-        self.cell_size = grid_cell_size
-        self.timestep_limit = timestep_limit
+        drone = DroneData(drone_amount, drone_speed, drone_probability_of_detection)
+        self._publish(drone, grid_cell_size, timestep_limit)
         self.disaster_position = disaster_position
-        self.drone = DroneData(drone_amount, drone_speed, drone_probability_of_detection)
-        self.probability_of_detection = drone_probability_of_detection
-        self.time_step_relation = self.calculate_simulation_time_step(drone_speed, grid_cell_size)
-        self.agents_positions = [(None, None)] * drone_amount
         g = self.grid_size
         self.observation_spaces = dict.fromkeys(
             self.possible_agents,
             spaces.Tuple((spaces.MultiDiscrete([g, g]), spaces.Box(0, 1, (g, g), np.float64))),
         )
-        self.action_spaces = self._search.action_spaces
         self.all_states = {(x, y) for x in range(g) for y in range(g)}
 
     def _rules(self) -> Rules:

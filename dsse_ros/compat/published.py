@@ -159,6 +159,16 @@ class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
     grid_size: int
     agents_positions: list[Any]
 
+    def _publish(self, drone: DroneData, cell_size: float, timestep_limit: int) -> None:
+        """Set the attributes that both environments publish."""
+        self.drone = drone
+        self.probability_of_detection = drone.pod
+        self.cell_size = cell_size
+        self.timestep_limit = timestep_limit
+        self.time_step_relation = self.calculate_simulation_time_step(drone.speed, cell_size)
+        self.agents_positions = [(None, None)] * drone.amount
+        self.action_spaces = self._search.action_spaces
+
     def step(
         self, actions: Mapping[str, int]
     ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], Infos]:

@@ -150,21 +150,16 @@ class DroneSwarmSearch(SwarmEnv):
             ),
         )
         self.grid_size = grid_size
-        self.cell_size = grid_cell_size
+        drone = DroneData(drone_amount, drone_speed, probability_of_detection)
+        self._publish(drone, grid_cell_size, timestep_limit)
         self.vector = vector
         self.dispersion_inc = dispersion_inc
         self.dispersion_start = dispersion_start
-        self.timestep_limit = timestep_limit
         self.person_amount = person_amount
         self.person_initial_position = person_initial_position
         self.disaster_position = person_initial_position
-        self.drone = DroneData(drone_amount, drone_speed, probability_of_detection)
-        self.probability_of_detection = probability_of_detection
-        self.time_step_relation = self.calculate_simulation_time_step(drone_speed, grid_cell_size)
         self.probability_matrix: ProbabilityMatrix | None = None
         self.pre_render_steps = self._search.scenario.pre_search_steps
-        self.agents_positions = [(None, None)] * drone_amount
-        self.action_spaces = self._search.action_spaces
         self.observation_spaces = self._search.observation_spaces
         self.rewards_sum = no_rewards(self.possible_agents)
 

@@ -204,7 +204,7 @@ class Mission:
         if history is None or history.key != _key(report) or history.num_drones != len(report):
             another = history is None or history.key[0] != int(report["run_id"][0])
             if another:
-                # Mission time may restart. The map of a step arrives before its report.
+                # Mission time may restart. The map of a step comes before its report.
                 for maps in self.maps.values():
                     maps.keep_only(stamp_ns)
             history = self.history = SearchHistory(*_key(report), len(report))
@@ -228,7 +228,7 @@ class Mission:
             self._early_pos.append((run_id, mission, step, pos))
 
     def _on_diagnostics(self, status: Any) -> None:
-        self.state, self.level = status.message, level_of(status)
+        self.state, self.level = status.message, ord(status.level)
         self.paused = status.message.partition(";")[0] in ("paused", "stopped")
 
     def _on_bridge(self, drones: tuple[str, ...]) -> None:
@@ -238,7 +238,7 @@ class Mission:
         for status in message.status:
             if status.name == drone:
                 vehicle = self._vehicle(drone)
-                vehicle.message, vehicle.level = status.message, level_of(status)
+                vehicle.message, vehicle.level = status.message, ord(status.level)
 
     def _on_vehicle_pose(self, drone: str, message: Any) -> None:
         info = self.info
@@ -303,11 +303,6 @@ class Missions:
             maps = [maps for one in self.by_namespace.values() for maps in one.maps.values()]
             if not any(of.thin() for of in sorted(maps, key=lambda of: of.nbytes, reverse=True)):
                 return
-
-
-def level_of(status: Any) -> int:
-    """Return the level of a DiagnosticStatus, which rclpy holds as one byte, as a number."""
-    return status.level[0] if isinstance(status.level, bytes) else int(status.level)
 
 
 def cell_of(frame: GridFrame, x_m: float, y_m: float) -> tuple[float, float]:

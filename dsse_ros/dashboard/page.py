@@ -56,7 +56,7 @@ class MissionPage:
         missions: All missions.
         inbox: Receives the commands.
         frame_rate: Largest number of frames per second.
-        domain: ROS domain, shown while there is no mission: it may be the wrong one.
+        domain: ROS domain, shown while the page waits for a mission.
     """
 
     def __init__(self, missions: Missions, inbox: Inbox, frame_rate: float, domain: int) -> None:

@@ -35,7 +35,7 @@ class Foveated(nn.Module):
     Windows of `BLOCKS` x `BLOCKS` blocks surround the drone; a block has 1, 3 or 9 cells along a
     side. Features of a block are its probability over the highest in the window, and the numbers of
     drones in it with a lower and with a higher number than this one. Without this distinction,
-    drones in the same cell would act alike for ever. The grid and the swarm may have any size. The
+    drones in the same cell would act alike forever. The grid and the swarm may have any size. The
     windows are mirrored so that the middle of the map lies between right and down, nearer to right.
     So a policy learned in one direction holds in all eight.
     """
