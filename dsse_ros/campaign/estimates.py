@@ -106,7 +106,9 @@ def of_share(hits: NDArray[np.bool_], confidence: float, labels: Labels) -> Esti
     z = float(stats.norm.ppf(0.5 + confidence / 2))
     centre = (share + z * z / (2 * size)) / (1 + z * z / size)
     reach = z * (share * (1 - share) / size + z * z / (4 * size * size)) ** 0.5 / (1 + z * z / size)
-    return Estimate(share, max(0.0, centre - reach), min(1.0, centre + reach))
+    # Of none or all, a bound is the share itself, which rounding may miss.
+    low, high = min(share, centre - reach), max(share, centre + reach)
+    return Estimate(share, max(0.0, low), min(1.0, high))
 
 
 def of_median(values: Values, confidence: float, labels: Labels) -> Estimate:

@@ -58,6 +58,13 @@ def test_an_interval_of_a_share_is_wilsons() -> None:
     assert (share.low, share.high) == pytest.approx((0.0523686, 0.3604188), abs=1e-6)
 
 
+def test_an_interval_of_a_share_holds_the_share() -> None:
+    for size in range(1, 100):
+        for hits in (0, 1, size):
+            share = of_share(np.arange(size) < hits, 0.95, np.arange(size))
+            assert 0 <= share.low <= share.value <= share.high <= 1
+
+
 def test_an_interval_of_a_mean_is_students() -> None:
     mean = of_mean(np.array([1.0, 2.0, 3.0, 4.0, 5.0]), 0.95, np.arange(5))
     assert mean.high - mean.value == pytest.approx(2.776445 * (2.5 / 5) ** 0.5, abs=1e-5)
