@@ -24,11 +24,11 @@ class BridgeSettings(FlightSettings):
     """
 
     mode: str = field(
-        "str", "Follow the steps with setpoints, fly the whole search as a mission once it "
+        "str", "Follow each step with setpoints, fly the whole search as a mission when it "
         "is over, or only write the missions to files.", "guided", choices=MODES,
     )  # fmt: skip
     num_vehicles: int | None = field(
-        "int", "Number of vehicles; by default one for each connection given, else 1.", None,
+        "int", "Number of vehicles; by default one per connection, else 1.", None,
         low=1, high=250,
     )  # fmt: skip
     connections: tuple[str, ...] = field(
@@ -40,7 +40,7 @@ class BridgeSettings(FlightSettings):
         "ints", "System ids of the vehicles; by default 1, 2, ...", (), low=1, high=255
     )
     own_system_id: int = field(
-        "int", "System id of the bridge; only 255 counts for ArduPilot's ground station failsafe.",
+        "int", "System id of the bridge; ArduPilot's ground station failsafe reacts only to 255.",
         245, low=1, high=255,
     )  # fmt: skip
     signing_key_file: str = field(
@@ -48,12 +48,12 @@ class BridgeSettings(FlightSettings):
         "to leave messages unsigned.", "",
     )  # fmt: skip
     arm: str = field(
-        "str", "Which searches clear vehicles to be armed: none, so that somebody else arms them; "
-        "the first one that the bridge follows; or, in simulations only, each one.", "false",
+        "str", "Searches that clear vehicles to be armed: none, so that somebody else arms them; "
+        "the first one that the bridge follows; or, in simulations only, every one.", "false",
         choices=("false", "true", "always"),
     )  # fmt: skip
     speed: float = field(
-        "float", "Ground speed to request, 0 for the vehicles' own.", 0.0,
+        "float", "Ground speed to request, 0 for the vehicles' default.", 0.0,
         low=0, high=100, unit="m/s",
     )  # fmt: skip
     altitudes: tuple[float, ...] = field(
@@ -62,16 +62,16 @@ class BridgeSettings(FlightSettings):
         low=1, high=20000, unit="m",
     )  # fmt: skip
     fence_margin: float = field(
-        "float", "How far around the search area vehicles may be, home included.", 500.0,
+        "float", "Margin around the search area that vehicles, and home, may be in.", 500.0,
         low=0, high=1e6, unit="m",
     )  # fmt: skip
     fence_center: tuple[float, float] | None = field(
-        "vector", "Latitude and longitude of the middle of the fence; by default the middle of the "
-        "first search that the bridge follows, for as long as it runs.", None,
+        "vector", "Latitude and longitude of the fence's centre; by default the centre of the "
+        "first search that the bridge follows, until the bridge exits.", None,
     )  # fmt: skip
     fence_radius: float = field(
-        "float", "Distance from the middle of the fence within which vehicles must be and take "
-        "off, and searches must lie.", 5000.0, low=1, high=1e6, unit="m",
+        "float", "Radius of the fence; vehicles must stay and take off inside, and searches must "
+        "lie inside.", 5000.0, low=1, high=1e6, unit="m",
     )  # fmt: skip
     min_altitude: float = field(
         "float", "Lowest altitude above home to send a vehicle to.", 10.0,
@@ -85,12 +85,12 @@ class BridgeSettings(FlightSettings):
         "str", "What a vehicle does when its drone's search is over.", "return", choices=ENDS
     )
     planner_timeout: float = field(
-        "float", "Wall time without a step, with all vehicles waiting for one, after which they "
-        "hold; 0 for never.", 30.0, low=0, high=1e6, unit="s",
+        "float", "Wall time after which vehicles hold if all of them wait for a step; 0 for "
+        "never.", 30.0, low=0, high=1e6, unit="s",
     )  # fmt: skip
     link_timeout: float = field(
         "float", "Wall time without a heartbeat after which a vehicle is silent: the bridge sends "
-        "it heartbeats only, until its own return.", 5.0, low=1, high=3600, unit="s",
+        "it only heartbeats until its heartbeats return.", 5.0, low=1, high=3600, unit="s",
     )  # fmt: skip
     lost_timeout: float = field(
         "float", "Wall time without a heartbeat after which a vehicle is lost for the rest of the "
@@ -101,20 +101,20 @@ class BridgeSettings(FlightSettings):
         "fence and be ready to be armed.", 300.0, low=1, high=1e6, unit="s",
     )  # fmt: skip
     setpoint_rate: float = field(
-        "float", "PX4: rate of setpoints in wall time; the vehicle needs more than two in a second "
+        "float", "PX4: rate of setpoints in wall time; the vehicle needs more than two per second "
         "of its own clock.", 5.0, above=2, high=200, unit="Hz",
     )  # fmt: skip
     pose_rate: float = field(
         "float", "Rate of vehicle_pose and vehicle_fix in wall time.", 5.0,
         above=0, high=50, unit="Hz",
     )  # fmt: skip
-    export_directory: str = field("str", "Where mode export writes its files.", ".")
+    export_directory: str = field("str", "Directory for the files of mode export.", ".")
     state_directory: str = field(
-        "str", "Directory that records, by system id, who has each vehicle, for a restarted "
+        "str", "Directory that records who has each vehicle, by system id, across restarts of the "
         "bridge; by default dsse_ros in ROS_HOME, or in ~/.ros.", "",
     )  # fmt: skip
     exit_at_end: bool = field(
-        "bool", "Whether the bridge ends once the search is over and its vehicles have carried "
+        "bool", "Whether the bridge exits once the search is over and its vehicles have carried "
         "out at_end, or the files are written.", False,
     )  # fmt: skip
 

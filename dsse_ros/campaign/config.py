@@ -36,13 +36,13 @@ class PlannerEntry:
         options: Options of the planner.
     """
 
-    planner: str = field("str", "Planner: one of this package, or one that another registers.")
-    name: str = field("str", "Name in the results; empty for the planner's.", "")
+    planner: str = field("str", "Planner of this package, or of one that registers it.")
+    name: str = field("str", "Name in the results; by default the planner's.", "")
     planner_seeds: int | None = field(
         "int",
-        "Seeds of the planner, which missions take in turn; by default each mission has its own. "
+        "Number of planner seeds, which missions use in turn; by default each mission has its own. "
         "Missions with the same seed share decisions until their observations differ, which is "
-        "quick, but they count as one in the intervals.",
+        "fast, but they count as one in the intervals.",
         None, low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -86,27 +86,27 @@ class CampaignSettings:
         low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     chunk: int = field(
-        "int", "Missions that are played and written together; a killed run loses only the chunks "
-        "in progress.", 500, low=1, high=MAX_MISSIONS,
+        "int", "Missions to play and write together; a killed run loses only the chunks in "
+        "progress.", 500, low=1, high=MAX_MISSIONS,
     )  # fmt: skip
-    engine: str = field(
-        "str", "Engine that plays: local processes, or Ray.", "local", choices=("local", "ray")
-    )
+    engine: str = field("str", "Local processes, or Ray.", "local", choices=("local", "ray"))
     workers: int = field(
-        "int", "Processes of the engine local; 0 for one per core.", 0, low=0, high=4096
+        "int", "Number of local processes; 0 for one per core.", 0, low=0, high=4096
     )
     address: str = field(
         "str", "Address of the Ray cluster, `host:port`; `auto` for that of this machine.", "auto"
     )
     horizon_s: float | None = field(
-        "float", "Time to which the time to detection is restricted; by default the step limit.",
+        "float", "Horizon of the restricted time to detection; by default the step limit.",
         None, above=0, unit="s",
     )  # fmt: skip
     pos_at_s: tuple[float, ...] | None = field(
-        "floats", "Times at which the POS is stated; by default quarters of the step limit.", None,
+        "floats", "Times at which to state the POS; by default quarters of the step limit.", None,
         above=0, unit="s",
     )  # fmt: skip
-    confidence: float = field("float", "Level of the intervals.", 0.95, low=0.5, high=0.9999)
+    confidence: float = field(
+        "float", "Confidence level of the intervals.", 0.95, low=0.5, high=0.9999
+    )
 
     def __post_init__(self) -> None:
         check_all(self)

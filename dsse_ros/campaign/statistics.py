@@ -93,17 +93,17 @@ MEASURES = (
     ),
     Measure(
         "steps_mean", "Steps, mean", "",
-        "Until the end; a mission without a find counts as the step limit. Student's t.",
+        "Steps until the end; a mission without a find counts with the step limit. Student's t.",
         lambda of, horizon_s, level: of_mean(of.steps, level, of.clusters),
     ),
     Measure(
-        "steps_median", "Steps, median", "", "Of the same. Order statistics.",
+        "steps_median", "Steps, median", "", "Median of the same. Order statistics.",
         lambda of, horizon_s, level: of_median(of.steps, level, of.clusters),
     ),
     Measure(
         "time_to_detection", "Restricted mean time to detection", "s",
-        "The mean of the time until all are found, or of the horizon where that is later or never: "
-        "the area under 1 - POS up to the horizon (Royston and Parmar 2013). Student's t.",
+        "Mean time until all are found, or the horizon if that comes first: the area under 1 - POS "
+        "up to the horizon (Royston and Parmar 2013). Student's t.",
         lambda of, horizon_s, level: of_mean(restricted_s(of, horizon_s), level, of.clusters),
     ),
     Measure(
@@ -114,14 +114,14 @@ MEASURES = (
     ),
     Measure(
         "collisions", "Collisions", "",
-        "Pairs of drones in the search that a step has put into one cell, mean of a mission. "
+        "Mean number per mission of pairs of drones in the search that share a cell after a step. "
         "Student's t.",
         lambda of, horizon_s, level: of_mean(of.collisions, level, of.clusters),
     ),
     Measure(
         "drones_lost", "Drones lost", "",
-        "Collided or off the grid when the search ended without all found, mean of a mission. "
-        "Student's t.",
+        "Mean number per mission of drones that have collided or left the grid when the search "
+        "ends without finding everyone. Student's t.",
         lambda of, horizon_s, level: of_mean(of.drones_lost, level, of.clusters),
     ),
 )  # fmt: skip

@@ -24,22 +24,20 @@ class DashboardSettings:
 
     host: str = field(
         "str",
-        "Address that the page is bound to; one that other machines reach takes token_file.",
+        "Address to listen on; one that other machines can reach requires token_file.",
         "127.0.0.1",
     )
-    port: int = field(
-        "int", "TCP port of the page; 0 for any that is free.", 8080, low=0, high=65535
-    )
+    port: int = field("int", "TCP port of the page; 0 for any free one.", 8080, low=0, high=65535)
     token_file: str = field(
         "str",
-        f"File that its owner alone may use; its first line, at least {MIN_TOKEN} characters, "
-        "browsers have to show. Empty for nothing.",
+        "File that only its owner can use. Its first line is the token that browsers must send, "
+        f"at least {MIN_TOKEN} characters; empty for no token.",
         "",
     )
     allowed_hosts: tuple[str, ...] = field(
-        "names", "Names by which browsers may ask for the page, beside host and loopback's.", ()
+        "names", "Further host names that browsers may use for the page.", ()
     )
-    frame_rate: float = field("float", "Pictures at most.", 8.0, low=1, high=20, unit="Hz")
+    frame_rate: float = field("float", "Maximum rate of pictures.", 8.0, low=1, high=20, unit="Hz")
 
     def __post_init__(self) -> None:
         check_all(self)

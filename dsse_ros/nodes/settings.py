@@ -32,14 +32,14 @@ class SimSettings(FlightSettings):
     rules: str = field("str", "Profile of the rules.", "paper", choices=tuple(PROFILES))
     max_cells: int = field(
         "int",
-        "Cells of the largest grid; one that has more is refused before it takes any memory.",
+        "Maximum number of cells; a larger grid is refused before memory is allocated.",
         LARGEST_GRID_CELLS,
         low=1,
         high=10**8,
     )
     step_mode: str = field(
         "str",
-        "Step when all drones have commanded, by time, or by the service ~/step.",
+        "What starts a step: a command for every drone, time, or the service ~/step.",
         "lockstep",
         choices=("lockstep", "realtime", "manual"),
     )
@@ -54,7 +54,7 @@ class SimSettings(FlightSettings):
     )
     command_timeout: float = field(
         "float",
-        "Lockstep: wall time to wait for commands before missing_action applies, 0 for ever.",
+        "Lockstep: wall time to wait for commands before missing_action applies, 0 for no limit.",
         0.0,
         low=0,
         high=1e6,
@@ -62,16 +62,14 @@ class SimSettings(FlightSettings):
     )
     missing_action: str = field(
         "str",
-        "What a drone without a command does when the step cannot wait.",
+        "What a drone without a command does when the step does not wait any longer.",
         "search",
         choices=MISSING_ACTIONS,
     )
     auto_reset: bool = field(
-        "bool", "Whether a mission that is over is followed by one with the next seed.", False
+        "bool", "Whether the next mission, with the next seed, starts when one is over.", False
     )
-    exit_at_end: bool = field(
-        "bool", "Whether the node ends with a mission that no other follows.", False
-    )
+    exit_at_end: bool = field("bool", "Whether the node exits after the last mission.", False)
     real_time_factor: float = field(
         "float", "Realtime: simulated seconds per second of wall time.", 1.0, above=0, high=1e6
     )
@@ -80,17 +78,17 @@ class SimSettings(FlightSettings):
     )
     run_id: int = field(
         "int",
-        "Identity of this start of the node in agents and in the reports, not 0; -1 draws one.",
+        "Number of this run of the node in agents and in the reports, not 0; -1 draws one.",
         -1,
         low=-1,
         high=MAX_ID,
     )
     publish_clock: bool = field(
-        "bool", "Whether mission time goes out on /clock and stamps the messages.", True
+        "bool", "Whether to publish mission time on /clock and use it for stamps.", True
     )
     map_frame: str = field("str", "Frame of the map and of the poses.", "map")
     frame_prefix: str = field(
-        "str", "What the names of all frames begin with, the map's too; such as a/.", ""
+        "str", "Prefix of all frame names, including the map's, such as a/.", ""
     )
     grid_scaling: str = field(
         "str",
@@ -98,16 +96,16 @@ class SimSettings(FlightSettings):
         "max",
         choices=("max", "linear", "log"),
     )
-    reveal_person: bool = field("bool", "Whether markers show where the persons are.", False)
+    reveal_person: bool = field("bool", "Whether markers show the true persons.", False)
     publish_belief: bool = field(
         "bool",
-        "Whether belief and belief_grid go out: where the persons are, after the searches so far.",
+        "Whether to publish belief and belief_grid: the persons' positions given all searches.",
         False,
     )
     compute_pos: str = field(
         "str",
-        "Whether a belief follows the mission, for its POS in diagnostics and record_file; "
-        f"auto: on grids of at most {LARGEST_AUTO_GRID} cells a side, or for publish_belief.",
+        "Whether to keep a belief, for the POS in diagnostics and record_file; "
+        f"auto: on grids of at most {LARGEST_AUTO_GRID} cells a side, or with publish_belief.",
         "auto",
         choices=("auto", "always", "never"),
     )
@@ -118,7 +116,7 @@ class SimSettings(FlightSettings):
     )
     odom_rate: float = field(
         "float",
-        "Realtime: rate of the interpolated odometry in wall time.",
+        "Realtime: publishing rate of the interpolated odometry in wall time.",
         10.0,
         above=0,
         high=1000,
@@ -126,18 +124,18 @@ class SimSettings(FlightSettings):
     )
     record_file: str = field("str", "CSV file of the mission's steps; empty for none.", "")
     snapshot_file: str = field(
-        "str", "File that the state of the mission is written to; empty for none.", ""
+        "str", "File to which the node writes the state of the mission; empty for none.", ""
     )
     snapshot_every: int = field(
         "int", "Steps from one snapshot to the next.", 100, low=1, high=10**9, unit="steps"
     )
     resume: bool = field(
-        "bool", "Whether to start from snapshot_file; record_file goes on from its step.", False
+        "bool", "Whether to start from snapshot_file; record_file continues at its step.", False
     )
-    export_directory: str = field("str", "Where ~/export_mission writes its files.", ".")
+    export_directory: str = field("str", "Directory for the files of ~/export_mission.", ".")
     export_tracks: str = field(
         "str",
-        "What ~/export_mission writes: the tracks so far, or the ways to the goals that are left.",
+        "What ~/export_mission writes: the tracks so far, or the paths to the remaining goals.",
         "flown",
         choices=("flown", "planned"),
     )
@@ -185,16 +183,16 @@ class PlannerSettings:
         FieldError: If a value is not allowed.
     """
 
-    planner: str = field("str", "Which planner commands the drones.", "greedy",
+    planner: str = field("str", "Planner that commands the drones.", "greedy",
         choices=PLANNER_NAMES,
     )  # fmt: skip
     model: str = field(
         "str", "ONNX file of the planner onnx; empty for the model of this package.", "",
     )  # fmt: skip
-    seed: int = field("int", "Seed of what the planner draws.", 0, low=0, high=2**62)
+    seed: int = field("int", "Seed of the planner's random draws.", 0, low=0, high=2**62)
     resend_period: float = field(
         "float",
-        "Wall time after which an unanswered command is sent again.",
+        "Wall time after which an unanswered command is resent.",
         0.5,
         above=0,
         high=1e6,
@@ -214,8 +212,8 @@ class RecorderSettings:
     """
 
     bag: str = field(
-        "str", "MCAP file that the topics are written to, a new one; by default mission_ with date "
-        "and time in the name, in the working directory.", "",
+        "str", "MCAP file to write, which must not exist; by default mission_ with date and time "
+        "in the name, in the working directory.", "",
     )  # fmt: skip
     exclude: tuple[str, ...] = field(
         "names", "Patterns of topics that are left out, such as */odom.", ()
@@ -234,15 +232,13 @@ class ViewerSettings:
     """
 
     host: str = field(
-        "str", "Address that clients connect to; any other than the default one opens the topics "
-        "to the network.", "127.0.0.1",
+        "str", "Address to listen on; any other than the default one opens the topics to the "
+        "network.", "127.0.0.1",
     )  # fmt: skip
-    port: int = field(
-        "int", "TCP port that clients connect to, 0 for one that is free.", 8765, low=0, high=65535
-    )
+    port: int = field("int", "TCP port to listen on, 0 for any free one.", 8765, low=0, high=65535)
     accept_commands: bool = field(
-        "bool", "Whether clients may command drones and vehicles; any web page in a browser of "
-        "this machine is one.", False,
+        "bool", "Whether clients may command drones and vehicles; any web page in a browser on "
+        "this machine can be a client.", False,
     )  # fmt: skip
     exclude: tuple[str, ...] = field(
         "names", "Patterns of topics that are left out, such as */odom.", ()

@@ -214,79 +214,78 @@ class Metric:
 METRICS = (
     Metric(
         "pos", "Probability of success (POS)", "share",
-        "That the searches of the mission find the person, as it was to be expected before it was "
-        "known how they ended: the sum of POC times POD of each search, with the POC that the "
-        "searches before it have left; of several persons the expected share of finds.",
+        "Probability that the searches of the mission find the person, as expected before their "
+        "outcomes are known: the sum of POC times POD over the searches, with the POC that remains "
+        "after the earlier ones; with several persons the expected share of finds.",
         "IAMSAR Manual, volume II, chapter 4; Koopman 1946; Stone 1975",
         _pos,
     ),
     Metric(
         "expected_time_at_least", "Expected time to detection, at least", "s",
-        "The mean time until searches like these detect, where a mission that does not within its "
-        "time limit counts as that (a restricted mean): the sum of 1 - POS over the steps up to "
-        "the limit, times the duration of a step; of several persons that of any one of them. Who "
-        "finds sooner by luck has not searched better: from the first find on, or the end of the "
-        "record, it is not known what was to be searched, and the next step counts as if it "
-        "detected for sure.",
+        "Mean time until searches like these detect a person, where a mission without a detection "
+        "counts with its time limit (a restricted mean): the sum of 1 - POS over the steps up to "
+        "the limit, times the duration of a step; with several persons for any one of them. An "
+        "early find by luck is not a better search. The searches planned after the first find, or "
+        "after the end of the record, are unknown, so the next step counts as certain to detect.",
         "Lanillos and others 2014; Royston and Parmar 2013",
         lambda record, of: _expected_time(record, of)[0],
     ),
     Metric(
         "expected_time_at_most", "Expected time to detection, at most", "s",
-        "The same, as if nobody searched any more from there to the time limit. Where nobody was "
-        "found both are the same, and the restricted mean itself. Not known from a CSV without its "
-        "scenario, unless the time has run out.",
+        "The same, assuming no further searches from there to the time limit. If nobody was found, "
+        "both bounds equal the restricted mean. Unknown for a CSV without its scenario, unless the "
+        "time has run out.",
         "Lanillos and others 2014; Royston and Parmar 2013",
         lambda record, of: _expected_time(record, of)[1],
     ),
     Metric(
         "time_to_detection", "Time to detection", "s",
-        "Mission time of the first find; none where nobody was found.",
+        "Mission time of the first find; none if nobody was found.",
         "Bourgault, Furukawa and Durrant-Whyte 2003",
         _first_detection,
     ),
     Metric(
         "share_found", "Persons found", "share",
-        "Of all persons; not known from a bag of a search for several persons.",
+        "Share of all persons; unknown for a bag of a search for several persons.",
         "",
         _share_found,
     ),
     Metric(
         "coverage", "Area coverage", "share",
-        "Cells searched at least once, of those of the search area.",
+        "Share of the cells of the search area that were searched at least once.",
         "Galceran and Carreras 2013",
         lambda record, of: float(of.cells_searched[-1]) / num_cells(record),
     ),
     Metric(
         "coverage_rate", "Coverage rate", "share",
-        "Of a coverage task: cells covered, of those to cover.",
+        "Coverage task: share of the cells to cover that were covered.",
         "the [rules](rules.md) of the search",
         lambda record, of: _last(record.coverage_rate),
     ),
     Metric(
         "repeated_coverage", "Repeated coverage", "share",
-        "Of a coverage task: visits of cells that were covered before or had no probability, over "
+        "Coverage task: visits of cells that were covered before or had no probability, divided by "
         "the number of cells to cover.",
         "the [rules](rules.md) of the search",
         lambda record, of: _last(record.repeated_coverage),
     ),
     Metric(
         "coverage_factor", "Coverage factor C", "",
-        "Search effort by search area, C = Z / A: each search sweeps one cell, so it is the mean "
-        "number of searches of a cell of the area.",
+        "Search effort divided by search area, C = Z / A. Each search sweeps one cell, so C is the "
+        "mean number of searches per cell of the area.",
         "IAMSAR Manual, volume II, chapter 4",
         lambda record, of: float(of.num_searches[-1]) / num_cells(record),
     ),
     Metric(
         "redundancy", "Redundancy", "share",
-        "Searches of a cell that was searched before, by any drone, of all searches. They are not "
-        "wasted where persons move or detection is uncertain.",
+        "Share of the searches in a cell that a drone had searched before. Such searches are not "
+        "wasted if persons move or detection is uncertain.",
         "Galceran and Carreras 2013 (overlap)",
         _redundancy,
     ),
     Metric(
         "searches", "Searches", "",
-        "Cells searched, each as often as it was.",
+        "Number of searches; a cell counts each time it is searched.",
         "",
         lambda record, of: float(of.num_searches[-1]),
     ),
@@ -298,32 +297,33 @@ METRICS = (
     ),
     Metric(
         "longest_path", "Path length, longest", "m",
-        "Of the drone that flew farthest: what the endurance of a vehicle has to allow.",
+        "Path of the drone that flew farthest, which the endurance of a vehicle must allow.",
         "Cabreira, Brisolara and Ferreira 2019",
         lambda record, of: float(path_lengths(record)[-1].max()),
     ),
     Metric(
         "collisions", "Collisions", "",
-        "Pairs of drones in the search that a step has put into one cell, step by step. Rules "
-        "without collisions allow it; then it counts how often it was done.",
+        "Pairs of drones in the search that share a cell after a step, summed over the steps. If "
+        "the rules have no collisions, shared cells count in the same way.",
         "the rule *Collision* of the [rules](rules.md)",
         lambda record, of: float(of.num_collisions[-1]),
     ),
     Metric(
         "separation", "Least separation", "m",
-        "Least distance of the cells of two drones in the search, after any step and at the start.",
+        "Least distance between the cells of two drones in the search, at the start or after any "
+        "step.",
         "",
         _separation,
     ),
     Metric(
         "drones_lost", "Drones lost", "",
-        "Out of the search before it ended: collided, off the grid, or their vehicle was lost.",
+        "Drones out of the search before it ended: collided, off the grid, or with a lost vehicle.",
         "",
         lambda record, of: float(record.lost[-1].sum()),
     ),
     Metric(
         "duration", "Duration", "s",
-        "Mission time of the last step in which drones did anything.",
+        "Mission time of the last step in which a drone acted.",
         "",
         lambda record, of: float(of.times_s[record.acted.any(axis=1)].max(initial=0.0)),
     ),

@@ -31,12 +31,12 @@ class BatteryFields:
         low=0, high=100, unit="%",
     )  # fmt: skip
     battery_reserve: float = field(
-        "float", "Charge that a drone must have left when it is home.", 20.0,
+        "float", "Minimum charge of a drone when it arrives home.", 20.0,
         low=0, high=99, unit="%",
     )  # fmt: skip
     relief_steps: int = field(
         "int",
-        "Steps after which a fully charged drone replaces one that came home; 0: no replacement.",
+        "Steps after which a fully charged drone replaces one that returned; 0: no replacement.",
         0,
         low=0,
         high=10**6,

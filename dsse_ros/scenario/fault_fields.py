@@ -49,7 +49,7 @@ class FaultFields(BatteryFields):
         low=0, high=1,
     )  # fmt: skip
     false_alarm_steps: int = field(
-        "int", "Time that a drone hovers until it knows that its alarm was false.", 2,
+        "int", "Time that a drone hovers to check a false alarm.", 2,
         low=1, high=10**6, unit="steps",
     )  # fmt: skip
     position_noise: float = field(
@@ -62,7 +62,7 @@ class FaultFields(BatteryFields):
         unit="cells",
     )
     wind_speed: float = field(
-        "float", "Speed of the wind; below that of the drones, whose airspeed is drone_speed.", 0.0,
+        "float", "Speed of the wind; must be below the drones' airspeed, drone_speed.", 0.0,
         low=0, high=1000, unit="m/s",
     )  # fmt: skip
     wind_toward: float = field(
@@ -113,16 +113,16 @@ class Fault:
 FAULTS: Mapping[str, Fault] = MappingProxyType(
     {
         "battery": Fault(
-            "Each step takes energy; a drone that could not come home later goes home now.",
+            "Each step uses energy; a drone returns before it has too little to get home.",
             ("battery_move",),
             (
                 "battery_search", "battery_hover", "battery_return", "battery_reserve",
                 "relief_steps",
             ),
         ),
-        "loss": Fault("A drone drops out for good.", ("loss_rate", "loss_steps")),
+        "loss": Fault("A drone drops out of the search.", ("loss_rate", "loss_steps")),
         "false_alarms": Fault(
-            "A search seems to find somebody; the drone hovers until it knows better.",
+            "A search wrongly reports somebody; the drone hovers to check.",
             ("false_alarm_rate",),
             ("false_alarm_steps",),
             holds_up=True,

@@ -65,7 +65,7 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
     )
     land: bool = field(
         "bool",
-        "Whether to leave out cells on land, by the GSHHG shoreline; takes 6 s and 1.3 GB.",
+        "Whether to exclude cells on land, by the GSHHG shoreline; takes 6 s and 1.3 GB.",
         False,
     )
     probability_matrix: ProbabilityMatrix | None = field(
@@ -90,7 +90,7 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         above=0, high=175, unit="deg",
     )  # fmt: skip
     num_drones: int | None = field(
-        "int", "Number of drones; by default one per given start cell, else 1.", None,
+        "int", "Number of drones; by default one per start cell, else 1.", None,
         low=1, high=10**8,
     )  # fmt: skip
     drones_positions: tuple[tuple[int, int], ...] | None = field(
@@ -115,10 +115,10 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         "float", "Spread of the probability along both axes.", None, low=1e-6, unit="cells"
     )
     sigma_x: float | None = field(
-        "float", "Spread along x, where it differs from sigma.", None, low=1e-6, unit="cells"
+        "float", "Spread along x, if different from sigma.", None, low=1e-6, unit="cells"
     )
     sigma_y: float | None = field(
-        "float", "Spread along y, where it differs from sigma.", None, low=1e-6, unit="cells"
+        "float", "Spread along y, if different from sigma.", None, low=1e-6, unit="cells"
     )
     dispersion_inc: float | None = field(
         "float", "Growth of the spread per step.", None, low=0, unit="cells"
@@ -134,7 +134,7 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         "float", "Time of drift before the drones arrive.", 0.0, low=0, high=1e6, unit="min"
     )
     timestep_limit: int | None = field(
-        "int", "Most steps of a search.", None, low=1, high=10**9, unit="steps"
+        "int", "Maximum number of steps of a search.", None, low=1, high=10**9, unit="steps"
     )
 
     def __post_init__(self) -> None:
