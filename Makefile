@@ -77,7 +77,7 @@ sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER
 campaign: $(VENV)/.campaign ## Play a campaign and report it: CONFIG=file OUT=folder
 	@$(BIN)/campaign '$(or $(CONFIG),examples/campaign.yaml)' $(if $(OUT),--out '$(OUT)')
 
-check: lint $(VENV)/.compiled ## Lint, check the types and run the tests that need no DDS and take no two seconds
+check: lint $(VENV)/.compiled ## Lint, check the types and run the tests without DDS that run in under two seconds
 	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_CHECK)
 
 test: lint $(VENV)/.compiled ## Lint, check the types and run all tests; lists the slowest
@@ -128,7 +128,7 @@ soak: $(VENV)/.soak ## Keep every promise of reliability for long: SOAK='--only 
 # For all Pythons and platforms; UV finds what it needs where pip does by default, or by its own settings.
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.10 --generate-hashes --upgrade \
 	--custom-compile-command 'make lock' --no-annotate --no-python-downloads
-lock: $(VENV)/.quality ## Pin what the tests are run with anew, each file by its hash
+lock: $(VENV)/.quality ## Pin the versions for the tests again, each file by its hash
 	@$(LOCK) setup.py --extra $(subst $(COMMA), --extra ,$(OF_TESTS)) --output-file requirements.lock
 	@for distro in jazzy kilted; do $(MAKE) --no-print-directory DISTRO=$$distro .lock; done
 

@@ -10,8 +10,8 @@ comment before it, which readers do not see, changes that:
                                         this comment
     <!-- docs-check: until TEXT -->     it runs until it or what is beside it has printed this
 
-What is not to run for ever is interrupted. `ros2 run` of this package works without a full ROS 2.
-Blocks of Python are run by the tests (`test/packaging/test_docs.py`).
+A program that would run forever is interrupted. `ros2 run` of this package works without a full
+ROS 2. The tests run the blocks of Python (`test/packaging/test_docs.py`).
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class AgentsInfo:
             identifies a search.
         area: Which cells are searched: a text for each row, from the north, with a 1 for each of
             them and a 0 for each other one, from the west; None for the whole grid.
-        decision_time_s: Wall time that a step waits for commands; None where it waits for ever.
+        decision_time_s: Wall time that a step waits for commands; None where it waits forever.
         commanded: Whether each drone has had a command in this mission, or a step waits for none:
             until then nobody may be there who plans the search.
     """
@@ -210,7 +210,7 @@ def agents_from_message(message: String) -> AgentsInfo:
 
 
 def _decision_time_s(keys: Keys) -> float | None:
-    """Return how long a step waits, None for ever.
+    """Return how long a step waits, None forever.
 
     Raises:
         ValueError: If it is no such time.

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A foreign clock that jumps, stands still and starts anew."""
+"""A foreign clock that jumps, stands still and starts again."""
 
 from __future__ import annotations
 

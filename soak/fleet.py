@@ -172,7 +172,7 @@ class Outside(contextlib.ExitStack):
         self._socket = self.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
 
     def act(self, *, late: bool) -> None:
-        """Flood, and once it is late, stop a vehicle and start another one anew."""
+        """Flood, and once it is late, stop a vehicle and start another one."""
         if "flood" in self._of:
             _, vehicle = self._of["flood"]
             for _ in range(1000):

@@ -41,7 +41,7 @@ ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 
 
 class WorldMachine(RuleBasedStateMachine):
-    """A world and its reference: stepped, started anew, kept and taken back."""
+    """A world and its reference: stepped, restarted, saved and restored."""
 
     steps = 0
 
@@ -66,7 +66,7 @@ class WorldMachine(RuleBasedStateMachine):
 
     @rule(seed=st.none() | st.integers(0, 2**32 - 1))
     def reset(self, seed: int | None) -> None:
-        """Start the mission anew."""
+        """Start the mission again."""
         self.env.reset(seed=seed)
         self.reference = reference_of(self.fields)
         assert person_cells(self.env) == self.reference.persons
@@ -203,7 +203,7 @@ class SchedulerMachine(RuleBasedStateMachine):
 
     @rule()
     def restart(self) -> None:
-        """Start a mission anew."""
+        """Start a new mission."""
         self.begin_step(done=False)
 
     @rule(timing=TIMINGS)
@@ -313,7 +313,7 @@ class ControllerMachine(RuleBasedStateMachine):
     @precondition(lambda self: not self.taken)
     @rule()
     def restart(self) -> None:
-        """Start the program anew: it knows nothing of its orders."""
+        """Start the program again, without knowledge of its orders."""
         self.flight.restart()
         self.orders, self.was_done = 0, False
 

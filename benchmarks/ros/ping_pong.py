@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Bare rclpy in the place of `sim_node`: answers each joint action with the messages of a step.
+"""Bare rclpy instead of `sim_node`: answers each joint action with the messages of a step.
 
 They are ready-made: it knows nothing of drones, worlds or maps.
 """

@@ -138,7 +138,7 @@ class FollowedSearch:
             return None
         if self._look_at_step:
             news = self._news_of_step(self.info, now_s)
-            # A mission that begins anew is reported before its step, so look at the step again.
+            # A mission that restarts is reported before its step, so look at the step again.
             self._look_at_step = news is News.BEGUN
             if news is not None:
                 return news

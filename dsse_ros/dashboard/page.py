@@ -123,7 +123,7 @@ class MissionPage:
                 self._live = self._button("Live", "fast_forward", self._on_live)
             ui.html(
                 '<ul class="key" aria-label="Key">'
-                '<li><span class="mark map-mark"></span>the bluer, the likelier</li>'
+                '<li><span class="mark map-mark"></span>probability (low to high)</li>'
                 '<li><span class="mark searched-mark"></span>searched, thicker if more often</li>'
                 "<li>▲ in flight</li><li>★ has found a person</li><li>✕ lost</li>"
                 "<li>△ search over</li><li>■ out of time</li><li>⊕ vehicle</li></ul>",

@@ -179,7 +179,7 @@ def follow_mission(controller: VehicleController, items: tuple[MissionItem, ...]
         state = controller.state
         flown = flown or state.flying
         if state.item_reached <= max(state.item_current, 0):
-            # Reports of an item may get lost, but not for ever: the next one implies it.
+            # Reports of an item may get lost, but not forever: the next one implies it.
             reached = max(reached, state.item_reached, state.item_current - 1)
         down = flown and not state.armed
         if reached >= last or (flown and state.mission_over) or (down and comes_down):

@@ -161,9 +161,10 @@ class PacedSetpoint:
     """
 
     _LEAD_S = 1.0
-    """Greatest lead over the vehicle: more than its position is old, less than makes it run."""
+    """Greatest lead over the vehicle: longer than the age of its position, short enough not to make
+    the vehicle accelerate."""
     _APPROACH_S = 1.0
-    """Time before the end at which the vehicle gets the end itself, where it stops by itself."""
+    """Time before the end at which the setpoint is the end itself, where the vehicle stops."""
 
     def __init__(
         self,

@@ -203,7 +203,7 @@ class BeliefPlanner:
     The tactic plans as if each drone reached its next cell in one step. A slower drone is under
     way for several steps, and the tactic plans for it again in each of them.
 
-    The planner starts anew if it recognizes a new mission: the step number is not greater than the
+    The planner restarts if it recognizes a new mission: the step number is not greater than the
     last one. Without step numbers, it recognizes one by a drone that is not where its command could
     have led, or by cells and a map equal to those of the first observation.
 

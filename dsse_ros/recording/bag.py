@@ -253,7 +253,7 @@ class _Bounded:
 
 
 def _flat(records: Iterator[McapRecord], name: str) -> Iterator[McapRecord]:
-    """Yield records, in the place of each chunk those in it.
+    """Yield records, and the records in a chunk instead of the chunk.
 
     Raises:
         FieldError: If a chunk is too large; it begins with the name of the bag.

@@ -410,7 +410,7 @@ class _Flight:
         for drone in np.flatnonzero(report.points["terminated"]).tolist():
             if not self.mission.result.terminated[drone] and self.mission.lose(drone):
                 self.outcome.lost.append(self.info.agents[drone])
-        # Mission time may have started anew.
+        # Mission time may have restarted.
         self._first_stamp = None
 
     def compare(self, report: _Report) -> Difference | None:

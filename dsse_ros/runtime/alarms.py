@@ -72,5 +72,5 @@ class Alarms:
         """Call the callbacks that are due, each once, in the order of their times."""
         now_s = self._clock()
         for alarm in sorted(self._alarms, key=lambda alarm: alarm.due_s):
-            # An earlier callback may have set it anew: then it is for the next time.
+            # An earlier callback may have set it again: then it is for the next time.
             alarm.ring(now_s)

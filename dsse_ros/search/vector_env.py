@@ -181,7 +181,7 @@ class VectorEnv:
                 sequences are independent. Without a seed all generators continue.
             options: As in `SearchEnv.reset`, for all worlds, valid until the next call, also in
                 automatic resets. Alternatively `reset_mask`, (B,) bool: only these worlds are
-                seeded and start anew, as in an automatic reset; the others stay as they are.
+                seeded and restart, as in an automatic reset; the others stay as they are.
 
         Raises:
             FieldError: If an option or the seed is not allowed; the current missions stay as they

@@ -60,7 +60,7 @@ BAD: dict[str, tuple[Callable[[Any], Belief], str]] = {
     "shares its copies": (_Shared, "expect|update|copy"),
     "sums to more": (_Sure, "sum to 1.001"),
     "expects too little": (_Late, "expect: "),
-    "does not start anew": (_Fixed, "reset"),
+    "does not start again": (_Fixed, "reset"),
 }
 
 

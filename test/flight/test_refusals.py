@@ -25,7 +25,7 @@ PATIENT = {"ardupilot": (("DISARM_DELAY", 60),), "px4": (("COM_DISARM_PRFLT", 60
 
 
 def refusing(autopilot: str, number: int, *results: int, **settings: Any) -> VirtualFlight:
-    """Return a vehicle that answers a command with these, the last one for ever."""
+    """Return a vehicle that answers a command with these, the last one forever."""
     flight = VirtualFlight(autopilot, vehicle={"parameters": PATIENT[autopilot]}, **settings)
     obey, answers = flight.vehicle._commands[number], list(results)
 

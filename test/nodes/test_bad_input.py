@@ -196,7 +196,7 @@ def check(case: Case, code: int, output: str, errors: str) -> None:
 
 @pytest.fixture
 def signal_handlers() -> Iterator[None]:
-    """Give back the handlers that a node takes for good."""
+    """Restore the signal handlers that a node replaces."""
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     handlers = [signal.getsignal(number) for number in numbers]
     yield

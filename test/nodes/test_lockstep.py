@@ -125,7 +125,7 @@ def test_the_node_says_whose_commands_it_waits_for(sim: Sim) -> None:
 
 def test_while_it_waits_the_clock_is_repeated_and_stands_still(sim: Sim) -> None:
     with sim.rig.listening(Clock, "/clock") as clock:
-        sim.rig.until(lambda: len(clock) >= 3, "a clock for who comes late")
+        sim.rig.until(lambda: len(clock) >= 3, "a clock for late joiners")
         now = stamp_ns(sim.reports.last)
         assert {m.clock.sec * 10**9 + m.clock.nanosec for m in clock} == {now} and now > 0
         sim.fly(SEARCH, SEARCH, SEARCH)

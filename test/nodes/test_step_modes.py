@@ -144,7 +144,7 @@ def test_time_stands_still_while_paused_and_goes_on_from_there(sim: Sim, clock: 
     # More than a second, half a step.
     sim.health()
     sim.health()
-    # Repeated for who comes late, and the same.
+    # Repeated for late joiners, and unchanged.
     paused_ns = times_of(clock)[ticks - 1]
     assert len(sim.reports) == steps and set(times_of(clock)[ticks:]) == {paused_ns}
     resumed_s = time.monotonic()

@@ -81,7 +81,7 @@ def test_planners_cover_with_a_mix_of_kinds_without_a_collision(name: str) -> No
     swarm = ("slow", "drone", "drone", "slow")
     env = parallel_env(searchers=swarm, num_drones=4, timestep_limit=300, **task)
     fly(env, name, 1)
-    # They get on: nobody waits for ever for somebody who waits for them.
+    # They get on: nobody waits forever for somebody who waits for them.
     assert env.world.coverage_metrics()["coverage_rate"][0] == 1.0
 
 

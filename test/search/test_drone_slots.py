@@ -113,7 +113,7 @@ def test_what_drones_have_searched_adds_up_to_the_probability_of_success(
     def compare(step: Transition) -> Any:
         nonlocal compared, found, idle, before
         shares = searched_probability(step)
-        # A search that has found somebody is no failed one.
+        # A search that finds somebody has not failed.
         failed = ~env.infos["Found"]
         expected = before + (1 - before) * shares.sum(axis=1)
         assert env.infos["pos"][failed] == pytest.approx(expected[failed], abs=1e-5)

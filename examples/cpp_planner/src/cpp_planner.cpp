@@ -64,7 +64,7 @@ public:
   CppPlanner()
   : Node("cpp_planner")
   {
-    // A volatile subscription that comes late would miss the first step, and lockstep wait for ever.
+    // A volatile subscription that comes late would miss the first step, and lockstep wait forever.
     const auto latched = rclcpp::QoS(1).transient_local();
     map_subscription_ = create_subscription<Image>(
       "probability", latched, [this](Image::ConstSharedPtr map) {map_ = map;});

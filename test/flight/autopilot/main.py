@@ -37,7 +37,7 @@ def make_vehicle(settings: Settings) -> Vehicle:
 def run(
     vehicle: Vehicle, endpoints: Sequence[Endpoint], speedup: float, *, until_eof: bool
 ) -> None:
-    """Fly until the standard input ends, or for ever.
+    """Fly until the standard input ends, or forever.
 
     With TCP, vehicle time starts when the first client of the first such endpoint connects.
     """

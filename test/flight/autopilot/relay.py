@@ -113,7 +113,7 @@ class Relay:
         return host, port
 
     def run(self, *, until_eof: bool) -> None:
-        """Pass on until the standard input ends, or for ever."""
+        """Pass on until the standard input ends, or forever."""
         with DefaultSelector() as selector:
             selector.register(self._near, EVENT_READ, "near")
             selector.register(self._far, EVENT_READ, "far")
