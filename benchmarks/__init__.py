@@ -1,3 +1,3 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Speed and memory beside the published packages and a C baseline, and the published figures."""
+"""Speed and memory against the published packages and a C baseline; published figures."""

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The step of many beliefs, beside the same step in plain NumPy."""
+"""The step of many beliefs, and the same step in plain NumPy."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ GRID_SIZE, NUM_DRONES, BATCH, LIMIT = 40, 5, 1024, 100
 WALKS = 64
 POD = 0.8
 MEASURED = range(4, LIMIT, 10)
-"""Steps of a mission that are measured."""
+"""Measured steps of a mission."""
 SHARES = 8
-"""Parts of the batch that two threads take one after the other."""
+"""Parts of the batch for two threads, which take one after the other."""
 TOLERANCE = 1e-12
-"""Cells of less than 1e-13 are empty in the compiled one."""
+"""Tolerance: the compiled step empties cells below 1e-13."""
 
 Tables = Sequence[NDArray[np.float64] | None]
 
@@ -45,18 +45,18 @@ def measure(
     from the same beliefs.
 
     Args:
-        rounds: How many.
+        rounds: Number of rounds.
         log: Gets a line for each of the rules.
-        batch: B, how many beliefs step at once.
+        batch: B, number of beliefs that step at once.
 
     Raises:
-        BenchmarkError: If NumPy's beliefs are others.
+        BenchmarkError: If NumPy's beliefs differ.
     """
     found = {}
     for rules in RULES:
         search = _Search(rules, batch)
         rates: dict[str, list[float]] = {name: [] for name in WAYS}
-        # In the first round what all share is compiled and computed.
+        # The first round compiles and computes what all rounds share.
         for turn in range(rounds + 1):
             seconds = search.mission(reverse=turn % 2 == 1)
             for name, taken in seconds.items():
@@ -112,7 +112,7 @@ def _seconds(do: Callable[[], object]) -> float:
 class _Search:
     """A batch of beliefs whose drones walk at random and search, and never find anybody.
 
-    The world does no step: it has what a belief reads of it, where the drones are.
+    The world makes no step: it has only what a belief reads, the positions of the drones.
     """
 
     def __init__(self, rules: str, batch: int) -> None:
@@ -134,7 +134,7 @@ class _Search:
         self.table = cache(self._table)
 
     def mission(self, *, reverse: bool) -> dict[str, float]:
-        """Return the seconds that each way took for the measured steps of a mission."""
+        """Return the seconds that each implementation took for the measured steps of a mission."""
         taken = dict.fromkeys(WAYS, 0.0)
         self.beliefs.reset()
         with ThreadPoolExecutor(2) as pool:
@@ -156,14 +156,14 @@ class _Search:
         return taken
 
     def _place(self, step: int) -> None:
-        """Have the drones do a step, and the beliefs know of it."""
+        """Let the drones make a step, and inform the beliefs."""
         world = self.world
         self.beliefs.before_step(self.actions[step])
         world.drones["x"], world.drones["y"] = np.moveaxis(self.cells[step], -1, 0)
         world.worlds["t"] = step + 1
 
     def _shared(self, pool: ThreadPoolExecutor) -> None:
-        """Have two threads do what `WorldBeliefs.after_step` does."""
+        """Do the work of `WorldBeliefs.after_step` in two threads."""
         size = self.batch // SHARES
         list(pool.map(lambda b: self.beliefs.after_step(b, b + size), range(0, self.batch, size)))
 
@@ -185,7 +185,7 @@ class _Search:
     def _table(self, slot: int, direction: int) -> NDArray[np.float64]:
         """Return the probabilities (9, S, S) of the steps from each cell."""
         forecast, side = self.forecast, self.forecast.side
-        # Each row is a person in one cell, and where it is after the step.
+        # Each row is a person in one cell, and its distribution after the step.
         after = np.eye(side * side)
         scratch = np.empty(side * side + belief_kernels.ROW)
         belief_kernels.predict(

@@ -48,7 +48,7 @@ SECTIONS = (
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure, print, write the results and return the exit code; a missed goal is none."""
+    """Measure, print, write the results and return the exit code; a missed goal is no failure."""
     given = _arguments(arguments)
     quick = given.quick
     given.build.mkdir(parents=True, exist_ok=True)
@@ -123,7 +123,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def machine() -> dict[str, Any]:
-    """Return what the figures depend on."""
+    """Return the conditions of the measurement."""
     return {
         "cpu": _cpu(),
         "cores": os.cpu_count(),
@@ -133,7 +133,7 @@ def machine() -> dict[str, Any]:
 
 
 def own_versions() -> dict[str, str]:
-    """Return the versions of what this environment runs."""
+    """Return the versions in this environment."""
     from importlib.metadata import PackageNotFoundError, version
 
     found = {"python": platform.python_version()}
@@ -146,7 +146,7 @@ def own_versions() -> dict[str, str]:
 
 
 def rounded(value: Any) -> Any:
-    """Return the value with its floats at five significant digits, as no timing has more."""
+    """Return the value with floats rounded to five significant digits: timings have no more."""
     if isinstance(value, float):
         return float(f"{value:.5g}")
     if isinstance(value, dict):
@@ -168,7 +168,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def _baselines(folder: Path) -> tuple[dict[str, Path], dict[str, Path]]:
-    """Return the Pythons of the published packages and the C programs that can be had here."""
+    """Return the available Pythons of the published packages, and the available C programs."""
     pythons: dict[str, Path] = {}
     programs: dict[str, Path] = {}
     for name, package in (("dsse_0_1_13", V1), ("dsse_1_1_9", V2)):

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`make compare`: all planners on the same missions, and how they degrade when they are misled.
 
-Mission m of a case has the same seed with every planner, so that the person drifts alike: the
-difference to greedy is one of pairs. A mission without a find counts as the time limit.
+Mission m of a case has the same seed with every planner, so the person drifts the same way: the
+difference to greedy is a paired one. A mission without a find counts with the time limit.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from dsse_ros.search import FieldError, Rules, Scenario
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "planners.md"
 SEED = 20_000_000
-"""Of the first mission; planners are tuned on others."""
+"""Seed of the first mission; planners are tuned on other seeds."""
 BASELINE = "greedy"
 PLANNERS = (
     "random", "sweep", "expanding_square", "spiral", "sector", "greedy",
     "optimal_effort", "route", "belief_greedy", "belief",
 )  # fmt: skip
 PLANNER_SEEDS = {"belief": 32, "route": 16}
-"""How many seeds missions share, of planners that take long; of others each has its own."""
+"""Number of shared seeds of slow planners; missions of other planners have their own seeds."""
 LEVEL = 0.99
 
 
@@ -56,11 +56,11 @@ class Case:
 
     Attributes:
         title: For people.
-        scenario: Where `vectors` are drawn, with another vector.
-        rules: Of the search.
-        published: Figures of others.
+        scenario: The scenario; if `vectors` are drawn, its vector is replaced.
+        rules: Profile of the rules.
+        published: Published figures.
         vectors: Whether each component of the drift is drawn as `round(U(-.1, .1), 1)`.
-        disturbance: What planners do not know, a key of `DISTURBANCES`.
+        disturbance: The wrong assumption of the planners, a key of `DISTURBANCES`.
     """
 
     title: str
@@ -110,13 +110,13 @@ CASES = _cases()
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What the planners do not know.
+    """A wrong assumption of the planners.
 
     Attributes:
         title: For people.
         speed: Factor on the drift per step that planners assume.
-        turn_deg: What that drift is turned by.
-        pod: Probability of detection of the world, None for the scenario's.
+        turn_deg: Angle by which that drift is turned.
+        pod: POD of the world, None for the scenario's.
         known: Whether the planners know it.
         withdraw_at: Step after which one drone is lost, None for never.
     """
@@ -132,7 +132,7 @@ class Disturbance:
         """Return the scenario of the world, and the one that planners assume."""
         world = scenario.override(probability_of_detection=self.pod)
         x, y = scenario.resolve(rules).vector
-        # Where the drift per step is v times its norm, it grows with the square of v.
+        # If the drift per step is v times its norm, it grows with the square of v.
         factor = self.speed**0.5 if rules.drift_by_speed else self.speed
         c, s = factor * cos(radians(self.turn_deg)), factor * sin(radians(self.turn_deg))
         misled = self.speed != 1.0 or self.turn_deg != 0.0
@@ -177,7 +177,7 @@ FAULTS: dict[str, tuple[str, dict[str, Any]]] = {
 FAULT_CASE = "santos_4"
 FAULT_PLANNERS = ("random", "sweep", "greedy", "optimal_effort", "belief_greedy", "belief")
 FAULT_MISSIONS = 400
-"""At the most: with faults no two missions are alike, and each has a planner of its own."""
+"""Maximum: missions with faults differ from each other, so each has its own planner."""
 
 
 def fly_with_fault(planner: str, fault: str, count: int) -> Missions:
@@ -211,7 +211,7 @@ def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
 
 
 def figures(missions: Missions, beside: Missions) -> dict[str, Any]:
-    """Return what missions came to, with 99 % intervals, and the difference to others in pairs."""
+    """Return the results of missions with 99 % intervals, and the paired difference to others."""
     by, of_pairs = clusters(missions.planner_seeds), clusters(beside.planner_seeds)
     found, steps = of_share(missions.found, LEVEL, by), of_mean(missions.steps, LEVEL, by)
     difference = of_mean(missions.steps - beside.steps, LEVEL, by, of_pairs)
@@ -313,7 +313,7 @@ def curve(missions: Missions, limit: int) -> NDArray[np.float64]:
 
 
 def installed(names: Sequence[str]) -> list[str]:
-    """Return the planners that can be loaded; of each other one a line says why not."""
+    """Return the planners that can be loaded; print the reason for each of the others."""
     kept = []
     for name in names:
         try:
@@ -351,7 +351,7 @@ def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, A
     jobs: dict[Future[Missions], tuple[str, str, str]] = {}
     done: dict[tuple[str, str, str], Missions] = {}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        # Those that take the longest come first.
+        # The slowest ones come first.
         for name in reversed(names):
             for key, case in CASES.items():
                 kinds = {case.disturbance, *(DISTURBANCES if key in DISTURBED_CASES else ())}

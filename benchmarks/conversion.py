@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""World to message: the map of a large world as an OccupancyGrid, beside copying its bytes."""
+"""World to message: the map of a large world as an OccupancyGrid, and a copy of its bytes."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ WORLDS: dict[str, dict[str, Any]] = {
 
 
 def measure(rounds: int) -> dict[str, dict[str, float]]:
-    """Return the seconds of each way, for a map without zeros and for one with a circle.
+    """Return the seconds of each conversion, for a map without zeros and for one with a circle.
 
-    Of each the least and, with `median_` before its name, the median. `copy_s` copies the float32
-    map into memory that is there already, `new_copy_s` into new memory, as a message needs it.
+    Gives the minimum and, with the prefix `median_`, the median. `copy_s` copies the float32
+    map into allocated memory, `new_copy_s` into new memory, as a message needs it.
     """
     frame = GridFrame(
         grid_size=GRID_SIZE,

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the benchmark must show, and whether it does."""
+"""The goals of the benchmark, and whether it meets them."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class Goal:
     """A figure and its bound.
 
     Attributes:
-        what: Of what.
+        what: Name of the figure.
         sign: ">=" or "<=".
         bound: The bound.
         unit: What the bound is a multiple of, or its unit.
-        measured: Reads the figure from the results: of the best rounds and of the median ones,
-            None where it was not measured. The best are judged.
+        measured: Reads the figure from the results, for the best and for the median rounds,
+            None if not measured. The best rounds count.
     """
 
     what: str
@@ -144,7 +144,7 @@ GOALS = (
             ("recorded", ""), ("dashboard", ", dashboard"), ("page_open", ", page open")
         )
     ),
-    # No Python object and no allocation is smaller than that.
+    # No Python object and no allocation is smaller.
     Goal("memory growth over 10^6 steps: none", "<=", 1, "bytes per step", _growth),
     Goal("import without compiler cache to first step", "<=", 15, "s",
          _seconds("start_up", "cold_s")),
@@ -154,7 +154,7 @@ GOALS = (
 
 
 def judge(figures: Figures) -> list[dict[str, Any]]:
-    """Return every goal with what was measured and the verdict."""
+    """Return every goal with its figures and the verdict."""
     judged = []
     for goal in GOALS:
         best, middle = goal.measured(figures) or (None, None)

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.rules import ACTION_VECTORS
 
 TIES = ("quicksort", "stable")
-"""`quicksort`: as NumPy's quicksort leaves them where it does not use vector instructions.
-`stable`: of equal values the one further back in the map counts as the greater."""
+"""`quicksort`: the order of NumPy's quicksort without vector instructions.
+`stable`: of equal values, the later one in the map counts as the greater."""
 
 SMALL = 15
-"""NumPy sorts by insertion what is not longer than this plus one."""
+"""NumPy uses insertion sort for parts of at most this length plus one."""
 
 
 @njit(cache=True, nogil=True)
@@ -46,7 +46,7 @@ def quicksort_tail(values, order, count):
     for i in range(len(values)):
         order[i] = i
     first = len(values) - count
-    # Parts still to be sorted; the sort of one does not touch another.
+    # Parts still to be sorted, which do not overlap.
     pending = np.empty((64, 2), np.int64)
     pending[0] = 0, len(values) - 1
     parts = 1

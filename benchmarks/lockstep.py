@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Lockstep steps per second of `sim_node`, beside bare rclpy that sends the same messages."""
+"""Lockstep steps per second of `sim_node`, and of bare rclpy that sends the same messages."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STEPS = LIMIT + 1
 CAPTURE_TIMEOUT_S = 120
 
 BELIEF_DRONES = 20
-# Nobody is found, yet each search is one to learn from.
+# Nobody is found, but beliefs learn from each search.
 UNLIKELY = {"probability_of_detection": 1e-12}
 BELIEFS: dict[str, dict[str, Any]] = {
     "none": {"compute_pos": "never", **UNLIKELY},
@@ -43,7 +43,7 @@ def measure(
     log: Callable[[str], None],
     drones: Sequence[int] = DRONES,
 ) -> dict[str, dict[str, Any]]:
-    """Return steps per second by number of drones; both take turns."""
+    """Return steps per second by number of drones; both run in turn."""
     found = {}
     for num_drones in drones:
         try:
@@ -99,7 +99,7 @@ def measure_belief(
 ) -> dict[str, dict[str, list[float]]]:
     """Return steps per second by rules, of missions without a belief and of one that goes out.
 
-    Both take turns, with as many drones as `BELIEF_DRONES`.
+    Both run in turn, with `BELIEF_DRONES` drones.
     """
     found = {}
     for rules in ("paper", "v2"):
@@ -176,7 +176,7 @@ def _node(module: str, arguments: list[str], environment: dict[str, str]) -> Ite
     """Run a node while the block lasts.
 
     Raises:
-        BenchmarkError: If the block fails and it is the node that had ended.
+        BenchmarkError: If the block fails because the node has ended.
     """
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(

@@ -21,10 +21,10 @@ PEAK_STEPS = 300
 
 
 def measure(pythons: Mapping[str, Path], long_run: int) -> dict[str, dict[str, float]]:
-    """Return peak memory in MiB of all, and of ours the growth in bytes per step too.
+    """Return the peak memory of all in MiB, and the growth of ours in bytes per step.
 
-    Growth is that from the tenth part of `long_run` environment steps to their end: by then every
-    buffer has its size.
+    Growth is measured after the first tenth of `long_run` environment steps, when every
+    buffer has its final size.
     """
     single, batch = {"rules": "v2"}, {"rules": "v1"}
     runs: list[tuple[str, str, dict[str, Any], int]] = [

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The speeds, and the planners compared, as pictures."""
+"""Pictures of the speeds and of the comparison of planners."""
 
 from __future__ import annotations
 

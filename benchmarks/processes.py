@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What is measured: processes that wait while another one runs, and the C programs."""
+"""The measured processes, which wait while another one runs, and the C programs."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ TIMEOUT_S = 180.0
 
 
 class BenchmarkError(Exception):
-    """What is measured has failed or gives no answer; the text is one line."""
+    """A measured process failed or does not answer; the text is one line."""
 
 
 class Implementation(Protocol):
-    """Something that does environment steps on demand."""
+    """Makes environment steps on demand."""
 
     def set_up(self, config: dict[str, Any]) -> None:
         """Get ready for this work."""
@@ -38,7 +38,7 @@ class Process:
 
     Args:
         module: Its name.
-        python: Of the environment it runs in, by default this one.
+        python: Python of its environment, by default this one.
         environment: Variables to add.
 
     Raises:
@@ -81,7 +81,7 @@ class Process:
         return float(answer["steps"] / answer["seconds"])
 
     def ask(self, what: str, *arguments: Any) -> dict[str, Any]:
-        """Have the program do something and return its answer."""
+        """Send the program a request and return its answer."""
         assert self._process.stdin is not None and self._process.stdout is not None
         request = json.dumps({"do": what, "with": arguments}) + "\n"
         try:
@@ -125,7 +125,7 @@ class CBaseline:
     Args:
         program: As `published.build` made it.
         lazy: Whether it keeps only the parameters of the maps.
-        worlds: In a batch, by default as many as the set-up says.
+        worlds: Worlds in a batch, by default those of the set-up.
     """
 
     def __init__(self, program: Path, *, lazy: bool = False, worlds: int | None = None) -> None:
@@ -146,7 +146,7 @@ class CBaseline:
 
 
 class Limit:
-    """As many bytes as the maps of a batch have, written by memset.
+    """memset of as many bytes as the maps of a batch have.
 
     Args:
         program: As `published.build` made it.

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The published packages, installed from PyPI into environments of their own, and programs in C."""
+"""The published packages from PyPI in separate environments, and programs in C."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ COMPILER_FLAGS = ("-O3", "-march=native", "-ffast-math")
 
 @dataclass(frozen=True)
 class Published:
-    """A package as it was published.
+    """A published package.
 
     Attributes:
-        version: Of DSSE.
-        sha256: Of its wheel.
+        version: Version of DSSE.
+        sha256: SHA-256 of its wheel.
         pythons: Minor versions of Python 3 that it runs on, the best first.
-        requirements: What to install besides; None for what the package asks for.
+        requirements: Other packages to install; None for those that the package requires.
     """
 
     version: str
@@ -38,7 +38,7 @@ V1 = Published(
     "0.1.13",
     "af67a7ad43984016b81eb9f255edba11e9e1c7d835cf1d1aa88d20025ea0bb0c",
     (10, 11, 9),
-    # The package asks for more than it imports; these are the versions of its time.
+    # The package requires more than it imports; these are the versions of its time.
     ("numpy<1.25", "gymnasium==0.28.1", "pettingzoo==1.22.4", "pygame", "matplotlib==3.7.5"),
 )
 V2 = Published(
@@ -54,7 +54,7 @@ class Unavailable(Exception):
 
 
 def install(package: Published, folder: Path) -> Path:
-    """Return the Python of an environment with the package; it is made on the first call.
+    """Return the Python of an environment with the package, which the first call creates.
 
     Raises:
         Unavailable: If there is no Python for it, or an installation fails.
@@ -109,7 +109,7 @@ def versions(python: Path) -> dict[str, str]:
 
 
 def _interpreter(package: Published) -> Path | None:
-    """Return a Python that the package runs on and that can make environments."""
+    """Return a Python that the package supports and that can create environments."""
     own = Path(sys.base_prefix, "bin", f"python3.{sys.version_info.minor}")
     for minor in package.pythons:
         found = shutil.which(f"python3.{minor}")

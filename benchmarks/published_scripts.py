@@ -17,12 +17,12 @@ from benchmarks.processes import Process
 def measure(
     pythons: Mapping[str, Path], *, rounds: int, seconds: float, log: Callable[[str], None]
 ) -> list[dict[str, Any]]:
-    """Return the median rates of each stack of wrappers; both take turns.
+    """Return the median rates of each stack of wrappers; both packages run in turn.
 
     Args:
         pythons: That of DSSE 1.1.9 under `dsse_1_1_9`; without it ours is measured alone.
-        rounds: How often both are measured.
-        seconds: How long each time.
+        rounds: Number of measurements of both.
+        seconds: Duration of each measurement.
         log: Prints a line.
     """
     found = []

@@ -21,14 +21,14 @@ KINDS = {
     "dashboard": "and dashboard",
     "page_open": "and its page open",
 }
-"""What runs beside the simulation and its peer, each with all before it, and how it is printed."""
+"""Processes next to the simulation and its peer, each with all earlier ones, and their labels."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def measure(
     *, rounds: int, seconds: float, log: Callable[[str], None]
 ) -> dict[str, dict[str, list[float]]]:
-    """Return steps per second by number of drones and `KINDS`, which take turns."""
+    """Return steps per second by number of drones and `KINDS`, which run in turn."""
     kinds = list(KINDS)
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
@@ -70,10 +70,10 @@ def _free_port() -> int:
 
 @contextmanager
 def _open_page(browser: str, url: str) -> Iterator[None]:
-    """Have a page in a browser without a window while the block lasts, once it shows a mission.
+    """Open the page in a headless browser for the block, and wait until it shows a mission.
 
     Raises:
-        BenchmarkError: If it does not.
+        BenchmarkError: If it shows none.
     """
     from playwright.sync_api import Error, sync_playwright
 

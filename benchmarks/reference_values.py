@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Figures that the authors of DSSE published, and what an independent replay of them gave."""
+"""Figures that the authors of DSSE published, and the results of an independent replay."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Source:
-    """Somebody's figures.
+    """Figures of one source.
 
     Attributes:
-        name: Whose.
-        episodes: Behind the figures.
+        name: The source.
+        episodes: Number of episodes.
         found: Share of the episodes in which every person was found.
         steps: Mean number of calls of `step` per episode.
         steps_when_found: The same of the episodes with a find, None if not given.

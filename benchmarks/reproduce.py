@@ -3,8 +3,8 @@
 """`make reproduce`: two published tables, replayed in batches on the profiles v1 and v2.
 
 A figure is reproduced if it lies in the 99 % interval of the published one or of the replay of the
-published package. The interval's width is that of the other side's number of episodes; ours are so
-many more that their own uncertainty hardly counts.
+published package. The interval's width depends on the other side's number of episodes. Ours are so
+many more that their uncertainty is negligible.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SEED = 2023
 
 @dataclass(frozen=True)
 class Episodes:
-    """What E episodes came to.
+    """Results of E episodes.
 
     Attributes:
         found: (E,) bool, whether every person was found.
@@ -81,7 +81,7 @@ def sweep_episodes(count: int, seed: int) -> Episodes:
 
 
 def greedy_episodes(count: int, seed: int, dispersion_inc: float, ties: str) -> Episodes:
-    """Play table B: four drones from the middles of the edges, greedy."""
+    """Play table B: four greedy drones that start in the middle of the edges."""
     scenario, rules = scenario_and_rules(
         rules="v2",
         grid_size=40,
@@ -112,14 +112,14 @@ def play(world: World, policy: Any) -> Episodes:
         world.step(policy(going))
         steps[going] += 1
         rewards[going] += world.rewards[going].sum(axis=1)
-        # A world that goes on after its end does not count any more.
+        # A world that continues after its end no longer counts.
         found |= going & (world.worlds["num_missing"] == 0)
         going &= ~world.worlds["done"]
     return Episodes(found, steps, rewards)
 
 
 def in_batches(play_batch: Any, count: int, batch: int) -> Episodes:
-    """Return `count` episodes, played so many at a time with seeds of their own."""
+    """Return `count` episodes, played in parts with separate seeds."""
     parts = []
     for first in progress(range(0, count, batch), "missions"):
         parts.append(play_batch(min(batch, count - first), SEED + first))
@@ -132,7 +132,7 @@ def in_batches(play_batch: Any, count: int, batch: int) -> Episodes:
 
 
 def summary(episodes: Episodes, *, when_found: bool) -> dict[str, Any]:
-    """Return the figures with their intervals; the median as the source has it."""
+    """Return the figures with their intervals; the median is defined as in the source."""
     found, steps, count = episodes.found, episodes.steps, len(episodes.found)
     chosen = steps[found] if when_found else steps
     figures: dict[str, Any] = {
@@ -160,7 +160,7 @@ def _figure(value: float, interval: tuple[float, float]) -> dict[str, Any]:
 
 
 def compare(figures: dict[str, Any], sources: tuple[Source, ...]) -> bool:
-    """Add the others' figures and verdicts; returns whether the required ones are reproduced.
+    """Add the other figures and the verdicts; return whether the required ones are reproduced.
 
     Required are the share of finds and the mean number of steps.
     """
@@ -212,7 +212,7 @@ def table(title: str, figures: dict[str, Any]) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Replay both tables; the exit code is 1 if one is not reproduced."""
+    """Replay both tables; return the exit code, 1 if one is not reproduced."""
     parser = argparse.ArgumentParser(prog="make reproduce", description=__doc__)
     parser.add_argument("--episodes", type=int, default=100_000, help="of the sweep")
     parser.add_argument("--greedy-episodes", type=int, default=20_000)
@@ -231,7 +231,7 @@ def main(arguments: list[str] | None = None) -> int:
             episodes = in_batches(play_batch, given.greedy_episodes, 2_000)
             of_ties[ties] = summary(episodes, when_found=False)
             same = compare(of_ties[ties], sources)
-            # The published code sorts so; the other order shows how much hangs on it.
+            # The published code uses this sort; the other order shows its effect.
             if ties == "quicksort":
                 reproduced = reproduced and same
             title = f"B. v2, greedy, dispersion_inc {dispersion_inc:g}, ties as by a {ties} sort"

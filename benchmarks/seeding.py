@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The time that seeding many worlds takes."""
+"""The time to seed many worlds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ WORLDS = 100_000
 
 
 def measure(rounds: int) -> dict[str, list[float]]:
-    """Return the seconds that seeding `WORLDS` worlds with one number took, round by round."""
+    """Return the seconds to seed `WORLDS` worlds with one number, round by round."""
     world = World(Scenario(), profile("paper"), WORLDS, write_maps=False)
     seconds = []
     for seed in range(rounds):

@@ -18,24 +18,24 @@ from benchmarks.workload import batch_size, random_walks
 from dsse_ros.scenario.rules import profile
 
 LIMIT = 100
-# Calls of an episode that only time ends.
+# Calls of an episode that ends by its time limit.
 CALLS = {"v1": LIMIT + 2, "v2": LIMIT + 1}
 WALKS = 64
 
 DRONES = (1, 5, 20, 50, 400)
 GRIDS = (20, 40, 100, 200, 1000)
-# A block of one cell has no move.
+# In a block of one cell a drone cannot move.
 CELLS = [(g, n) for g in GRIDS for n in DRONES if 2 * n <= g * g]
 GOAL_CELLS = [(40, 5), (100, 5), (40, 50), (40, 400)]
 QUICK_CELLS = [*GOAL_CELLS, (20, 5), (200, 5), (1000, 5), (40, 1)]
-# One step takes 0.1.13 more than a second.
+# One step of 0.1.13 takes more than a second.
 TOO_LARGE = {"dsse_0_1_13": 1000}
 
 
 def configuration(rules: str, grid_size: int, num_drones: int) -> dict[str, Any]:
-    """Return what all are set up with: the scenario of the C baseline, or the defaults of v2.
+    """Return the common set-up: the scenario of the C baseline, or the defaults of v2.
 
-    Nobody is found, so that every episode lasts until its time is out.
+    Nobody is found, so every episode lasts until its time limit.
     """
     fields: dict[str, Any] = {
         "rules": rules,
@@ -53,7 +53,7 @@ def configuration(rules: str, grid_size: int, num_drones: int) -> dict[str, Any]
 def implementations(
     stack: ExitStack, pythons: Mapping[str, Path], programs: Mapping[str, Path]
 ) -> dict[str, tuple[str, dict[str, Any], Implementation]]:
-    """Return all that is measured by name, with its rules and what its set-up adds.
+    """Return all measured programs by name, with their rules and additions to the set-up.
 
     Args:
         stack: Ends their processes.
@@ -102,8 +102,8 @@ def measure(
 ) -> list[dict[str, Any]]:
     """Return the rates of all at each cell (grid size, drones).
 
-    They take turns, in one order and then in the other, so that a slow phase of the machine meets
-    them all; the cells that have goals get twice as many rounds.
+    They run in turn, in one order and then in the other, so that a slow phase of the machine slows
+    all of them; the cells that have goals get twice as many rounds.
     """
     found = []
     with ExitStack() as stack:
@@ -198,7 +198,7 @@ def ratio(
     """Return the ratio of two best rates and of their medians.
 
     Returns:
-        None where one of them was not measured.
+        None if one of them was not measured.
     """
     for found in cells:
         best, median = found["best"], found["median"]

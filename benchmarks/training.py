@@ -36,7 +36,7 @@ ACTIONS = 9
 
 
 class PublishedSlots:
-    """What `DroneSlots` is, of environments of DSSE 1.1.9, stepped one after the other."""
+    """The counterpart of `DroneSlots`: environments of DSSE 1.1.9, stepped one after the other."""
 
     num_slots, num_actions = WORLDS * DRONES, ACTIONS
 
@@ -53,7 +53,7 @@ class PublishedSlots:
         self.single_observation_space = spaces.Box(
             0.0, 1.0, (2 * DRONES + GRID * GRID,), np.float32
         )
-        # It has no masks: a drone stays where it would leave the grid.
+        # It has no masks: a drone that would leave the grid stays.
         self._masks = np.ones((self.num_slots, ACTIONS), np.int8)
         self._steps = np.zeros(WORLDS, np.int64)
         self.acting = np.ones(self.num_slots, np.bool_)
@@ -114,7 +114,7 @@ def our_slots() -> DroneSlots:
 
 
 class Rate(BaseCallback):
-    """Notes how many steps the worlds did, and how long they and the learning took."""
+    """Records the number of steps of the worlds, and the time of the steps and of the learning."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -138,7 +138,7 @@ def measure(slots: Any, updates: int) -> dict[str, float]:
         policy_kwargs={"net_arch": [128, 128]},
     )  # fmt: skip
     count = STEPS * slots.num_slots
-    # The first one compiles.
+    # The first run compiles.
     model.learn(count)
     rate, began_s = Rate(), time.process_time()
     model.learn(updates * count, callback=rate)

@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The side of a measurement that runs in a process and an environment of its own.
+"""The side of a measurement that runs in a separate process and environment.
 
-It needs nothing but the standard library and knows nothing of this package, so that it runs
-beside the published ones. Its requests are lines of JSON, and it answers with one each.
+It needs only the standard library and does not use this package, so it also runs in the
+environments of the published ones. Its requests and answers are one line of JSON each.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from itertools import islice
 from typing import Any
 
 MakeWork = Callable[[dict[str, Any]], Iterator[int]]
-"""Makes of the set-up an endless iterator that does some work at each `next` and returns how many
-environment steps it was."""
+"""Makes an endless iterator from the set-up that works at each `next` and returns the number of
+environment steps."""
 
 LOOK_S = 0.002
 """Time between looks at the clock."""
@@ -30,7 +30,7 @@ WARM_UP_S = 0.1
 def peak_bytes() -> int:
     """Return the peak memory of this process."""
     try:
-        # Not ru_maxrss: that of a child begins at what its parent had.
+        # Not ru_maxrss: in a child it starts at the value of the parent.
         with open("/proc/self/status") as status:
             return 1024 * int(re.findall(r"VmHWM:\s+(\d+) kB", status.read())[0])
     except (OSError, IndexError):
@@ -69,7 +69,7 @@ class _Runner:
         return {}
 
     def run(self, seconds: float) -> dict[str, Any]:
-        """Work for this long; the world goes on where the last run left it."""
+        """Work for this long; the world continues where the last run ended."""
         steps, elapsed = 0, 0.0
         start = time.perf_counter()
         while elapsed < seconds:
@@ -87,7 +87,7 @@ class _Runner:
 
 def serve(make: MakeWork) -> None:
     """Obey the lines on standard input until it ends."""
-    # Whatever the work prints must not get between the answers.
+    # Output of the work must not mix with the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     runner = _Runner(make)

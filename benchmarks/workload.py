@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The work that all do: where drones start, and their actions in advance."""
+"""The common work: the start cells of the drones, and their actions drawn in advance."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from dsse_ros.planners.sweep import shares
 from dsse_ros.scenario.rules import ACTION_VECTORS
 
 MAP_BYTES = 1 << 29
-"""What the maps of one batch may take."""
+"""Maximum memory of the maps of one batch."""
 
 
 def batch_size(grid_size: int) -> int:
-    """Return the number of worlds in a batch: 1024, fewer where their maps would be too large."""
+    """Return the number of worlds in a batch: 1024, or fewer if their maps would be too large."""
     worlds = 1024
     while worlds * grid_size**2 * 4 > MAP_BYTES:
         worlds //= 2
@@ -30,8 +30,8 @@ def random_walks(
     """Return random valid actions for drones that never leave the grid and never meet.
 
     Each drone has a block of the grid to itself, starts in its middle and stays in it, so that an
-    episode lasts until its time is out, whatever the rules. One action in as many as there are is
-    a search, the others are moves that the block allows, equally likely.
+    episode lasts until its time limit, whatever the rules. One of A actions is
+    a search, with A the number of actions; the others are allowed moves, equally likely.
 
     Args:
         grid_size: Cells along a side.

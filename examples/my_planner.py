@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A planner of one's own, which uses nothing but topics: start `sim_node`, then this.
+"""An example planner that uses only topics: start `sim_node`, then this.
 
 Each drone has its own columns; it flies to the best cell in them and searches there.
 """
@@ -48,7 +48,7 @@ class MyPlanner(Node):
         self.create_timer(0.01, self.answer)
 
     def answer(self) -> None:
-        """Command the drones once per step, when its map and its report are both here."""
+        """Command the drones once per step, when both its map and its report have arrived."""
         image, report = self.received.get("probability"), self.received.get("step_report")
         if not image or not report or image.header.stamp != report.header.stamp:
             return

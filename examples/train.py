@@ -5,9 +5,9 @@
     pip install '.[train]'
     python examples/train.py --out out/train
 
-Each drone of each world is an environment of its own to the library; all share the policy. A drone
+Each drone of each world is a separate environment for the library; all share the policy. A drone
 observes the belief, where the person can still be after the searches so far, and is rewarded for
-the probability that is searched. Ctrl-C leaves a checkpoint, and the same command goes on from it.
+the probability that is searched. Ctrl-C saves a checkpoint, and the same command resumes from it.
 """
 
 from __future__ import annotations
@@ -43,27 +43,27 @@ SEARCH: dict[str, Any] = {
     "person_initial_position": (20, 20),
     "dispersion_inc": 0.05,
 }
-"""The published case: four drones from the middles of the edges, 100 steps."""
+"""The published case: four drones that start in the middle of the edges, 100 steps."""
 SEED = 1
-"""Of the weights and what is drawn; the worlds are seeded with 1000 and those that follow."""
+"""Seed of the weights and of the draws; the worlds have the seeds from 1000 on."""
 WORLD_SEED, CHECK_SEED, TEST_SEED = 1_000, 10_000_000, 20_000_000
-"""Of the first mission that is trained on, that checkpoints are chosen by, and that is reported."""
+"""First seeds of the missions for training, for choosing checkpoints and for the report."""
 WORLDS, STEPS = 64, 32
-"""Steps of as many worlds between two updates."""
+"""Steps of the worlds between two updates."""
 GAMMA = 0.96
 ENTROPY = 0.005
-"""What a random choice is worth at first; nothing in the end."""
+"""Weight of the entropy at first; it falls to 0."""
 TEAM = 0.5
-"""Share of the reward that all drones have in common."""
+"""Fraction of the reward that all drones share."""
 
 
 def reward(step: Transition) -> NDArray[np.float64]:
-    """Return the probability that is searched, (B, N): one's own and the team's; and the way there.
+    """Return the searched probability, (B, N), of the drone and of the team, and the approach.
 
-    It is over the root of the highest one: late in a mission, when little is left anywhere, a drone
-    would hardly learn otherwise.
-    What is paid for coming nearer is a potential, taken back at the end, but where the time is out,
-    as the learner goes on from there: it changes no optimum (Ng, Harada and Russell, "Policy
+    It is divided by the root of the highest one: late in a mission, with little left, a drone
+    would otherwise hardly learn.
+    The reward for the approach is a potential, taken back at the end except at the time limit,
+    where the learner continues: it changes no optimum (Ng, Harada and Russell, "Policy
     invariance under reward transformations", 1999).
     """
     highest = step.before["probability"].max(axis=(1, 2))
@@ -88,7 +88,7 @@ def make_env() -> DroneVecEnv:
 
 
 def make_model(env: DroneVecEnv) -> MaskablePPO:
-    """Return a policy that knows nothing yet."""
+    """Return an untrained policy."""
     return MaskablePPO(
         "MlpPolicy",
         env,
@@ -112,7 +112,7 @@ def make_model(env: DroneVecEnv) -> MaskablePPO:
 
 
 def check(model: Path) -> Missions:
-    """Return what an exported policy comes to on missions that were not trained on."""
+    """Return the results of an exported policy on missions that it was not trained on."""
     return play_missions(2000, "onnx", seed=CHECK_SEED, options={"model": str(model)}, **SEARCH)
 
 
@@ -121,7 +121,7 @@ class Progress(BaseCallback):
 
     Args:
         out: Folder of the results.
-        total: Steps of drones to train for, those before a checkpoint too.
+        total: Steps of drones to train for, including those before a checkpoint.
         check_every: Steps of drones between two checkpoints.
     """
 
@@ -135,7 +135,7 @@ class Progress(BaseCallback):
         self.checks_s = 0.0
 
     def stop(self, *_: Any) -> None:
-        """End the training with the step under way; a second Ctrl-C ends it at once."""
+        """End the training after the current step; a second Ctrl-C ends it at once."""
         self.stopped = True
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -152,7 +152,7 @@ class Progress(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         self.model.ent_coef = ENTROPY * self.model._current_progress_remaining
-        # The policy is that of the last update.
+        # The policy of the last update.
         self.bar.update(self.num_timesteps - self.bar.n)
         if self.num_timesteps - self.checked >= self.check_every:
             self.keep()
@@ -190,7 +190,7 @@ class Progress(BaseCallback):
 
 
 def save(model: MaskablePPO, out: Path) -> None:
-    """Save a checkpoint; the one before stays until it is complete."""
+    """Save a checkpoint; the previous one stays until it is complete."""
     model.save(out / "next.zip")
     os.replace(out / "next.zip", out / "checkpoint.zip")
 
@@ -231,7 +231,7 @@ def write_curve(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def train(out: Path, total: int, check_every: int) -> None:
-    """Train, or go on from the checkpoint in the folder of the results."""
+    """Train, or resume from the checkpoint in the folder of the results."""
     out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
     env = make_env()
@@ -250,7 +250,7 @@ def train(out: Path, total: int, check_every: int) -> None:
 
 
 def main() -> None:
-    """Train as the command line says."""
+    """Train with the options of the command line."""
     parser = argparse.ArgumentParser(description="Train a policy, or go on from a checkpoint.")
     parser.add_argument("--out", type=Path, default=Path("out/train"), help="folder of the results")
     parser.add_argument("--steps", type=float, default=1.2e6, help="of drones, in all")

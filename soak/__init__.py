@@ -1,3 +1,3 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`make soak`: the promises of reliability, kept for long; the tests keep each for a short time."""
+"""`make soak`: the reliability promises in long runs; the tests check each in a short run."""

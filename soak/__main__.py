@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`make soak`: measures every row of the table of promises, and goes on where it was stopped."""
+"""`make soak`: measures every row of the table of promises, and resumes where it was stopped."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from soak.rows import ROWS
 RESULTS = ROOT / "benchmarks" / "results" / "soak.json"
 BUILD = ROOT / ".venv" / "soak"
 CODE = ("dsse_ros", "msg_adapters", "soak", "config", "test/nodes", "test/flight", "benchmarks/ros")
-"""What a result depends on: a row that was measured with the same is not measured again."""
+"""What a result depends on; a row measured under the same conditions is not measured again."""
 SUFFIXES = (".py", ".yaml", ".js", ".css", ".html", ".xml")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure what is missing, write it and return the exit code: 1 where a promise is broken."""
+    """Measure the missing rows, write them and return the exit code, 1 if a promise is broken."""
     given = _arguments(arguments)
     path: Path = given.out or (BUILD / "soak.json" if given.quick else RESULTS)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
             say(f"{name:18} done before: {done['says']}")
             continue
         measured = measure(ROWS[name], given.quick, BUILD / name) | {"code": code}
-        # Others may measure other rows meanwhile.
+        # Other processes may measure other rows meanwhile.
         results = _load(path) | {name: measured}
         _save(path, results)
         say(f"{name:18} {results[name]['says']}")
@@ -53,8 +53,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def measure(row: Row, quick: bool, folder: Path) -> dict[str, Any]:
-    """Return what a row came to, and under which circumstances."""
-    # What fuzzing has learned is kept.
+    """Return the result of a row and the conditions under which it was measured."""
+    # Keep the inputs that fuzzing has found.
     for path in folder.glob("*"):
         if path.name != "corpus":
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -84,18 +84,18 @@ def measure(row: Row, quick: bool, folder: Path) -> dict[str, Any]:
 
 
 def digest() -> str:
-    """Return what changes with the code that is measured and the code that measures."""
+    """Return a value that changes with the measured code and the measuring code."""
     found = hashlib.sha256()
     for folder in CODE:
         for path in sorted((ROOT / folder).rglob("*")):
-            # Tests are no part of it, their rigs are.
+            # Includes the rigs of the tests, but not the tests.
             if path.suffix in SUFFIXES and not path.name.startswith("test_"):
                 found.update(f"{path.relative_to(ROOT)}\0".encode() + path.read_bytes() + b"\0")
     return found.hexdigest()[:16]
 
 
 def _commit() -> str:
-    # What is measured is written there, row by row.
+    # The results are written there, row by row.
     changes = ["status", "--porcelain", "--untracked-files=no", "--", ".", ":!benchmarks/results"]
     return _git("rev-parse", "--short=12", "HEAD") + ("-dirty" if _git(*changes) else "")
 
@@ -113,7 +113,7 @@ def _load(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _save(path: Path, results: dict[str, dict[str, Any]]) -> None:
-    """Write the results so that a kill leaves the old ones or the new ones."""
+    """Write the results atomically: a kill leaves the old ones or the new ones."""
     temporary = path.with_suffix(".tmp")
     ordered = {name: results[name] for name in ROWS if name in results}
     temporary.write_text(json.dumps(ordered, indent=1) + "\n", encoding="utf-8")

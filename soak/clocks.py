@@ -20,7 +20,7 @@ RATE = 10.0
 
 
 def clock_jumps(run: Run) -> Figures:
-    """Let a simulation in real time and a planner follow a clock that nobody can trust."""
+    """Let a simulation in real time and a planner follow an unreliable clock."""
     pause_s = run.size(10.0, 1.5)
     jumps = [HOUR_S, -HOUR_S, HOUR_S, None, HOUR_S, -HOUR_S, 1e9, None]
     caught_up, step_s = 0, run.size(1.0, 0.3)
@@ -70,17 +70,17 @@ def clock_jumps(run: Run) -> Figures:
 
 
 def steps_too_many(sim: Sim, before: int, began_s: float) -> int:
-    """Return how many more steps were done than wall time has room for."""
+    """Return the number of steps beyond those that fit into the wall time."""
     sim.rig.drain()
     due = (time.monotonic() - began_s) * RATE
     return max(sim.step_number - before - int(due) - 1, 0)
 
 
 class ForeignClock:
-    """A clock that somebody else publishes.
+    """A clock that another publisher sends.
 
     Attributes:
-        now_s: What it shows.
+        now_s: Its current time.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -89,7 +89,7 @@ class ForeignClock:
         self.now_s = 1000.0
 
     def run(self, seconds: float) -> None:
-        """Let it go on for a while."""
+        """Let it run for a while."""
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             self._publisher.publish(Clock(clock=to_stamp(round(self.now_s * 1e9))))

@@ -1,23 +1,23 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever happens in whatever order, no vehicle moves against a person or a failsafe."""
+"""No vehicle moves against a person or a failsafe, for events in any order."""
 
 from __future__ import annotations
 
 from collections import Counter
 
-from soak import rigs  # noqa: F401, the paths of what the tests fly with
+from soak import rigs  # noqa: F401, the paths of the tests' rigs
 from soak.row import Figures, Row, Run, zero
 
 # isort: split
 from interleavings import Interleaving
 
 EVENTS = 14
-"""Of each run: searches, restarts, persons, failsafes, cuts of links."""
+"""Events of each run: searches, restarts, persons, failsafes, cuts of links."""
 
 
 def interleavings(run: Run) -> Figures:
-    """Fly random interleavings with the simulated autopilots, and look at each message sent."""
+    """Fly random interleavings with the simulated autopilots, and check each message sent."""
     number = run.size(10_000, 20)
     events: Counter[str] = Counter()
     forbidden = 0

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A day of missions, one after the other, with all that can be on."""
+"""A day of missions, one after the other, with all options on."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STALLED_S = 300.0
 
 @dataclass
 class Watched:
-    """A process and what it had when it was warm."""
+    """A process and its resources after warm-up."""
 
     process: Process
     memory: int = 0
@@ -28,12 +28,12 @@ class Watched:
     growth: dict[str, float] = field(default_factory=dict)
 
     def begin(self) -> None:
-        """Measure from now on."""
+        """Start to measure."""
         pid = self.process.child.pid
         self.memory, self.files, self.threads = resident_bytes(pid), open_files(pid), threads(pid)
 
     def end(self, name: str) -> Figures:
-        """Return what it has more of."""
+        """Return the growth of its resources."""
         pid = self.process.child.pid
         return {
             f"{name}_growth_mib": (resident_bytes(pid) - self.memory) / 2**20,
@@ -43,9 +43,9 @@ class Watched:
 
 
 def endurance(run: Run) -> Figures:
-    """Fly missions in lockstep with belief, planner and recorder, and in the long form dashboard.
+    """Fly missions in lockstep with belief, planner, recorder and, in the long form, dashboard.
 
-    What each has is measured from the tenth part of the steps on, in the short form from the half.
+    Measures growth after the first tenth of the steps, or after half of them in the short form.
     """
     steps, mission_steps = run.size((DAY_STEPS, MISSION_STEPS), (600, 100))
     with domain(run.folder) as rig:
@@ -106,7 +106,7 @@ def endurance(run: Run) -> Figures:
 
 
 def steps_of(array: DiagnosticArray, mission_steps: int) -> int:
-    """Return the steps that a simulation has done, 0 where the diagnostics are another's."""
+    """Return the number of steps of a simulation, 0 for the diagnostics of another node."""
     for status in array.status:
         if status.name == "dsse_sim":
             values = {pair.key: pair.value for pair in status.values}

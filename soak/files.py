@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Files that can no longer be written, in the midst of a mission."""
+"""Files that become unwritable during a mission."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ STEPS = 5
 
 @dataclass(frozen=True)
 class Case:
-    """What happens to the files of a mission.
+    """A failure of the files of a mission.
 
     Attributes:
-        happens: Does it, given the simulation and the folder of its files.
-        says: What the log names, once for the file of each name.
+        happens: Causes it, given the simulation and the folder of its files.
+        says: What the log contains once for each file.
         mended: Whether a later snapshot can be written again.
     """
 
@@ -35,45 +35,45 @@ class Case:
 
 
 def limit_files(sim: Sim, folder: Path) -> None:
-    """Let no file of the node grow beyond what it has."""
+    """Prevent all files of the node from growing."""
     largest = max(path.stat().st_size for path in folder.iterdir())
     size = min(largest, (folder / "mission.csv").stat().st_size)
     resource.prlimit(sim.process.child.pid, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
 
 
 def limit_for_a_while(sim: Sim, folder: Path) -> None:
-    """Let no file grow for some steps, and then as they like again."""
+    """Prevent files from growing for some steps, and then allow it again."""
     limit_files(sim, folder)
     fly(sim, STEPS)
     resource.prlimit(sim.process.child.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY,) * 2)
 
 
 def remove_folder(sim: Sim, folder: Path) -> None:
-    """Take the folder away with all that is in it."""
+    """Remove the folder with all its files."""
     while folder.exists():
-        # A file may come into it meanwhile.
+        # The node may write a file into it meanwhile.
         with suppress(OSError):
             shutil.rmtree(folder)
 
 
 def replace_by_file(sim: Sim, folder: Path) -> None:
-    """Put a file where the folder was."""
+    """Replace the folder with a file."""
     remove_folder(sim, folder)
     folder.write_text("")
 
 
 def occupy_name(sim: Sim, folder: Path) -> None:
-    """Put a folder where the snapshot is to go."""
+    """Put a folder in the path of the snapshot."""
     snapshot = folder / "mission.snapshot"
     while not snapshot.is_dir():
-        # A new one may come between the two.
+        # The node may write a new one between the two calls.
         snapshot.unlink(missing_ok=True)
         with suppress(FileExistsError):
             snapshot.mkdir()
 
 
 def leave(sim: Sim, folder: Path) -> None:
-    """Do nothing: it was so from the beginning."""
+    """Do nothing: the failure exists from the start."""
 
 
 CASES = {
@@ -96,11 +96,11 @@ OF_START = {
     "record_file:=/proc/mission.csv": "record_file",
     "snapshot_file:=/proc/self/fd/mission": "snapshot_file",
 }
-"""Where not even root may write: refused at the start."""
+"""Not even root can write there: the node refuses it at the start."""
 
 
 def files_lost(run: Run) -> Figures:
-    """Let missions write a log and snapshots, and take that from them."""
+    """Let missions write a log and snapshots, and then make that fail."""
     wrong: list[str] = []
     with domain(run.folder) as rig:
         cases, of_start = list(CASES)[:: run.size(1, 2)], list(OF_START)[:: run.size(1, 4)]
@@ -138,13 +138,13 @@ def files_lost(run: Run) -> Figures:
 
 
 def fly(sim: Sim, steps: int) -> None:
-    """Do some steps."""
+    """Make some steps."""
     for _ in range(steps):
         sim.fly(1, 2, 3)
 
 
 def faults(sim: Sim, case: Case, folder: Path) -> list[str]:
-    """Stop a node and return what it should have done otherwise."""
+    """Stop a node and return its faults."""
     found = []
     for field, reason in case.says.items():
         lines = [line for line in sim.process.output.splitlines() if f"{field}: " in line]

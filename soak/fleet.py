@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Many vehicles in closed loop, some of which fail in every way they can."""
+"""Many vehicles in closed loop, some of which fail, in all known ways."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ FAILURES: dict[str, dict[str, Any]] = {
     "restart": {},
     "flood": {},
 }
-"""How vehicles fail; the last three are done to them from outside."""
+"""How vehicles fail; the last three are caused from outside."""
 HOME_S = 600.0
-"""For the way home and the descent, as fast as the vehicles really are."""
+"""Time for the return and the descent, at the real speed of the vehicles."""
 SURVIVED = ("link for a while", "flood")
-"""What a vehicle flies on after."""
+"""Failures after which a vehicle continues."""
 
 
 def fleet(run: Run) -> Figures:
-    """Fly a fleet and let some of it fail."""
+    """Fly a fleet and let some vehicles fail."""
     number, steps, speedup = run.size((50, 56, 1.0), (6, 3, 20.0))
     failures = dict(list(FAILURES.items())[:: run.size(1, 5)])
     side = 10
@@ -87,7 +87,7 @@ def fleet(run: Run) -> Figures:
         sound = [i for i in range(number) if i not in failing]
         for i in sound:
             bridge.until(i, flying="true")
-        # One that is slow holds up the others no longer than this.
+        # A slow vehicle delays the others at most this long.
         sim.set(command_timeout=60.0 / speedup)
         beats, began_s = heartbeats(bridge, sound), time.monotonic()
         with Outside(vehicles, failing, speedup) as outside:
@@ -148,7 +148,7 @@ def heartbeats(bridge: Bridge, vehicles: list[int]) -> int:
 
 
 def fly(sim: Sim, number: int) -> None:
-    """Command all, in turn to search and to fly north and back, and wait a while for the step."""
+    """Command all drones to search and to fly north and back in turn, and wait for the step."""
     seen, end_s = len(sim.reports), time.monotonic() + 1.0
     sim.joint(*[(UP, SEARCH, DOWN, SEARCH)[sim.step_number % 4]] * number)
     while len(sim.reports) == seen and time.monotonic() < end_s:
@@ -156,12 +156,12 @@ def fly(sim: Sim, number: int) -> None:
 
 
 class Outside(contextlib.ExitStack):
-    """What is done to vehicles from outside.
+    """Failures of vehicles that are caused from outside.
 
     Args:
         vehicles: All of them.
-        failing: How some of them fail.
-        speedup: Vehicle time in a second of wall time.
+        failing: The failure of each vehicle that fails.
+        speedup: Vehicle time per wall time.
     """
 
     def __init__(self, vehicles: list[Running], failing: Mapping[int, str], speedup: float) -> None:
@@ -172,7 +172,7 @@ class Outside(contextlib.ExitStack):
         self._socket = self.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
 
     def act(self, *, late: bool) -> None:
-        """Flood, and once it is late, stop a vehicle and start another one."""
+        """Flood the links; later stop a vehicle and start another one."""
         if "flood" in self._of:
             _, vehicle = self._of["flood"]
             for _ in range(1000):

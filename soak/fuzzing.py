@@ -1,8 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes of all kinds into every parser: guided by coverage in the soak, at random in the tests.
+"""Arbitrary bytes for every parser: coverage-guided in the soak, random in the tests.
 
-`python -m soak.fuzzing NAME SECONDS FOLDER` guides, with what it has learned kept in the folder.
+`python -m soak.fuzzing NAME SECONDS FOLDER` is coverage-guided and keeps its corpus in the folder.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ _COVERED = re.compile(r"cov: (\d+)")
 
 
 def fuzz(name: str, run: Run) -> Figures:
-    """Look for bytes that a parser does not answer."""
+    """Look for bytes that make a parser fail."""
     return at_random(name, 300) if run.quick else guided(name, run.folder, SECONDS)
 
 
 def at_random(name: str, number: int) -> Figures:
-    """Damage what can be read, again and again.
+    """Damage readable bytes, again and again.
 
     Raises:
-        Exception: What the parser raised and must not.
+        Exception: An exception that the parser must not raise.
     """
     take, seeds = PARSERS[name].make()
     draw = random.Random(12)
@@ -45,7 +45,7 @@ def at_random(name: str, number: int) -> Figures:
 
 
 def damaged(whole: bytes, draw: random.Random) -> bytes:
-    """Return the bytes with some of them changed, left out, added or moved."""
+    """Return the bytes with some of them changed, removed, added or moved."""
     data = bytearray(whole)
     for _ in range(draw.randrange(1, 5)):
         if not data:
@@ -68,10 +68,10 @@ def damaged(whole: bytes, draw: random.Random) -> bytes:
 
 
 def guided(name: str, folder: Path, seconds: int) -> Figures:
-    """Let atheris look, in a process of its own.
+    """Run atheris in a separate process.
 
     Raises:
-        AssertionError: If it has found something; the bytes are in the folder.
+        AssertionError: If it finds a failure; the bytes are in the folder.
     """
     began_s = time.monotonic()
     with (folder / "log").open("w+") as log:

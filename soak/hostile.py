@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Messages that mean no good: into the adapters, over DDS, and as MAVLink frames."""
+"""Hostile messages: to the adapters, over DDS, and as MAVLink frames."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ SCENARIO: dict[str, Any] = {
 }
 MEMORY = Goal("growth_mib", most=5.0)
 SENDERS = ((1, 1), (1, 1), (1, 1), (2, 1), (245, 191), (255, 190), (0, 0), (1, 100))
-"""System and component, the vehicle's own more often than others."""
+"""Senders as system and component, most often the vehicle's own."""
 
 
 def hostile_adapters(run: Run) -> Figures:
-    """Give a mission messages that are all refused."""
+    """Send a mission messages that it must refuse."""
     number = run.size(100_000, 2_000)
     mission = Mission(parallel_env(**SCENARIO), seed=1)
     frame = GridFrame(GRID_SIZE, 130.0, -24.0, -46.0, 0.0, 120.0)
@@ -65,7 +65,7 @@ def hostile_adapters(run: Run) -> Figures:
 
 
 def take(intake: CommandIntake, topic: str, message: Any) -> bool:
-    """Give the message of a topic to a mission, and return whether it is a new command."""
+    """Pass the message of a topic to a mission, and return whether it is a new command."""
     if topic == "joint_action":
         return intake.joint_action(message)
     name, _, kind = topic.partition("/")
@@ -79,7 +79,7 @@ def take(intake: CommandIntake, topic: str, message: Any) -> bool:
 
 
 def hostile_dds(run: Run) -> Figures:
-    """Publish messages that are all refused, no faster than the node takes them."""
+    """Publish messages that the node must refuse, no faster than it takes them."""
     number = run.size(1000, 100)
     with domain(run.folder) as rig:
         sim = rig.sim(SCENARIO | {"seed": 1})
@@ -110,7 +110,7 @@ def hostile_dds(run: Run) -> Figures:
 def hostile_mavlink(run: Run) -> Figures:
     """Send frames of every message, from the vehicle and from others, through the whole bridge.
 
-    A TCP connection loses none and waits for the bridge.
+    A TCP connection loses no frame and waits for the bridge.
     """
     number = run.size(1_000_000, 5_000)
     kinds = list(mavlink.mavlink_map.values())
@@ -149,7 +149,7 @@ def hostile_mavlink(run: Run) -> Figures:
 
 
 class _Listening:
-    """Where a bridge connects to."""
+    """Address that a bridge connects to."""
 
     def __init__(self, server: socket.socket) -> None:
         self.connection = f"tcp:127.0.0.1:{server.getsockname()[1]}"
@@ -159,11 +159,11 @@ OF_CODEC = ("accepted", "bad_data", "wrong_sender", "not_needed", "invalid")
 
 
 class Flood:
-    """A vehicle that sends whatever it likes.
+    """A vehicle that sends arbitrary frames.
 
     Attributes:
-        arm_commands: How often the bridge wanted to arm it.
-        counts: What the bridge counts, as it last published it.
+        arm_commands: Number of commands to arm it from the bridge.
+        counts: The last counts that the bridge published.
     """
 
     def __init__(self, rig: Rig, connection: socket.socket, bridge: Bridge) -> None:
@@ -177,7 +177,7 @@ class Flood:
         self.counts: dict[str, int] = {}
 
     def send(self, message: Any, system: int, component: int) -> None:
-        """Send a message as this sender, sometime."""
+        """Queue a message of this sender."""
         codec = self._codecs.setdefault((system, component), Codec(system))
         codec.srcComponent = component
         self._waiting += codec.encode(message)
@@ -185,7 +185,7 @@ class Flood:
             self.flush()
 
     def flush(self) -> None:
-        """Send all that waits, and read what the bridge sends."""
+        """Send all queued messages, and read those of the bridge."""
         while self._waiting:
             self._read()
             try:
@@ -207,7 +207,7 @@ class Flood:
             )
 
     def counted_all(self, number: int) -> int:
-        """Return how many frames the bridge has counted, once those are all or no more come."""
+        """Return how many frames the bridge has counted, once it counts no more."""
         last, last_s = -1, time.monotonic()
         while True:
             self._rig.executor.spin_once(timeout_sec=0.05)

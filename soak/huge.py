@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds of a million cells, and those that are refused before memory is asked for."""
+"""Worlds of a million cells, and worlds that are refused before memory is allocated."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from soak.rigs import domain, resident_bytes
 from soak.row import Figures, Row, Run, zero
 
 ADDRESS_SPACE = 4 << 30
-"""Bytes that a node that refuses a world may ask for; the worlds below need more."""
+"""Bytes that a node may allocate when it refuses a world; the worlds below need more."""
 
 
 def huge_worlds(run: Run) -> Figures:
-    """Fly a mission on 1000 x 1000 cells, and ask for worlds beyond the cap."""
+    """Fly a mission on 1000 x 1000 cells, and request worlds beyond the limit."""
     steps = run.size(100, 3)
     refused = 0
     beyond = (

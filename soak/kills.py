@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Planner, node and bridge are killed, and started again."""
+"""Kill planner, node and bridge, and start them again."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ RECOVERY_S = 2.0
 
 
 def planner_killed(run: Run) -> Figures:
-    """Kill the planner of three drones, two of which somebody else commands as well.
+    """Kill the planner of three drones, two of which another node commands as well.
 
-    Beside it: how long a bare rclpy process whose predecessor was killed waits for its topics.
+    Also measures how long a bare rclpy process that replaces a killed one waits for its topics.
     """
     kills = run.size(20, 2)
     policy_s: list[float] = []
@@ -50,7 +50,7 @@ def planner_killed(run: Run) -> Figures:
         for kill in run.each(range(kills), "kills"):
             planner.kill()
             sim.wait_until_quiet()
-            # What it had sent before may still be a step's command.
+            # Its earlier messages may still command a step.
             for _ in range(2):
                 others_fly(sim, kill)
             began_s = time.monotonic()
@@ -74,7 +74,7 @@ def planner_killed(run: Run) -> Figures:
 
 
 def start_planner(rig: Rig, sim: Sim) -> Process:
-    """Start a planner and return when a step does what it wants."""
+    """Start a planner and return when a step carries out its command."""
     planner = rig.start("planner_node", {"planner": "greedy", "resend_period": 0.1})
     seen = len(sim.reports)
 
@@ -111,7 +111,7 @@ FIELDS: dict[str, Any] = {
 def node_killed(run: Run) -> Figures:
     """Kill a node at random moments, and compare its next steps with a mission never killed.
 
-    Each kill is in a mission of its own: a snapshot has all steps of its mission.
+    Each kill is in a separate mission, because a snapshot has all steps of its mission.
     """
     kills, steps = run.size((50, 1000), (2, 60))
     draw = random.Random(3)
@@ -130,7 +130,7 @@ def node_killed(run: Run) -> Figures:
             sim = rig.sim(parameters, namespace=f"/before{kill}")
             for _ in range(draw.randrange(3, 30)):
                 sim.fly(*flown.command(sim.step_number))
-            # It is killed with a command under way, in whatever it is doing.
+            # It is killed at any point of its work, with a command under way.
             sim.joint(*flown.command(sim.step_number))
             killed_s = time.monotonic() + draw.random() * 0.02
             while time.monotonic() < killed_s:
@@ -160,11 +160,11 @@ def node_killed(run: Run) -> Figures:
 
 
 class Unbroken:
-    """A mission that nobody kills, with random commands.
+    """A mission without kills, with random commands.
 
     Attributes:
         mission: The mission.
-        results: Of its start and of each step that was commanded.
+        results: Results of its start and of each commanded step.
     """
 
     def __init__(self, seed: int) -> None:
@@ -174,7 +174,7 @@ class Unbroken:
         self._joint: list[list[int]] = []
 
     def command(self, step: int) -> list[int]:
-        """Return the commands of a step, and do them."""
+        """Return the commands of a step, and make the step."""
         while len(self._joint) <= step:
             self._joint.append(self._draw.integers(0, ACTIONS, FIELDS["num_drones"]).tolist())
             self.mission.command_all(self._joint[-1])
@@ -183,7 +183,7 @@ class Unbroken:
 
 
 def same(report: Any, result: Any) -> bool:
-    """Return whether a report says bit for bit what the result of a step does."""
+    """Return whether a report equals the result of a step, bit for bit."""
     pairs = (("action", "actions"), ("reward", "rewards"), ("found", "found"), ("held", "held"))
     cells = np.stack([report["col"], report["row"]], axis=1)
     return (
@@ -199,7 +199,7 @@ def same(report: Any, result: Any) -> bool:
 
 
 def damaged(whole: bytes, number: int, folder: Path) -> Figures:
-    """Load snapshots that are damaged in all ways: cut, changed, doubled, swapped, not ours."""
+    """Load snapshots that are truncated, changed, doubled, swapped or not ours."""
     draw = random.Random(6)
     path = folder / "damaged.snapshot"
     refused = 0
@@ -213,7 +213,7 @@ def damaged(whole: bytes, number: int, folder: Path) -> Figures:
 
 
 def damage(whole: bytes, draw: random.Random) -> bytes:
-    """Return a snapshot that is not quite that any more."""
+    """Return a damaged snapshot."""
     data = bytearray(whole)
     at, to = sorted(draw.randrange(len(data)) for _ in range(2))
     match draw.randrange(6):
@@ -236,7 +236,7 @@ def damage(whole: bytes, draw: random.Random) -> bytes:
 
 
 def bridge_killed(run: Run) -> Figures:
-    """Kill the bridge of three vehicles in mid-flight; one of them a pilot has landed before."""
+    """Kill the bridge of three vehicles in flight; a pilot has landed one of them before."""
     kills = run.size(20, 2)
     draw = random.Random(7)
     route = [UP, UP, UP, UP, DOWN, DOWN, DOWN, DOWN]

@@ -41,19 +41,19 @@ if sys.argv[3:] == ["killed"]:
 node.destroy_node()
 rclpy.try_shutdown()
 """
-"""Prints how many of the latched topics did not come, and after what time all had."""
+"""Prints the number of latched topics without a message, and the time until all had one."""
 
 
 def join(rig: Rig, drones: int, *ending: str) -> tuple[int, float]:
-    """Join with a process that uses nothing but rclpy.
+    """Join with a process that uses only rclpy.
 
     Args:
-        rig: In whose ROS domain.
-        drones: Number of drones whose poses it wants besides grid and report.
-        ending: `killed` for one that has no chance to say that it goes.
+        rig: Defines the ROS domain.
+        drones: Number of drones whose poses it waits for, besides grid and report.
+        ending: `killed` for a process that ends without notice.
 
     Returns:
-        How many topics it got nothing on, and the seconds until it had all.
+        Number of topics without a message, and the seconds until all had one.
     """
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(drones), str(GIVE_UP_S), *ending],
@@ -70,7 +70,7 @@ def join(rig: Rig, drones: int, *ending: str) -> tuple[int, float]:
 
 
 def late_joiner(run: Run) -> Figures:
-    """Join a mission that has gone on for a while with one process after the other."""
+    """Let one process after the other join a running mission."""
     drones, joiners = 10, run.size(100, 3)
     times_s, missing = [], 0
     with domain(run.folder) as rig:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Every parameter of every node with every value that makes no sense."""
+"""Every parameter of every node, with all kinds of invalid values."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ VALUES: dict[str, Any] = {
     "[true, false]": [True, False],
     "[text]": ["text"],
 }
-"""What is given, as YAML and as it is."""
+"""The given value, as YAML and as a Python value."""
 GIVE_UP_S = 20.0
 
 
 def allowed(spec: Spec, value: Any) -> bool | None:
-    """Return whether a field may have this value, None where more than the field decides that."""
+    """Return whether a field allows this value, None if that depends on other fields."""
     if isinstance(value, list):
         items = {"vector": float, "cell": int, "cells": int, "floats": float, "ints": int}
         kind = items.get(spec.kind)
@@ -90,7 +90,7 @@ def specs_of(node: str) -> dict[str, Spec]:
 
 
 def of_start(node: str) -> list[tuple[str, str]]:
-    """Return what a node must refuse at its start, names and values as YAML."""
+    """Return the names and YAML values that a node must refuse at its start."""
     return [
         (name, text)
         for name, spec in specs_of(node).items()
@@ -100,7 +100,7 @@ def of_start(node: str) -> list[tuple[str, str]]:
 
 
 def parameters(run: Run) -> Figures:
-    """Give each node every value at its start, and the simulation at run time too."""
+    """Give each node every value at its start, and the simulation also at run time."""
     refused = at_run_time = 0
     wrong: list[str] = []
     with domain(run.folder) as rig:
@@ -128,7 +128,7 @@ def parameters(run: Run) -> Figures:
 
 
 def change(sim: Sim, name: str, spec: Spec) -> tuple[list[str], int]:
-    """Try every value at run time; return what went wrong and how many were refused."""
+    """Try every value at run time; return the failures and the number of refusals."""
     before = sim.get(name)
     bad = [value for value in VALUES.values() if value != HUGE and allowed(spec, value) is False]
     results = try_all(sim, name, bad)
@@ -156,7 +156,7 @@ def start_all(
 ) -> list[tuple[int | None, str]]:
     """Return exit code and error of a node for each case, None where it has started.
 
-    A process does one after the other, and the next goes on after one that has started.
+    One process tries the cases in turn; a new process continues after a node that has started.
     """
     answers: list[tuple[int | None, str]] = []
     while len(answers) < len(cases):
@@ -176,7 +176,7 @@ def start_all(
 
 
 def _starts(node: str, cases: list[tuple[str, str]], out: Any) -> None:
-    """Print exit code and error of a node for each case, and end where it has started."""
+    """Print exit code and error of a node for each case, until one has started."""
     main = importlib.import_module(f"dsse_ros.nodes.{node}").main
     for name, text in cases:
         watch = threading.Timer(GIVE_UP_S, os._exit, (9,))

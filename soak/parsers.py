@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Every parser that reads what others wrote: whatever the bytes are, it answers or refuses."""
+"""Every parser of external data: it accepts or refuses any bytes."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path += [str(ROOT / "test" / folder) for folder in ("flight", "recording")]
 
 Take = Callable[[bytes], object]
-"""Reads bytes; raises only what its parser documents."""
+"""Reads bytes; raises only documented exceptions."""
 
 
 @dataclass(frozen=True)
 class Parser:
-    """A parser, or several that read the same.
+    """A parser, or several for the same input.
 
     Attributes:
-        reads: What is read, for people.
-        make: Returns what reads it, and bytes that are read without an error.
-        modules: Where coverage guides the search; none of them may be compiled.
+        reads: Name of the input.
+        make: Returns the reader, and bytes that it reads without an error.
+        modules: Modules whose coverage guides the search; none may be compiled.
     """
 
     reads: str
@@ -209,7 +209,7 @@ def _snapshots() -> tuple[Take, list[bytes]]:
 
     def state(mission: Mission) -> tuple[Any, ...]:
         kept = mission.snapshot()
-        # Between the fields of a structured array there may be anything.
+        # The padding between the fields of a structured array is arbitrary.
         parts = {
             (name, field): (one[field] if field else one).tobytes()
             for name, one in kept.arrays.items()
@@ -221,7 +221,7 @@ def _snapshots() -> tuple[Take, list[bytes]]:
         # The first byte chooses the part that the others replace; after the last one it is all.
         part, rest = data[0] % (len(names) + 1) if data else 0, data[1:]
         changed = rest if part == len(names) else _zipped(parts | {names[part]: rest})
-        # Who writes a snapshot on purpose makes its checksum fit.
+        # An attacker would adjust the checksum.
         digest = hashlib.sha256(changed).hexdigest()
         before = state(twin)
         try:

@@ -34,14 +34,14 @@ from dsse_ros.step.looks import searches_of
 from soak.row import Figures, Goal, Row, Run
 
 SEED = 50_000_000
-"""Of the first mission of the first combination; each mission has a seed of its own."""
+"""Seed of the first mission of the first combination; each mission has its own seed."""
 SIGMAS = 3.0
 BATCH = 200
-"""Missions in memory at a time: those of four persons with different PODs take 0.3 GB."""
+"""Missions in memory at a time; with four persons of different PODs they take 0.3 GB."""
 SMALLEST_VARIANCE = 10.0
-"""Of a number of finds. With less, the number is far from normally distributed."""
+"""Least variance of a number of finds: below, the number is far from normally distributed."""
 SHOWN = (1, 5, 20, 50)
-"""Steps whose POS and share are among the figures, besides the last one."""
+"""Steps whose POS and share are reported, besides the last one."""
 
 NEVER_FOUND = (0.9, 0.5, 0.3, 0.0)
 """No search detects the last person: no mission ends, and all 100 steps can be compared."""
@@ -56,7 +56,7 @@ MULTIPLIERS: tuple[tuple[float, ...], ...] = (
     (0.2, 0.9, 0.5, 0.5),
     NEVER_FOUND,
 )
-"""One for each person. The POD of `v2` is 1 by default, so they are the PODs."""
+"""One per person. The POD of `v2` is 1 by default, so they equal the PODs."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Combination:
         return f"{pods}, {'one find' if self.one_find else 'all finds'}"
 
     def definition(self) -> tuple[ResolvedScenario, Rules]:
-        """Return what is searched, and by which rules."""
+        """Return the scenario and the rules."""
         scenario, rules = scenario_and_rules(
             rules="v2",
             person_amount=len(self.multipliers),
@@ -124,12 +124,12 @@ class Played:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Numbers of finds after some steps, and those that beliefs expected.
+    """Numbers of finds after some steps, and the expected numbers.
 
     Attributes:
         steps: (K,) int64, from 1.
         counted: (K,) persons found in all missions.
-        expected: (K,) the same, by the beliefs.
+        expected: (K,) expected number of these, by the beliefs.
         z: (K,) their difference in standard errors.
     """
 
@@ -160,7 +160,7 @@ def play(combination: Combination, missions: int, seed: int) -> Played:
 
     Args:
         combination: Persons and rules.
-        missions: How many.
+        missions: Number of missions.
         seed: Mission m has seed + m.
     """
     scenario, rules = combination.definition()
@@ -177,9 +177,9 @@ def play(combination: Combination, missions: int, seed: int) -> Played:
 
 
 def plan(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.int8]:
-    """Return the actions of the one drone, as if all searches failed.
+    """Return the actions of the only drone, as if all searches failed.
 
-    The drone goes to the most probable cell of the belief, and searches it.
+    The drone flies to the most probable cell of the belief and searches it.
     """
     belief = Belief(Forecast(scenario, rules, drift_samples=DRIFT_SAMPLES))
     (cell,) = scenario.drones_positions
@@ -197,7 +197,7 @@ def plan(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.int8]:
 
 def follow(world: World, actions: NDArray[np.int8], played: Played, batch: slice) -> None:
     """Do the steps of a plan in a batch of the missions, and record their results."""
-    # The hazard is that of one search. Several in a step would depend on one another.
+    # The hazard is that of one search. Several searches in a step would depend on each other.
     assert world.num_drones == 1
     beliefs = WorldBeliefs(world)
     found = np.zeros(world.persons.shape, bool)
@@ -235,13 +235,13 @@ def unfound_of(beliefs: WorldBeliefs) -> NDArray[np.float64]:
 def of_shares(played: Played) -> Comparison:
     """Compare the share of persons found with the mean POS, see the module.
 
-    The standard error is the larger of two: that of the missions, and that of an exact belief.
-    That of the missions alone is too small where almost all of them have the same result.
+    The standard error is the larger of those of the missions and of an exact belief.
+    That of the missions alone is too small if almost all of them have the same result.
     """
     missions, going = played.missions, played.going
     if played.persons == 1:
         until = int(going.any(axis=1).sum())
-        # Those that have not found have done all searches.
+        # Missions without a find have done all searches.
         of_plan = played.pos.max(axis=1)
         expected, spread = missions * of_plan, missions * of_plan * (1.0 - of_plan)
     else:
@@ -309,7 +309,7 @@ def summary(of_each: dict[str, Figures]) -> Figures:
     """Return the figures of all combinations together."""
 
     def largest(name: str) -> float:
-        # A NaN stays one, and meets no goal.
+        # A NaN remains NaN and meets no goal.
         return float(np.max([abs(figures[name]) for figures in of_each.values()]))
 
     def total(names: Iterable[str]) -> int:

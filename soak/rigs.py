@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the tests fly with, for the soak: nodes as processes, and simulated autopilots."""
+"""The rigs of the tests, for the soak: nodes as processes, and simulated autopilots."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ __all__ = [
 
 @contextlib.contextmanager
 def domain(folder: Path) -> Iterator[Rig]:
-    """Join a ROS domain of its own, in which nodes can be started; they are stopped at the end."""
+    """Join a free ROS domain, in which nodes can be started; they are stopped at the end."""
     folder.mkdir(parents=True, exist_ok=True)
     os.environ.update(ENVIRONMENT)
     rig = Rig(folder)
@@ -51,13 +51,13 @@ def domain(folder: Path) -> Iterator[Rig]:
 
 
 def use_defaults_of_dds() -> None:
-    """Let all that starts from now on discover and resend as users' nodes do, not the tests'."""
+    """Let later nodes discover and resend like the nodes of users, not like those of the tests."""
     for name in [name for name in ENVIRONMENT if name.endswith("DEFAULT_PROFILES_FILE")]:
         del ENVIRONMENT[name]
 
 
 def resident_bytes(pid: int) -> int:
-    """Return the memory of a process that is its own: what is shared with others is not."""
+    """Return the private memory of a process, without shared memory."""
     fields = dict(
         line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines()
     )
@@ -75,13 +75,13 @@ def threads(pid: int) -> int:
 
 
 def shared_files(pid: int | str) -> set[str]:
-    """Return the files of Fast DDS in shared memory that a process has, but for ports.
+    """Return the files of Fast DDS in shared memory that a process has, except ports.
 
-    Ports are for all who come later.
+    Ports are for later processes.
     """
     try:
         maps = Path(f"/proc/{pid}/maps").read_text()
-    except OSError:  # It has ended, or is somebody else's.
+    except OSError:  # It has ended, or belongs to another user.
         return set()
     return {
         part for part in maps.split() if part.startswith("/dev/shm/fast") and "port" not in part
@@ -89,10 +89,10 @@ def shared_files(pid: int | str) -> set[str]:
 
 
 def until(condition: object, what: str, timeout_s: float = 120.0) -> None:
-    """Wait until a function returns something true, without ROS.
+    """Wait until a function returns a true value, without ROS.
 
     Raises:
-        AssertionError: If it does not in time.
+        AssertionError: If it does not do so in time.
     """
     assert callable(condition)
     end_s = time.monotonic() + timeout_s

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A row of the table of promises: how it is measured, and what has to come out."""
+"""A row of the table of promises: its measurement and its goals."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ class Run:
     """How a row is measured.
 
     Attributes:
-        quick: Whether in its short form.
-        folder: For what is written meanwhile.
+        quick: Whether to run the short form.
+        folder: Folder for temporary files.
     """
 
     quick: bool
     folder: Path
 
     def size(self, whole: T, quick: T) -> T:
-        """Return how much there is to do."""
+        """Return the size for this form."""
         return quick if self.quick else whole
 
     def each(self, items: Iterable[T], label: str) -> Iterable[T]:
@@ -40,13 +40,13 @@ class Run:
 
 @dataclass(frozen=True)
 class Goal:
-    """What a figure has to be.
+    """A bound on a figure.
 
     Attributes:
         figure: Its name.
-        least: The smallest value that will do.
-        most: The largest one.
-        timed: Whether it says how fast this machine is, as no test may.
+        least: The smallest allowed value.
+        most: The largest allowed value.
+        timed: Whether it depends on the speed of the machine, so that no test may check it.
     """
 
     figure: str
@@ -55,7 +55,7 @@ class Goal:
     timed: bool = False
 
     def met(self, figures: Figures) -> bool:
-        """Return whether the figure is there and will do."""
+        """Return whether the figure exists and is within the bounds."""
         value = figures.get(self.figure)
         return value is not None and self.least <= value <= self.most
 
@@ -68,7 +68,7 @@ class Goal:
 
 
 def zero(*figures: str) -> tuple[Goal, ...]:
-    """Return the goals of figures that count what must not happen."""
+    """Return the goals of figures that must be 0."""
     return tuple(Goal(name, most=0) for name in figures)
 
 
@@ -77,11 +77,11 @@ class Row:
     """A promise.
 
     Attributes:
-        name: On the command line and in the results.
-        promise: In words.
+        name: Name on the command line and in the results.
+        promise: The promise as text.
         measure: Returns the figures.
-        says: Makes a line of the figures, as `str.format` does.
-        goals: What the figures have to be.
+        says: Format string of the figures, for `str.format`.
+        goals: Bounds on the figures.
     """
 
     name: str
@@ -95,7 +95,7 @@ class Row:
 
         Args:
             figures: What was measured.
-            timed: Whether those count that say how fast this machine is.
+            timed: Whether to include goals that depend on the speed of the machine.
         """
         return [
             f"{goal}, not {_shown(figures.get(goal.figure))}"

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes are started and stopped again and again, by every signal and at any moment."""
+"""Start and stop nodes repeatedly, with every signal and at any moment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from soak.row import Figures, Row, Run, zero
 SIGNALS = {
     "SIGINT": [signal.SIGINT],
     "SIGTERM": [signal.SIGTERM],
-    # Where nohup has started this, it has the nodes ignore it too.
+    # Under nohup the nodes would inherit that SIGHUP is ignored.
     **({} if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else {"SIGHUP": [signal.SIGHUP]}),
     "SIGINT twice": [signal.SIGINT, signal.SIGINT],
 }
@@ -32,7 +32,7 @@ MOMENTS_S = 1.5
 
 
 def start_stop(run: Run) -> Figures:
-    """Start a simulation with its neighbours, and stop them all by a signal at a random moment."""
+    """Start a simulation with other nodes, and stop all by a signal at a random moment."""
     cycles = run.size(200, 10)
     draw = random.Random(8)
     failed: list[str] = []
@@ -69,7 +69,7 @@ def start_stop(run: Run) -> Figures:
 
 
 def started(rig: Rig, run: Run, cycle: int) -> list[Process]:
-    """Start a simulation and one of its neighbours; the short form has few of those."""
+    """Start a simulation and one other node; the short form has only a few."""
     if run.quick and cycle % 4:
         return [rig.start(*NODES[0])]
     name, parameters = NODES[1 + cycle % (len(NODES) - 1)]
@@ -86,14 +86,14 @@ def started(rig: Rig, run: Run, cycle: int) -> list[Process]:
 
 
 def in_peace(process: Process, number: signal.Signals) -> bool:
-    """Return whether a process ends as it should: with code 0, or by the signal as it starts."""
+    """Return whether a process ends with code 0, or by the signal while it starts."""
     code = process.wait()
     words = ("Traceback", "FATAL", "terminate called", "Exception ignored")
     return code in (0, 128 + number) and not any(word in process.output for word in words)
 
 
 def descendants(pid: int) -> set[int]:
-    """Return the processes that a process has started."""
+    """Return the child processes of a process."""
     found: set[int] = set()
     for path in Path(f"/proc/{pid}/task").glob("*/children"):
         with contextlib.suppress(OSError):

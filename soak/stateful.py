@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""World, step scheduler and vehicle controller beside plain slow references, step by step."""
+"""World, step scheduler and vehicle controller against plain slow references, step by step."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class WorldMachine(RuleBasedStateMachine):
     @precondition(lambda self: self.env.agents)
     @rule(choices=CHOICES)
     def step(self, choices: tuple[int, ...]) -> None:
-        """Do a step; `assert_same_step` compares all that can be seen."""
+        """Make a step; `assert_same_step` compares everything observable."""
         type(self).steps += 1
         assert_same_step(self.env, self.reference, choices)
 
@@ -79,7 +79,7 @@ class WorldMachine(RuleBasedStateMachine):
     @precondition(lambda self: self.kept)
     @rule(data=st.data())
     def take_back(self, data: st.DataObject) -> None:
-        """Go back to a snapshot, in another environment."""
+        """Restore a snapshot in another environment."""
         snapshot, reference = data.draw(st.sampled_from(self.kept))
         self.env = parallel_env(**self.fields)
         self.env.restore(Snapshot.from_bytes(snapshot))
@@ -87,14 +87,14 @@ class WorldMachine(RuleBasedStateMachine):
 
     @invariant()
     def the_same_map(self) -> None:
-        """Hold the maps and the persons to one another."""
+        """Compare the maps and the persons."""
         if hasattr(self, "env"):
             assert_same_map(self.env, self.reference)
             assert person_cells(self.env) == self.reference.persons
 
 
 class PlainScheduler:
-    """Works out from all that has happened, in exact fractions, what is due."""
+    """Computes the due actions from all events, in exact fractions."""
 
     def __init__(self, timing: Timing) -> None:
         self.timing = timing
@@ -119,7 +119,7 @@ class PlainScheduler:
             self.share += time / self.period()
 
     def begin(self, now: Fraction, *, done: bool) -> None:
-        """Begin a step; in real time a delay of less than a step is made up for."""
+        """Begin a step; real time catches up on a delay of less than a step."""
         self.done = done
         late = self.share - 1
         moving = self.timing.mode == "realtime" and not done
@@ -127,7 +127,7 @@ class PlainScheduler:
         self.waited_since = now
 
     def change(self, now: Fraction) -> None:
-        """Change timing or pause: a step that should have ended has, and the time-out restarts."""
+        """Change timing or pause: a step that was due has ended, and the time-out restarts."""
         self.share = min(self.share, Fraction(1))
         self.waited_since = now
 
@@ -164,7 +164,7 @@ TIMINGS = st.builds(
 
 
 class SchedulerMachine(RuleBasedStateMachine):
-    """A scheduler and its reference, in a time of their own."""
+    """A scheduler and its reference, in simulated time."""
 
     steps = 0
 
@@ -190,7 +190,7 @@ class SchedulerMachine(RuleBasedStateMachine):
 
     @rule(ready=st.booleans(), last=st.integers(0, 9))
     def step_if_due(self, ready: bool, last: int) -> None:
-        """Compare what is due, and do it; one step in ten is the mission's last."""
+        """Compare the due actions and do them; one step in ten is the last of its mission."""
         type(self).steps += 1
         expected = self.plain.due(self.now, ready=ready)
         due = self.scheduler.due(float(self.now), ready=ready)
@@ -215,7 +215,7 @@ class SchedulerMachine(RuleBasedStateMachine):
 
     @rule(paused=st.booleans())
     def pause(self, paused: bool) -> None:
-        """Hold the mission, or let it go on."""
+        """Pause or resume the mission."""
         self.scheduler.pause(paused, float(self.now))
         self.plain.change(self.now)
         self.plain.paused = paused
@@ -226,17 +226,17 @@ ORDERS = st.one_of(
     st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(5.0, 40.0)),
     st.sampled_from([Hold(), Return(), Land()]),
 )
-"""Of a flight to a place only the place, north, east and up of home."""
+"""Orders to draw; a flight is given by its target, north, east and up of home."""
 ACCEPTANCE_M = 3.0
 NEAR_M = ACCEPTANCE_M + 5.0
-"""How far a vehicle may have been from there, as its reports are whole centimetres and seconds."""
+"""Tolerance of a vehicle's position, because its reports are whole centimetres and seconds."""
 REPORTED_STEPS = 30
-"""Moments, 1.5 s, that a report of what was so may have taken: they come once a second."""
+"""Moments, 1.5 s, by which a report may be late: reports come once a second."""
 MODES = {"ardupilot": "LOITER", "px4": "POSCTL"}
 
 
 class ControllerMachine(RuleBasedStateMachine):
-    """A vehicle controller, beside where its vehicle really is and what it was ordered."""
+    """A vehicle controller, and the true position and orders of its vehicle."""
 
     steps = 0
 
@@ -271,7 +271,7 @@ class ControllerMachine(RuleBasedStateMachine):
 
     @rule(seconds=st.floats(0.1, 40.0))
     def wait(self, seconds: float) -> None:
-        """Let time pass, and hold each moment of it to the truth."""
+        """Let time pass, and compare each moment with the truth."""
         end_s, sent = self.flight.now + seconds, len(self.flight.sent)
         while self.flight.now < end_s:
             self.flight.step()
@@ -280,7 +280,7 @@ class ControllerMachine(RuleBasedStateMachine):
         assert not (self.taken and len(self.flight.sent) > sent)
 
     def look(self) -> None:
-        """Compare what the controller says with what is so."""
+        """Compare the controller's state with the truth."""
         flight, outcome = self.flight, self.flight.outcome
         assert outcome.number == self.orders
         assert self.arm or not (flight.vehicle.armed or flight.commands(ARM))
@@ -294,7 +294,7 @@ class ControllerMachine(RuleBasedStateMachine):
     def is_so(
         self, order: Any, landed: bool, armed: bool, north_m: float, east_m: float, up_m: float
     ) -> bool:
-        """Return whether an order is done where a vehicle is so."""
+        """Return whether an order is complete for this state of the vehicle."""
         match order:
             case TakeOff(alt_m=alt_m):
                 return not landed and up_m > alt_m - NEAR_M
@@ -327,7 +327,7 @@ class ControllerMachine(RuleBasedStateMachine):
         if flight.vehicle.landed or flight.outcome.status != "under_way":
             return
         for _ in range(5):
-            # A command that was sent before a heartbeat showed it comes after it: then once more.
+            # A command that was sent before this heartbeat may still arrive: then take over again.
             if flight.vehicle.mode.name != mode:
                 flight.vehicle.pilot_takes_over(mode)
             flight.wait(3.0)
@@ -335,10 +335,10 @@ class ControllerMachine(RuleBasedStateMachine):
 
 
 def stateful(machine: Any, run: Run) -> Figures:
-    """Compare over random scenarios until there were enough steps.
+    """Compare over random scenarios until there are enough steps.
 
     Raises:
-        AssertionError: If they differ; with what led to it.
+        AssertionError: If they differ; with the events that led to it.
     """
     machine.steps = 0
     wanted = run.size(100_000, 300)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`python -m soak.table` writes the figures of the last soak into QUALITY_DECLARATION.md.
 
-Where there is no such page, it prints them.
+Without that page, it prints them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def table(results: dict[str, Any]) -> str:
 
 
 def stated(page: str) -> str:
-    """Return what stands between the markers of a page."""
+    """Return the text between the markers of a page."""
     return page.partition(BEGIN)[2].partition(END)[0]
 
 

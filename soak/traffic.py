@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Many commands at once, many drones, and commands that come twice or in any order."""
+"""Many commands at once, many drones, and repeated or reordered commands."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SEARCHED: dict[str, Any] = {
     "timestep_limit": 10**6,
     "seed": 1,
 }
-"""Nobody is found, drones neither collide nor leave the grid: every command can be taken."""
+"""Nobody is found, drones neither collide nor leave the grid: every command is valid."""
 
 
 def load(run: Run) -> Figures:
-    """Command each of 100 drones on a topic of its own, ten times a second.
+    """Command each of 100 drones on its own topic, ten times a second.
 
-    The short form waits for a step before it goes on, however busy the machine is.
+    The short form waits for each step, even on a busy machine.
     """
     drones, steps = run.size((100, 60 * HERTZ), (100, 2 * HERTZ))
     commands = np.random.default_rng(1).integers(0, ACTIONS, (steps, drones), np.int8)
@@ -66,15 +66,15 @@ def load(run: Run) -> Figures:
 
 
 def wait_until(rig: Rig, time_s: float) -> None:
-    """Take messages until then."""
+    """Receive messages until then."""
     while (left_s := time_s - time.monotonic()) > 0:
         rig.executor.spin_once(timeout_sec=left_s)
 
 
 def taken_in_turn(reports: list[Any], commands: Any) -> int:
-    """Return how many commands (K, N) were done by their drones one after the other.
+    """Return how many commands (K, N) the drones carried out in sequence.
 
-    One that is replaced by the next before its step is lost, and all that follow come a step late.
+    A command that the next one replaces before its step is lost, and later ones are a step late.
     """
     done = [report["action"] for report in reports[1:]]
     found = 0
@@ -88,7 +88,7 @@ def taken_in_turn(reports: list[Any], commands: Any) -> int:
 
 
 def taken(reports: list[Any], commands: Any) -> int:
-    """Return how many commands (K, N) were done by their drones in their steps."""
+    """Return how many commands (K, N) the drones carried out in their steps."""
     done = {int(report["step"][0]): report["action"] for report in reports}
     return sum(
         int((done[step] == actions).sum())
@@ -98,13 +98,13 @@ def taken(reports: list[Any], commands: Any) -> int:
 
 
 def gaps(reports: list[Any]) -> int:
-    """Return how many reports are missing, or come twice or in another order."""
+    """Return how many reports are missing, repeated or reordered."""
     steps = [int(report["step"][0]) for report in reports]
     return sum(after != before + 1 for before, after in zip(steps, steps[1:], strict=False))
 
 
 def big_swarm(run: Run) -> Figures:
-    """Let 400 drones step as fast as they can, beside rclpy that only sends as many messages."""
+    """Let 400 drones step at full speed; compare with rclpy that only sends as many messages."""
     drones = run.size(400, 20)
     found = lockstep.measure(
         rounds=run.size(3, 1), seconds=run.size(10.0, 0.5), log=_raise, drones=(drones,)
@@ -127,7 +127,7 @@ def _raise(line: str) -> None:
 def duplicates(run: Run) -> Figures:
     """Send joint actions shuffled within a window of steps, and a fifth of them twice.
 
-    What a step still needs after its window is sent once more, as a planner does.
+    Actions that a step still needs after its window are sent again, as by a planner.
     """
     steps, window, drones = run.size(10_000, 200), 5, 5
     draw = random.Random(1)

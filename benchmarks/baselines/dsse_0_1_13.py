@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""DSSE 0.1.13 as its user calls it."""
+"""DSSE 0.1.13 as its users call it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""DSSE 1.1.9 as its user calls it."""
+"""DSSE 1.1.9 as its users call it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchmarks.worker import serve
 
 
 def make(config: dict[str, Any]) -> Iterator[int]:
-    """Yield 1 for every call of `step`; episodes last until the time is out."""
+    """Yield 1 for every call of `step`; episodes last until the time limit."""
     fields = config["fields"]
     with np.load(config["workload"]) as file:
         starts, actions = file["starts"], file["actions"]

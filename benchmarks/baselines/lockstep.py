@@ -12,7 +12,7 @@ from benchmarks.worker import serve
 
 
 def make(config: dict[str, Any]) -> Iterator[int]:
-    """Yield the steps that the other node did."""
+    """Yield the number of steps of the other node."""
     return turn(*start(config["node"], config["workload"]))
 
 

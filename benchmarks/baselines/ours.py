@@ -25,7 +25,7 @@ def make(config: dict[str, Any]) -> Iterator[int]:
 
 
 def single(fields: dict[str, Any], actions: Any) -> Iterator[int]:
-    """Yield 1 for every call of `SearchEnv.step`; episodes last until the time is out."""
+    """Yield 1 for every call of `SearchEnv.step`; episodes last until the time limit."""
     env = parallel_env(**fields)
     walks = [
         [dict(zip(env.possible_agents, joint, strict=True)) for joint in walk]
@@ -46,7 +46,7 @@ def single(fields: dict[str, Any], actions: Any) -> Iterator[int]:
 def batch(
     fields: dict[str, Any], actions: Any, count: int, lazy: bool, threads: int
 ) -> Iterator[int]:
-    """Yield the worlds that did a step for every call of `VectorEnv.step`."""
+    """Yield the number of worlds that made a step for every call of `VectorEnv.step`."""
     env = vector_env(count, **fields, lazy=lazy, threads=threads)
     repeats = -(-count // actions.shape[1])
     joints = list(np.tile(actions, (1, repeats, 1))[:, :count])
@@ -58,7 +58,7 @@ def batch(
             yield count
         if not done.all():
             raise RuntimeError(f"{count - done.sum()} worlds go on after {len(joints)} calls")
-        # All worlds reset, none does a step.
+        # All worlds reset, and none makes a step.
         env.step(joints[0])
         yield 0
 

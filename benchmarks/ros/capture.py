@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Records what a node sends per step, so that the ping-pong can send the same."""
+"""Records the messages of a node per step, so that the ping-pong can send the same."""
 
 from __future__ import annotations
 

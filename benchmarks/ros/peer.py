@@ -28,7 +28,7 @@ from msg_adapters.step_report import step_report_dtype
 
 REPORT = "/step_report"
 STEP_AT: int = step_report_dtype(1).fields["step"][1]  # type: ignore[index]
-"""Where the first drone's step stands in the bytes of a report."""
+"""Offset of the first drone's step in the bytes of a report."""
 
 NOT_OF_THE_NODE = ("/rosout", "/parameter_events")
 DISCOVERY_S = 60.0
@@ -36,7 +36,7 @@ QUIET_S = 1.0
 SILENCE_S = 20.0
 LOOK_S = 0.1
 ANSWER_AGAIN_S = 0.5
-"""Idle time after which an answer is repeated: the first may come before anybody listens."""
+"""Idle time after which an answer is repeated: nobody may have received the first one."""
 
 OnMessage = Callable[[str, Any], None]
 
@@ -58,7 +58,7 @@ def profile_of(reliability: str, durability: str) -> QoSProfile:
 
 
 def publications(node: Node, of: str) -> dict[str, tuple[str, str, str]]:
-    """Return (type, reliability, durability) of each topic that a node publishes, when all are up.
+    """Return (type, reliability, durability) of each topic of a node, once all exist.
 
     Raises:
         RuntimeError: If they are not within `DISCOVERY_S`.
@@ -70,7 +70,7 @@ def publications(node: Node, of: str) -> dict[str, tuple[str, str, str]]:
         now = []
         if of in node.get_node_names():
             now = sorted(node.get_publisher_names_and_types_by_node(of, "/"))
-        # A node that still compiles has none of them yet.
+        # A node that is still compiling has no topics.
         complete = REPORT in [topic for topic, _ in now]
         if now != seen or not complete:
             seen, quiet_since = now, time.monotonic()
@@ -95,10 +95,10 @@ class Peer(Node):
 
     Args:
         of: Name of the node.
-        walk: (K, N) action numbers by step; a report of step K has no answer, since the mission
-            is over with it.
-        raw: Whether messages are handed on as bytes.
-        on_message: Gets topic and message.
+        walk: (K, N) action numbers by step; a report of step K has no answer, because the mission
+            is then over.
+        raw: Whether to pass on messages as bytes.
+        on_message: Called with topic and message.
 
     Attributes:
         topics: (type, reliability, durability) of each.
@@ -155,7 +155,7 @@ class Peer(Node):
 
 
 def turn(executor: Executor, peer: Peer) -> Iterator[int]:
-    """Yield, for each event that the peer dealt with, the steps that it contained.
+    """Yield the number of steps in each event that the peer handles.
 
     Raises:
         RuntimeError: If nothing comes for `SILENCE_S`.

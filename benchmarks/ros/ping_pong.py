@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bare rclpy instead of `sim_node`: answers each joint action with the messages of a step.
 
-They are ready-made: it knows nothing of drones, worlds or maps.
+The messages are ready-made: the program has no drones, worlds or maps.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from dsse_ros.runtime.qos import RELIABLE
 from dsse_ros.runtime.run_node import new_executor
 
 NAME = "ping_pong"
-# What sim_node sends after the report of a step.
+# Messages that sim_node sends after the report of a step.
 AFTER_THE_REPORT = ("/odom", "/tf")
 
 
 class PingPong(Node):
-    """Sends what `capture` recorded: the messages of a step together, others at their rate.
+    """Sends the messages of `capture`: those of a step together, others at their rate.
 
     Args:
         topics: What `capture` wrote.
-        steps: Steps of a mission; the next one follows by itself.
+        steps: Steps of a mission; the next one starts automatically.
     """
 
     def __init__(self, topics: list[dict[str, Any]], steps: int) -> None:
@@ -71,7 +71,7 @@ class PingPong(Node):
         struct.pack_into("<I", self._report.data, STEP_AT, step)
         for publisher, message in self._round:
             publisher.publish(message)
-        # Faster than a timer, which would slow the loop below down too.
+        # Faster than a timer, which would also slow the loop below.
         now = time.monotonic()
         for other in self._others:
             publisher, message, period, due = other
@@ -89,7 +89,7 @@ def main(recording: str, steps: str) -> None:
     rclpy.init()
     executor = new_executor()
     executor.add_node(PingPong(json.loads(Path(recording).read_text()), int(steps)))
-    # As sim_node does it, see `dsse_ros.runtime.run_node`.
+    # As in sim_node, see `dsse_ros.runtime.run_node`.
     while rclpy.ok():
         executor.spin_once(timeout_sec=0.1)
 

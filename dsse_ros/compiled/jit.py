@@ -36,7 +36,7 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def decorate(function: Callable[..., Any]) -> Any:
         dispatcher = compile_function(function)
-        # Numba has no option for this; if these attributes are missing, its cache is unchanged.
+        # Numba has no option for this; without these attributes its cache works as usual.
         with contextlib.suppress(AttributeError):
             file = dispatcher._cache._cache_file
             file._source_stamp = (file._source_stamp, SOURCES)
@@ -53,6 +53,6 @@ _PART: dict[str, Any] = {**_KERNEL, "no_cpython_wrapper": True, "no_cfunc_wrappe
 kernel = compiled(**_KERNEL)
 """Compiles functions that Python calls."""
 part = compiled(**_PART)
-"""Compiles functions that only kernels call, without wrappers, which take long to compile."""
+"""Compiles functions that only kernels call, without the wrappers, which compile slowly."""
 inlined = compiled(**_PART, forceinline=True)
-"""Inlines a part into its callers, for functions whose call would be slow."""
+"""Inlines a function into its callers if calls would be slow."""
