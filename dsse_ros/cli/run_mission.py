@@ -430,7 +430,7 @@ def main(argv: list[str] | None = None) -> int:
         fail("run_mission", error)
         return 1
     except OSError as error:
-        # For example a folder in the place of a file, or a full disk.
+        # For example a folder instead of a file, or a full disk.
         fail("run_mission", f"out: {error.filename or str(arguments.out)!r}: {error.strerror}")
         return 1
     except KeyboardInterrupt:
