@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,9 @@ from flights import Log, environment, fly
 from dsse_ros.report.bags import MissionBag
 from dsse_ros.report.metrics import metrics
 from dsse_ros.report.record import RecordedMission, read_csv
-from dsse_ros.report.replay import forecast_for, views, with_coverage, with_search
+from dsse_ros.report.replay import forecast_for, views, with_coverage
 from dsse_ros.report.texts import outcome
+from dsse_ros.scenario.definition import SearchDefinition
 
 # ROS 2's own imports, on the first message that is converted.
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
@@ -34,13 +34,12 @@ def test_a_csv_and_a_bag_have_the_metrics_and_maps_of_the_mission(
     found = {name: float(of[0]) for name, of in env.world.coverage_metrics().items()}
     topics = {"agents", "mission_report", "step_report"}
     fly(env, Bag(tmp_path / "mission.mcap", env, topics=topics), searching=0.1)
-    (of_csv,) = read_csv(tmp_path / "mission.csv")
+    definition = SearchDefinition(env.rules, env.scenario)
+    (of_csv,) = read_csv(tmp_path / "mission.csv", lambda _: definition)
     (of_bag,) = MissionBag(tmp_path / "mission.mcap").missions
     assert of_csv.covers and of_csv.pos is not None
     np.testing.assert_array_equal(of_csv.pos, flown.pos)
-    records: list[RecordedMission] = [
-        with_search(of_csv, env.rules, env.scenario), with_coverage(of_bag),
-    ]  # fmt: skip
+    records: list[RecordedMission] = [of_csv, with_coverage(of_bag)]
     complete = found["coverage_rate"] == 1.0
     assert complete == (limit == 400)
     last = len(of_csv.steps) - 1
@@ -53,6 +52,5 @@ def test_a_csv_and_a_bag_have_the_metrics_and_maps_of_the_mission(
         assert complete or "% covered, out of time" in outcome(record)
         assert forecast_for(record, None) is None
         np.testing.assert_array_equal(views(record, [last])[last].probability, env.probability)
-    numbers = (metrics(replace(record, rules=None, scenario=None)) for record in records)
-    first, second = numbers
+    first, second = map(metrics, records)
     assert first["searches"] == second["searches"]
