@@ -110,10 +110,6 @@ def curves(record: RecordedMission) -> Curves:
     )
 
 
-def _pos(record: RecordedMission, of: Curves) -> float | None:
-    return None if of.pos is None else float(of.pos[-1])
-
-
 def _horizon(record: RecordedMission) -> int:
     """Return the number of steps in a mission's time limit."""
     limit = record.scenario.timestep_limit + record.rules.time_out_grace
@@ -143,13 +139,8 @@ def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, f
     high = float((earlier * gaps).sum()) + left
     # No drone was left to search.
     low += left if record.complete and not len(finds) else 0.0
-    step_s = _step_s(record)
+    step_s = record.scenario.step_duration_s
     return low * step_s, high * step_s
-
-
-def _step_s(record: RecordedMission) -> float:
-    """Return the duration of a step in seconds, 0 without steps."""
-    return float(record.times_s[-1] / record.steps[-1]) if record.steps[-1] else 0.0
 
 
 def _first_detection(record: RecordedMission, of: Curves) -> float | None:
@@ -208,7 +199,7 @@ METRICS = (
         "known how they ended: the sum of POC times POD of each search, with the POC that the "
         "searches before it have left; of several persons the expected share of finds.",
         "IAMSAR Manual, volume II, chapter 4; Koopman 1946; Stone 1975",
-        _pos,
+        lambda record, of: _last(of.pos),
     ),
     Metric(
         "expected_time_at_least", "Expected time to detection, at least", "s",

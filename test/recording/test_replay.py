@@ -204,6 +204,15 @@ def test_every_message_that_follows_from_the_mission_is_compared(
         assert f", {message.topic}" in found, (message.topic, place)
 
 
+def test_a_mission_on_a_probability_matrix_repeats_with_its_file(tmp_path: Path) -> None:
+    np.save(tmp_path / "matrix.npy", np.random.default_rng(1).random((8, 8)))
+    matrix = str(tmp_path / "matrix.npy")
+    of = Flown(rules="coverage", everything=True, probability_matrix=matrix)
+    of.fly(6)
+    mission = one(of.messages)
+    assert repeats(mission) and "probability" in mission.compared
+
+
 def test_messages_of_runs_with_the_same_stamps_belong_to_their_own() -> None:
     first = Flown(run_id=1, seed=4, everything=True)
     first.fly(3)
