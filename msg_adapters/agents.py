@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from std_msgs.msg import String
 
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.limits import MAX_SIDE
@@ -17,6 +17,9 @@ from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import SPECS, Scenario
 from msg_adapters.frames import GridFrame, altitudes_of
 from msg_adapters.json_keys import Keys, parse_json
+
+if TYPE_CHECKING:
+    from std_msgs.msg import String
 
 MAX_ID = 2**32 - 1
 """Largest run_id and mission: uint32 in the reports."""
@@ -108,29 +111,37 @@ def area_rows(mask: NDArray[np.bool_] | None) -> tuple[str, ...] | None:
     return tuple("".join("1" if cell else "0" for cell in row) for row in mask.tolist())
 
 
+def definition_values(definition: SearchDefinition) -> dict[str, Any]:
+    """Return the rules and the scenario as JSON values: the inverse of `definition_from`."""
+    rules, scenario = definition.rules, definition.scenario
+    fields = {name: getattr(scenario, name) for name in SPECS}
+    if scenario.probability_matrix is not None:
+        matrix = replace(scenario.probability_matrix, source="")
+        fields["probability_matrix"] = asdict(matrix)
+    if scenario.area is not None:
+        fields["area"] = json.loads(scenario.area.to_geojson())
+    return {"rules": asdict(rules), "scenario": fields}
+
+
 def agents_message(info: AgentsInfo) -> String:
     """Return the message for `agents`; the same information gives the same bytes."""
+    # Records are read without ROS.
+    from std_msgs.msg import String
+
     values = asdict(replace(info, definition=None))
-    values["definition"] = None
     if info.definition is not None:
-        rules, scenario = info.definition.rules, info.definition.scenario
-        fields = {name: getattr(scenario, name) for name in SPECS}
-        if scenario.probability_matrix is not None:
-            matrix = replace(scenario.probability_matrix, source="")
-            fields["probability_matrix"] = asdict(matrix)
-        if scenario.area is not None:
-            fields["area"] = json.loads(scenario.area.to_geojson())
-        values["definition"] = {"rules": asdict(rules), "scenario": fields}
+        values["definition"] = definition_values(info.definition)
     return String(data=json.dumps(values, sort_keys=True, allow_nan=False))
 
 
-def _definition(keys: Keys, num_drones: int, grid_size: int) -> SearchDefinition:
-    """Return the rules and the scenario that a message states.
+def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> SearchDefinition:
+    """Return the rules and the scenario that a message or a file states.
 
     Args:
         keys: What is stated.
-        num_drones: How many drones the message has.
-        grid_size: Of its grid: what is derived of a scenario takes memory by both.
+        num_drones: How many drones the message or file has.
+        grid_size: Of its grid, None if it does not state one: what is derived of a scenario takes
+            memory by both.
 
     Raises:
         ValueError: If a value is not allowed or a field is missing, or of another search.
@@ -153,11 +164,11 @@ def _definition(keys: Keys, num_drones: int, grid_size: int) -> SearchDefinition
             ("grid_size", side, grid_size),
             ("num_drones", drones, num_drones),
         ):
-            if stated != value:
+            if value is not None and stated != value:
                 raise ValueError(f"{name}: {stated} is not allowed; {value}, as agents has it")
         return SearchDefinition(rules, scenario.resolve(rules))
     except (TypeError, ValueError) as error:
-        raise ValueError(f"agents.definition: {error}") from None
+        raise ValueError(f"{keys.where}: {error}") from None
 
 
 def agents_from_message(message: String) -> AgentsInfo:
@@ -192,7 +203,7 @@ def agents_from_message(message: String) -> AgentsInfo:
         definition=(
             None
             if keys.value("definition") is None
-            else _definition(
+            else definition_from(
                 keys.inner("definition"),
                 len(keys.names("agents")),
                 keys.integer("grid_size", 1, MAX_SIDE),

@@ -30,23 +30,26 @@ class Keys:
     Args:
         document: What should be the object.
         where: Its name in errors.
+
+    Attributes:
+        where: Its name in errors.
     """
 
     def __init__(self, document: Any, where: str) -> None:
         if not isinstance(document, dict):
             raise ValueError(f"{where}: {shown(document)} is not allowed; an object")
         self._document = document
-        self._where = where
+        self.where = where
 
     def value(self, key: str) -> Any:
         """Return the value of a key, whatever it is."""
         if key not in self._document:
-            raise ValueError(f"{self._where}.{key}: missing")
+            raise ValueError(f"{self.where}.{key}: missing")
         return self._document[key]
 
     def inner(self, key: str) -> Keys:
         """Return access to an object in this one."""
-        return Keys(self.value(key), f"{self._where}.{key}")
+        return Keys(self.value(key), f"{self.where}.{key}")
 
     def entries(self, key: str, length: int | None = None) -> list[Any]:
         """Return a list, of this length if one is given."""
@@ -102,7 +105,7 @@ class Keys:
     def refuse(self, key: str, wanted: str) -> NoReturn:
         """Raise the error that says what was wanted instead of the value of a key."""
         value = shown(self._document[key])
-        raise ValueError(f"{self._where}.{key}: {value} is not allowed; {wanted}")
+        raise ValueError(f"{self.where}.{key}: {value} is not allowed; {wanted}")
 
 
 def _is_finite(value: Any) -> bool:

@@ -47,7 +47,7 @@ FIND_FIELDS = (("finds", "<u4", (2,)),)
 
 A `PointField` has no 64 bits; those of the first 32 looks come first."""
 
-FAULT_FIELDS = (("battery", "<f8"), ("status", "u1"))
+FAULT_FIELDS = (("battery", "<f8"), ("status", "u1"), ("command", "i1"))
 """Fields of a drone in a step of a mission with faults."""
 
 _ALL_FOUND = "all_found"
@@ -67,8 +67,9 @@ def step_report_dtype(
     0 if the action would leave the grid). Where the task is coverage, coverage_rate,
     repeated_coverage and pos (float64) follow, the same for all drones: see
     `dsse_ros.search.coverage`. With faults further battery (float64, percent, NaN where it does not
-    run down) and status (uint8, number in `dsse_ros.step.fault_kernels.STATUSES`). With sensors
-    that look at several cells at once finds (uint32 x 2, a bit for each look that found a person).
+    run down), status (uint8, number in `dsse_ros.step.fault_kernels.STATUSES`) and command (int8,
+    the commanded action). With sensors that look at several cells at once finds (uint32 x 2, a bit
+    for each look that found a person).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
@@ -112,6 +113,7 @@ def make_step_report(
     coverage: Mapping[str, float] | None = None,
     battery: ArrayLike | None = None,
     status: ArrayLike | None = None,
+    commands: ArrayLike | None = None,
     finds: ArrayLike | None = None,
 ) -> NDArray[Any]:
     """Return the report of all N drones in the order of the agents.
@@ -133,6 +135,7 @@ def make_step_report(
         coverage: The metrics of a coverage task by their names; None for another one.
         battery: (N,) percent, with faults.
         status: (N,) numbers, with faults.
+        commands: (N,) commanded action numbers, with faults; by default the actions.
         finds: (N,) uint64 bits, with sensors that look at several cells at once.
 
     Returns:
@@ -166,6 +169,7 @@ def make_step_report(
         report[name] = value
     if status is not None:
         report["status"], report["battery"] = status, np.nan if battery is None else battery
+        report["command"] = actions if commands is None else commands
     if finds is not None:
         report["finds"] = np.asarray(finds, "<u8").reshape(-1, 1).view("<u4")
     return report

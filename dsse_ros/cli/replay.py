@@ -12,8 +12,7 @@ from dsse_ros.cli.command_line import Parser
 from dsse_ros.mission.status import counted
 from dsse_ros.nodes.bag_player import play
 from dsse_ros.recording.bag import read_bag
-from dsse_ros.recording.replay import replay
-from dsse_ros.recording.replayed import ReplayedMission
+from dsse_ros.recording.replay import ReplayedMission, replay
 from dsse_ros.runtime.exit_codes import FAILED, fail
 from dsse_ros.runtime.ros_arguments import split_ros_arguments
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
@@ -28,18 +27,14 @@ def line(mission: ReplayedMission) -> str:
     if mission.seed is not None:
         head += f", seed {mission.seed}"
     steps = counted(mission.steps, "step")
-    if mission.difference is not None:
+    if mission.difference:
         return f"{head}: DIFFERS: {mission.difference}"
-    parts = [f"{steps} repeat byte for byte"] if mission.steps or not mission.incomplete else []
+    parts = []
+    if mission.compared:
+        parts.append(f"{steps} repeat byte for byte in {', '.join(sorted(mission.compared))}")
     if mission.incomplete:
         parts.append(f"not replayed {'any further' if mission.steps else ''}".rstrip())
         parts[-1] += f": {mission.incomplete}"
-    if mission.uncommanded:
-        actions = counted(mission.uncommanded, "action")
-        parts.append(f"{actions} without a command in the bag taken from the reports")
-    if mission.refused:
-        refused = ", ".join(f"{n} {code}" for code, n in sorted(mission.refused.items()))
-        parts.append(f"refused: {refused}")
     if mission.lost:
         parts.append(f"lost: {', '.join(mission.lost)}")
     return f"{head}: {'; '.join(parts)}"
@@ -77,8 +72,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         with announced(lambda text: print(text, file=sys.stderr, flush=True)):
             for mission in replay(read_bag(arguments.bag), arguments.max_cells):
                 print(line(mission), flush=True)
-                replayed += mission.steps > 0 or not mission.incomplete
-                different += mission.difference is not None
+                replayed += bool(mission.compared)
+                different += bool(mission.difference)
     except FieldError as error:
         return fail("replay", error)
     if different:

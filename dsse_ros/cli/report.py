@@ -23,12 +23,11 @@ from dsse_ros.report.replay import (
     follow_belief,
     forecast_for,
     views,
-    views_of,
     with_coverage,
-    with_search,
 )
 from dsse_ros.report.report import Report, chosen_steps
 from dsse_ros.runtime.exit_codes import fail
+from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.search import PROFILES, FieldError
 from dsse_ros.search.compiler import announced
@@ -42,7 +41,9 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         description="Make a page, figures and tables of a recorded mission.",
     )
     parser.add("file", type=Path, help="CSV of record_file, or bag of the recorder")
-    parser.add("--scenario", help="what was searched, for a CSV: YAML file or name")
+    parser.add(
+        "--scenario", help="what was searched, if the file does not state it: YAML file or name"
+    )
     parser.add("--rules", default="paper", choices=tuple(PROFILES), help="profile, with --scenario")
     parser.add("--out", type=Path, default=Path("report"), help="folder of the files")
     parser.add("--mission", type=int, help="its number, by default the last complete one")
@@ -71,24 +72,6 @@ def choose(missions: Sequence[RecordedMission], number: int | None) -> RecordedM
     return of_number[-1]
 
 
-def searches(
-    missions: Sequence[RecordedMission], arguments: argparse.Namespace
-) -> list[RecordedMission]:
-    """Return the missions with what was searched, if the command line names the scenario.
-
-    Raises:
-        FieldError: If it is not that of the missions.
-    """
-    if not arguments.scenario:
-        return list(missions)
-    found = []
-    for one in missions:
-        arguments.drones = len(one.agents)
-        _, scenario, rules = search_of(arguments)
-        found.append(with_search(one, rules, scenario))
-    return found
-
-
 def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterator[str]:
     """Yield what the reader must know of what is missing."""
     if not record.complete:
@@ -102,12 +85,7 @@ def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterat
             f"{record.missing_steps} of {record.steps[-1] + 1} steps are missing in the file: "
             "what happened in them is not counted, and tracks are straight there."
         )
-    if record.scenario is None:
-        yield (
-            "The file does not say what was searched; the option --scenario does. "
-            f"{'The maps are those that drones observed.' if shown else 'So there are no maps.'}"
-        )
-    elif not record.covers and not all(view.belief for view in shown.values()):
+    if not record.covers and not all(view.belief for view in shown.values()):
         yield "The maps are those that drones observed; a belief was not recorded."
     if record.pos is None:
         large = record.grid_size > LARGEST_BELIEF_GRID
@@ -129,31 +107,37 @@ def pictures(
     Raises:
         FieldError: If the record is of another search.
     """
-    if record.scenario is None:
-        return {} if bag is None else views_of(record, bag.maps(record, wanted, "probability"))
     if forecast is not None:
         _, beliefs = follow_belief(record, forecast, wanted)
     else:
-        beliefs = {} if bag is None else bag.maps(record, wanted, "belief")
+        beliefs = {} if bag is None else bag.beliefs(record, wanted)
     return {
         k: replace(view, probability=beliefs[k], belief=True) if k in beliefs else view
         for k, view in views(record, wanted).items()
     }
 
 
-def read(path: Path, namespace: str | None, max_cells: int) -> tuple[list[RecordedMission], Any]:
+def read(arguments: argparse.Namespace) -> tuple[list[RecordedMission], Any]:
     """Return the missions of a file, and the `MissionBag` if it is one.
 
     Raises:
-        FieldError: If it is neither a log nor a bag, or is of a grid of more cells.
+        FieldError: If it is neither a log nor a bag, is of a grid of more cells, or of another
+            search than that of the command line.
         ImportError: If it is a bag, and ROS or what reads bags is not installed.
     """
-    if not is_bag(path):
-        return read_csv(path, max_cells), None
+
+    def search(drones: int) -> SearchDefinition:
+        arguments.drones = drones
+        _, scenario, rules = search_of(arguments)
+        return SearchDefinition(rules, scenario)
+
+    given = search if arguments.scenario else None
+    if not is_bag(arguments.file):
+        return read_csv(arguments.file, given, arguments.max_cells), None
     # A log is read without them.
     from dsse_ros.report.bags import MissionBag
 
-    bag = MissionBag(path, namespace, max_cells)
+    bag = MissionBag(arguments.file, arguments.namespace, given, arguments.max_cells)
     return bag.missions, bag
 
 
@@ -161,8 +145,7 @@ def main(argv: list[str] | None = None) -> int:
     """Write the report; returns the exit code, 2 for bad input."""
     arguments = parse(argv)
     try:
-        found, bag = read(arguments.file, arguments.namespace, arguments.max_cells)
-        missions = searches(found, arguments)
+        missions, bag = read(arguments)
         at = missions.index(choose(missions, arguments.mission))
         try:
             wanted = chosen_steps(missions[at], arguments.steps or ())

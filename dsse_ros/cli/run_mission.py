@@ -30,13 +30,15 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Float64MultiArray
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
 from dsse_ros.dashboard.settings import DashboardSettings
-from dsse_ros.mission.mission_log import MissionRecord, last_pos, read_log
-from dsse_ros.mission.mission_views import mission_views
 from dsse_ros.nodes.settings import PlannerSettings, SimSettings
+from dsse_ros.report.metrics import path_lengths
+from dsse_ros.report.record import RecordedMission, read_csv
+from dsse_ros.report.replay import mission_views
 from dsse_ros.runtime.exit_codes import BAD_INPUT, fail
 from dsse_ros.runtime.interrupts import Stop, on_signals
 from dsse_ros.runtime.qos import LATCHED
@@ -49,6 +51,7 @@ from dsse_ros.search.compiler import COMPILING, compilation_bar
 from dsse_ros.view.movie import check_movie, save_movie
 from dsse_ros.view.rendering import MissionView, save_picture
 from msg_adapters.images import image_to_probability
+from msg_adapters.pos import pos_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
@@ -69,7 +72,6 @@ class Watcher(Node):
     """Follows a mission over its topics.
 
     Args:
-        log: The record of the mission, which is written before a step is published.
         belief: Whether the belief is published too.
 
     Attributes:
@@ -79,17 +81,18 @@ class Watcher(Node):
         probability: The last belief (G, G), or the last map if no belief is published.
     """
 
-    def __init__(self, log: Path, *, belief: bool) -> None:
+    def __init__(self, *, belief: bool) -> None:
         super().__init__("dsse_watcher")
         self.step = -1
         self.num_active = 0
         self.probability: NDArray[np.float32] | None = None
-        self._log = log
+        self._pos: float | None = None
         self._map_stamp = -1
         self._report_stamp = -1
         topic = "belief" if belief else "probability"
         self.create_subscription(Image, topic, self._on_map, LATCHED)
         self.create_subscription(PointCloud2, "step_report", self._on_report, LATCHED)
+        self.create_subscription(Float64MultiArray, "probability_of_success", self._on_pos, LATCHED)
 
     @property
     def done(self) -> bool:
@@ -107,6 +110,9 @@ class Watcher(Node):
         self.num_active = int((~down).sum())
         self._report_stamp = to_nanoseconds(message.header.stamp)
 
+    def _on_pos(self, message: Float64MultiArray) -> None:
+        *_, self._pos = pos_from_message(message)
+
     def line(self) -> str:
         """Return the state of the search for the progress line."""
         if self.probability is None:
@@ -114,8 +120,7 @@ class Watcher(Node):
         row, col = np.unravel_index(int(self.probability.argmax()), self.probability.shape)
         best = float(self.probability[row, col])
         active = f"{self.num_active} drones" if self.num_active else "over"
-        pos = last_pos(self._log)
-        success = "" if pos is None else f", POS {pos:.1%}"
+        success = "" if self._pos is None else f", POS {self._pos:.1%}"
         return f"best cell ({col}, {row}) {best:.1%}, {active}{success}"
 
 
@@ -257,7 +262,7 @@ def fly(
     sim_ros = ros_for(SIM_PARAMETERS, arguments.ros)
     planner_ros = ros_for(PLANNER_PARAMETERS, arguments.ros)
     sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
-    watcher = Watcher(out / "mission.csv", belief=belief)
+    watcher = Watcher(belief=belief)
     executor = new_executor()
     executor.add_node(watcher)
     bar = tqdm(
@@ -309,55 +314,51 @@ def fly(
         bar.refresh()
 
 
-def summary(record: MissionRecord, scenario: Scenario) -> str:
+def summary(record: RecordedMission) -> str:
     """Return the result of the mission as text."""
-    assert scenario.cell_size and scenario.timestep_limit
-    steps = min(record.tracks.shape[1] - 1, scenario.timestep_limit)
-    legs = np.abs(np.diff(record.tracks, axis=1))
-    metres = scenario.cell_size * np.hypot(legs[..., 0], legs[..., 1]).sum(axis=1)
+    scenario = record.scenario
+    steps = min(len(record.steps) - 1, scenario.timestep_limit)
+    metres = path_lengths(record)[-1]
     minutes, seconds = divmod(round(float(record.times_s[-1])), 60)
-    finders = [f"drone{i}" for i in np.flatnonzero(record.found.any(axis=1))]
-    found, persons = int(record.person_found.sum()), len(record.person_found)
-    if record.coverage:
-        all_covered = record.coverage["coverage_rate"] == 1
-        out = "out of time" if record.truncated.any() else "all drones lost"
-        end = "ALL COVERED" if all_covered else f"not all covered: {out}"
+    finders = [record.agents[i] for i in np.flatnonzero(record.found.any(axis=0))]
+    assert record.person_found is not None
+    found, persons = int(record.person_found[-1].sum()), record.person_found.shape[1]
+    out_of_time = "out of time" if record.truncated[-1].any() else "all drones lost"
+    shares = {"POS": record.pos, "coverage rate": record.coverage_rate,
+              "repeated coverage": record.repeated_coverage}  # fmt: skip
+    if record.coverage_rate is not None:
+        all_covered = record.coverage_rate[-1] == 1
+        end = "ALL COVERED" if all_covered else f"not all covered: {out_of_time}"
     elif found == persons:
         end = f"FOUND by {', '.join(finders)}"
-    elif record.truncated.any():
-        end = "not found: out of time"
     else:
-        end = "not found: all drones lost"
+        end = f"not found: {out_of_time}"
     if persons > 1:
         end += f" ({found} of {persons} persons)"
-    rewards = record.rewards.sum(axis=1)
+    rewards = record.rewards.sum(axis=0)
     # The end of a mission terminates or truncates every drone left.
     success = end.startswith(("FOUND", "ALL"))
-    down = 0 if success else int((~record.alive & ~record.truncated).sum())
+    down = 0 if success else int((record.terminated & ~record.truncated)[-1].sum())
     rows = {
         "end": end,
         "steps": f"{steps} of {scenario.timestep_limit}",
         "time at sea": f"{minutes} min {seconds} s",
         "drones": f"{len(metres)}, {down} lost" if down else f"{len(metres)}",
         "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
-        **({} if record.pos is None else {"POS": f"{record.pos:.1%}"}),
-        **{name.replace("_", " "): f"{share:.1%}" for name, share in record.coverage.items()},
+        **{name: f"{share[-1]:.1%}" for name, share in shares.items() if share is not None},
         "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
     }
     title = scenario.name or "Mission"
     return "\n".join([title, *(f"  {name:<20} {value}" for name, value in rows.items())])
 
 
-def draw(
-    record: MissionRecord, scenario: ResolvedScenario, rules: Rules, arguments: argparse.Namespace
-) -> dict[str, Path]:
-    """Draw the mission; return the written files, none if somebody has reset the mission.
+def draw(record: RecordedMission, arguments: argparse.Namespace) -> dict[str, Path]:
+    """Draw the mission; return the written files, none if it cannot be flown again.
 
     Raises:
         OSError: If a file cannot be written.
     """
-    belief = shows_belief(arguments, scenario, rules)
-    views = mission_views(record, scenario, rules, seed=arguments.seed, belief=belief)
+    views = mission_views(record, belief=shows_belief(arguments, record.scenario, record.rules))
     written = {"picture": arguments.out / "mission.png"}
     last: list[MissionView] = []
 
@@ -368,7 +369,7 @@ def draw(
 
     try:
         if arguments.movie is not None:
-            save_movie(noted(), arguments.movie, total=record.tracks.shape[1])
+            save_movie(noted(), arguments.movie, total=len(record.steps))
             written["movie"] = arguments.movie
         else:
             collections.deque(noted(), maxlen=0)
@@ -418,9 +419,9 @@ def main(argv: list[str] | None = None) -> int:
         init_ros(["run_mission", "--ros-args", *arguments.ros])
         with live_page(arguments, stop) as keep_page:
             fly(arguments, path, scenario, rules, stop)
-            record = read_log(arguments.out / "mission.csv")
-            written = draw(record, scenario, rules, arguments)
-            print(summary(record, scenario))
+            record = read_csv(arguments.out / "mission.csv")[-1]
+            written = draw(record, arguments)
+            print(summary(record))
             for name, file in {**written, "steps": arguments.out / "mission.csv"}.items():
                 print(f"  {name:<20} {file}")
             keep_page()

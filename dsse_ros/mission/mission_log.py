@@ -6,18 +6,19 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission, StepResult
+from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.search import FieldError
 from dsse_ros.step.fault_kernels import STATUSES
+from msg_adapters.agents import definition_values
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import cell_to_geodetic
 
@@ -40,12 +41,17 @@ def columns_of(*, covers: bool, faults: bool) -> tuple[str, ...]:
     return (*COLUMNS, *(OF_COVERAGE if covers else ()), *(OF_FAULTS if faults else ()))
 
 
-_TAIL_BYTES = 1 << 16
-"""Size of the end of a log that is searched for the rows of its last step."""
+def definition_file(path: str | os.PathLike[str]) -> Path:
+    """Return the file beside a log that states its search.
+
+    It is JSON: `definition` has `rules` and `scenario`, as in the topic `agents`, and `seeds` has
+    the seed of each mission by its number.
+    """
+    return Path(f"{os.fspath(path)}.json")
 
 
 class MissionLog:
-    """Writes the steps of missions to a file as they happen.
+    """Writes the steps of missions to a file as they happen, and their search beside it.
 
     Args:
         path: The file; existing content is overwritten.
@@ -67,13 +73,16 @@ class MissionLog:
         covers: bool = False,
         faults: bool = False,
     ) -> None:
+        self._path = path
         self._frame = frame
         self._faults = faults
+        self._seeds: dict[str, int] = {}
         self._of_coverage = OF_COVERAGE if covers else ()
         columns = columns_of(covers=covers, faults=faults)
         try:
             if resume_at is not None:
                 _cut(path, resume_at, columns)
+                self._seeds = _seeds(path)
             mode = "w" if resume_at is None else "a"
             self._file = Path(path).open(mode, newline="", encoding="utf-8")  # noqa: SIM115
         except OSError as error:
@@ -126,6 +135,18 @@ class MissionLog:
                     (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "", *more)
                 )
         self._file.flush()
+        if self._seeds.get(str(mission.number)) != mission.seed:
+            self._define(mission)
+
+    def _define(self, mission: Mission) -> None:
+        """State the search and the seeds of its missions beside the log, if it is a file."""
+        if not Path(self._path).is_file():
+            return
+        self._seeds[str(mission.number)] = mission.seed
+        definition = SearchDefinition(mission.env.rules, mission.env.mission_scenario)
+        values = {"definition": definition_values(definition), "seeds": self._seeds}
+        text = json.dumps(values, indent=1, sort_keys=True, allow_nan=False)
+        definition_file(self._path).write_text(text + "\n", encoding="utf-8")
 
     def _of_faults(self, mission: Mission, result: StepResult, drone: int) -> tuple[Any, ...]:
         """Return the values of `OF_FAULTS`, if the log has these columns."""
@@ -159,6 +180,14 @@ class MissionLog:
         self._file.close()
 
 
+def _seeds(path: str | os.PathLike[str]) -> dict[str, int]:
+    """Return the seeds beside a log; none if they cannot be read."""
+    try:
+        return dict(json.loads(definition_file(path).read_text(encoding="utf-8"))["seeds"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
 def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[str]) -> None:
     """Cut a record before the first row of this (mission, step) or a later one.
 
@@ -186,100 +215,3 @@ def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[s
                 break
             keep += len(line)
         file.truncate(keep)
-
-
-@dataclass(frozen=True)
-class MissionRecord:
-    """A mission read back from its log.
-
-    Attributes:
-        tracks: (N, K, 2) cells (col, row) of the drones.
-        persons: (P, 2) last cells of the persons.
-        person_found: (P,) bool.
-        actions: (N, K) names of the actions, "" for none.
-        commands: (N, K) names of the commanded actions; equal to `actions` without faults.
-        rewards: (N, K) float64.
-        alive: (N,) bool after the last step.
-        truncated: (N,) bool after the last step.
-        found: (N, K) bool.
-        times_s: (K,) float64 mission time.
-        pos: `Mission.pos` after the last step.
-        coverage: `Mission.coverage` after the last step, without `pos`.
-    """
-
-    tracks: NDArray[np.int64]
-    persons: NDArray[np.int64]
-    person_found: NDArray[np.bool_]
-    actions: NDArray[np.str_]
-    commands: NDArray[np.str_]
-    rewards: NDArray[np.float64]
-    alive: NDArray[np.bool_]
-    truncated: NDArray[np.bool_]
-    found: NDArray[np.bool_]
-    times_s: NDArray[np.float64]
-    pos: float | None
-    coverage: dict[str, float] = field(default_factory=dict)
-
-
-def read_log(path: str | os.PathLike[str]) -> MissionRecord:
-    """Return the last mission of a log.
-
-    Raises:
-        ValueError: If the file has no step of a mission.
-    """
-    with Path(path).open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    if not rows:
-        raise ValueError(f"{os.fspath(path)}: no step of a mission")
-    rows = [row for row in rows if row["mission"] == rows[-1]["mission"]]
-    drones = _by_agent(rows, "drone")
-    persons = [last[-1] for last in _by_agent(rows, "person")]
-
-    def table(column: str, kind: Any) -> NDArray[Any]:
-        return np.array([[kind(row[column]) for row in of_drone] for of_drone in drones])
-
-    flags = {name: table(name, int).astype(bool) for name in ("terminated", "truncated", "found")}
-    return MissionRecord(
-        tracks=np.stack([table("col", int), table("row", int)], axis=2),
-        persons=np.array([(int(row["col"]), int(row["row"])) for row in persons]).reshape(-1, 2),
-        person_found=np.array([row["found"] == "1" for row in persons], bool),
-        actions=table("action", str),
-        commands=table("command" if "command" in rows[0] else "action", str),
-        rewards=table("reward", float),
-        alive=~(flags["terminated"] | flags["truncated"])[:, -1],
-        truncated=flags["truncated"][:, -1],
-        found=flags["found"],
-        times_s=table("time_s", float)[0],
-        pos=_pos_of(drones[0][-1]),
-        coverage={
-            name: float(drones[0][-1][name]) for name in OF_COVERAGE if name in drones[0][-1]
-        },
-    )
-
-
-def last_pos(path: str | os.PathLike[str]) -> float | None:
-    """Return the POS after the last step of a log still being written; None if it has none."""
-    try:
-        with Path(path).open("rb") as file:
-            file.seek(max(file.seek(0, os.SEEK_END) - _TAIL_BYTES, 0))
-            # Skip the first line, a header or a partial row, and the last, possibly partial one.
-            lines = file.read().decode().split("\n")[1:-1]
-    except OSError:
-        return None
-    # Further columns may follow.
-    rows = [dict(zip(COLUMNS, line.split(","), strict=False)) for line in lines]
-    of_drones = [row for row in rows if row["agent"].startswith("drone")]
-    return _pos_of(of_drones[-1]) if of_drones else None
-
-
-def _pos_of(row: dict[str, str]) -> float | None:
-    return float(row["pos"]) if row["pos"] else None
-
-
-def _by_agent(rows: list[dict[str, str]], kind: str) -> list[list[dict[str, str]]]:
-    """Return the rows of each agent whose name starts with `kind`, in the order of the names."""
-    groups: dict[str, list[dict[str, str]]] = {}
-    for row in rows:
-        if row["agent"].startswith(kind):
-            groups.setdefault(row["agent"], []).append(row)
-    return list(groups.values())

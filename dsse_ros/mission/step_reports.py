@@ -25,7 +25,7 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
     result, faults = mission.result, mission.env.world.faults
     further: dict[str, Any] = {}
     if faults is not None and result.conditions is not None:
-        further["status"] = result.conditions["status"]
+        further["status"], further["commands"] = result.conditions["status"], result.commands
         if faults.has_battery:
             further["battery"] = result.conditions["battery"]
     if mission.env.world.looks.several:

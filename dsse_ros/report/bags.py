@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.recording.bag import Recorded, read_bag
-from dsse_ros.report.record import RecordedMission
+from dsse_ros.report.record import RecordedMission, Search, check_limit
 from dsse_ros.report.replay import Maps
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import FieldError
@@ -23,7 +23,7 @@ from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
-BELIEF, PROBABILITY = "belief", "probability"
+_BELIEF = "belief"
 _READ: dict[str, Callable[[Any], Any]] = {
     "agents": agents_from_message,
     "step_report": step_report_from_message,
@@ -34,10 +34,9 @@ _TYPES = {
     "agents": "std_msgs/msg/String",
     "step_report": "sensor_msgs/msg/PointCloud2",
     "mission_report": "sensor_msgs/msg/PointCloud2",
-    BELIEF: "sensor_msgs/msg/Image",
-    PROBABILITY: "sensor_msgs/msg/Image",
+    _BELIEF: "sensor_msgs/msg/Image",
 }
-"""Their types, and those of the maps; a topic with another type belongs to other software."""
+"""Their types, and that of the belief; a topic with another type belongs to other software."""
 
 Key = tuple[int, int]
 """Run and mission."""
@@ -62,20 +61,22 @@ class MissionBag:
     Args:
         path: The bag.
         namespace: Of the simulation; None for the only one.
+        search: What was searched; by default `agents` states it.
         max_cells: Cells of the largest grid.
 
     Attributes:
         missions: Missions with a recorded step, in order.
 
     Raises:
-        FieldError: If the bag cannot be read, has no step, does not have the namespace, or has a
-            larger grid.
+        FieldError: If the bag cannot be read, has no step, does not have the namespace, has a
+            larger grid, or is of another search.
     """
 
     def __init__(
         self,
         path: str | os.PathLike[str],
         namespace: str | None = None,
+        search: Search | None = None,
         max_cells: int = LARGEST_GRID_CELLS,
     ) -> None:
         self._path = path
@@ -96,7 +97,7 @@ class MissionBag:
         self.missions = []
         for key, of in self._reports.items():
             try:
-                self.missions.append(_mission(key, known.get(key), of.rows, max_cells))
+                self.missions.append(_mission(key, known.get(key), of.rows, search, max_cells))
             except ValueError as error:
                 raise FieldError(f"{self._name}: mission {key[1]}: {error}") from None
 
@@ -124,13 +125,12 @@ class MissionBag:
             raise FieldError(f"namespace: {namespace!r} is not allowed; of the file: {shown}")
         return wanted
 
-    def maps(self, record: RecordedMission, wanted: Collection[int], topic: str) -> Maps:
-        """Return the maps (G, G) that were published with recorded steps, as far as there are any.
+    def beliefs(self, record: RecordedMission, wanted: Collection[int]) -> Maps:
+        """Return the beliefs (G, G) that were published with recorded steps.
 
         Args:
             record: One of `missions`.
             wanted: Numbers of recorded steps, 0 to K - 1.
-            topic: `BELIEF` or `PROBABILITY`.
 
         Raises:
             FieldError: If a message is no map.
@@ -142,7 +142,7 @@ class MissionBag:
         of_stamp = {heard[steps[k]][0]: k for k in wanted if steps[k] in heard}
         nearest_ns: dict[int, int] = {}
         maps: Maps = {}
-        for place, _, one in self._messages(topic):
+        for place, _, one in self._messages(_BELIEF):
             if place != self.namespace:
                 continue
             k = of_stamp.get(to_nanoseconds(one.message.header.stamp))
@@ -167,7 +167,11 @@ def _note(reports: dict[Key, _Reports], of_steps: NDArray[Any], one: Recorded) -
 
 
 def _mission(
-    key: Key, info: AgentsInfo | None, rows: dict[int, NDArray[Any]], max_cells: int
+    key: Key,
+    info: AgentsInfo | None,
+    rows: dict[int, NDArray[Any]],
+    search: Search | None,
+    max_cells: int,
 ) -> RecordedMission:
     """Return a mission of its reports (N,) by step.
 
@@ -177,6 +181,15 @@ def _mission(
     if info is None:
         raise ValueError("no message of the topic agents")
     check_cells(info.grid_size, max_cells)
+    definition = search(len(info.agents)) if search else info.definition
+    if definition is None:
+        raise ValueError("agents does not state what was searched; --scenario names it")
+    rules, scenario = definition.rules, definition.scenario.resolve(definition.rules)
+    if (scenario.grid_size, scenario.cell_size) != (info.grid_size, info.cell_size_m):
+        raise ValueError(
+            f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m a side are not the "
+            f"recorded {info.grid_size} of {info.cell_size_m:g} m"
+        )
     steps = sorted(rows)
     if any(len(row) != len(info.agents) for row in rows.values()):
         raise ValueError(f"step_report is not of the {len(info.agents)} drones of agents")
@@ -187,23 +200,21 @@ def _mission(
     actions, names = table("action"), np.array([*info.actions, ""])
     if (actions >= len(info.actions)).any():
         raise ValueError(f"step_report has action {actions.max()}, which agents does not name")
-    of = info.definition
-    return RecordedMission(
-        number=key[1],
-        steps=np.array(steps),
-        times_s=np.array(steps) * info.step_duration_s,
-        cells=np.stack([table("col"), table("row")], axis=2).astype(np.int64),
-        actions=names[np.maximum(actions, -1)],
-        rewards=table("reward"),
-        terminated=table("terminated") > 0,
-        truncated=table("truncated") > 0,
-        found=table("found") > 0,
-        held=table("held") > 0,
-        grid_size=info.grid_size,
-        cell_size_m=info.cell_size_m,
-        rules=None if of is None else of.rules,
-        scenario=None if of is None else of.scenario.resolve(of.rules),
-        seed=info.seed,
-        run_id=key[0],
-        area=info.area_mask,
+    return check_limit(
+        RecordedMission(
+            number=key[1],
+            steps=np.array(steps),
+            times_s=np.array(steps) * info.step_duration_s,
+            cells=np.stack([table("col"), table("row")], axis=2).astype(np.int64),
+            actions=names[np.maximum(actions, -1)],
+            rewards=table("reward"),
+            terminated=table("terminated") > 0,
+            truncated=table("truncated") > 0,
+            found=table("found") > 0,
+            held=table("held") > 0,
+            rules=rules,
+            scenario=scenario,
+            seed=info.seed,
+            run_id=key[0],
+        )
     )

@@ -21,6 +21,14 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from dsse_ros.report.metrics import Curves, Work, effort
 from dsse_ros.report.record import RecordedMission
+from dsse_ros.view.map_axes import (
+    MAX_LINED_CELLS,
+    draw_cells,
+    draw_lines,
+    draw_outside,
+    name_axes,
+    places_km,
+)
 from dsse_ros.view.rendering import MissionView, Picture, new_figure
 
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
@@ -148,11 +156,10 @@ def effort_figure(record: RecordedMission, theme: Theme) -> Figure:
     """Return how often each cell was searched, as a map."""
     figure, axes = _map_chart(record, theme)
     count = effort(record)
-    side = _side_km(record)
-    image = axes.imshow(
-        np.ma.masked_where(count == 0, count), vmin=1, vmax=max(int(count.max()), 2),
+    image = draw_cells(
+        axes, np.ma.masked_where(count == 0, count), _side_km(record),
+        vmin=1, vmax=max(int(count.max()), 2),
         cmap=ListedColormap(colormaps["cividis"](np.linspace(*theme.shades, 256))),
-        extent=(0, side, 0, side), interpolation="nearest",
     )  # fmt: skip
     _show_part(axes, record)
     bar = figure.colorbar(image, ax=axes, label="searches of the cell", shrink=0.85, pad=0.02)
@@ -166,11 +173,10 @@ def effort_figure(record: RecordedMission, theme: Theme) -> Figure:
 def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
     """Return the tracks beside each other, as a map: o is the start, a triangle the end."""
     figure, axes = _map_chart(record, theme)
-    cell_km, drones = record.cell_size_m / 1000.0, len(record.agents)
+    cell_km, drones = record.scenario.cell_size / 1000.0, len(record.agents)
     for i, cells in enumerate(record.cells.swapaxes(0, 1)):
         beside = _BESIDE * ((i + 1) / (drones + 1) - 0.5)
-        x = (cells[:, 0] + 0.5 + beside) * cell_km
-        y = (record.grid_size - 0.5 - cells[:, 1] + beside) * cell_km
+        x, y = places_km(cells + (beside, -beside), record.grid_size, cell_km).T
         colour = OKABE_ITO[i % len(OKABE_ITO)]
         style = STYLES[i // len(OKABE_ITO) % len(STYLES)]
         axes.plot(x, y, style, color=colour, linewidth=1.4, label=record.agents[i])
@@ -186,7 +192,7 @@ def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
 
 
 def _side_km(record: RecordedMission) -> float:
-    return record.grid_size * record.cell_size_m / 1000.0
+    return record.grid_size * record.scenario.cell_size / 1000.0
 
 
 def _map_chart(record: RecordedMission, theme: Theme) -> tuple[Figure, Axes]:
@@ -197,22 +203,16 @@ def _map_chart(record: RecordedMission, theme: Theme) -> tuple[Figure, Axes]:
     for spine in axes.spines.values():
         spine.set_color(theme.ink)
     if record.area is not None:
-        outside = np.ma.masked_where(record.area, np.ones(record.area.shape))
-        axes.imshow(
-            outside, cmap=ListedColormap([theme.faint]), extent=(0, side, 0, side),
-            interpolation="nearest",
-        )  # fmt: skip
-    if _part(record)[2] <= 50:
-        lines = np.linspace(0, side, record.grid_size + 1)
-        axes.hlines(lines, 0, side, color=theme.faint, linewidth=0.4, zorder=0.5)
-        axes.vlines(lines, 0, side, color=theme.faint, linewidth=0.4, zorder=0.5)
-    axes.set(xlabel="east (km)", ylabel="north (km)")
+        draw_outside(axes, record.area, side, theme.faint)
+    if _part(record)[2] <= MAX_LINED_CELLS:
+        draw_lines(axes, np.linspace(0, side, record.grid_size + 1), side, theme.faint)
+    name_axes(axes)
     return figure, axes
 
 
 def _show_part(axes: Axes, record: RecordedMission) -> None:
     """Show the part of the grid in which the drones were."""
-    west, south, side = (cells * record.cell_size_m / 1000.0 for cells in _part(record))
+    west, south, side = (cells * record.scenario.cell_size / 1000.0 for cells in _part(record))
     axes.set(xlim=(west, west + side), ylim=(south, south + side))
 
 

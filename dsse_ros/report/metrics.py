@@ -46,7 +46,7 @@ class Curves:
 def path_lengths(record: RecordedMission) -> Floats:
     """Return how far each drone has flown after each step, (K, N) in metres."""
     legs = np.diff(record.cells, axis=0, prepend=record.cells[:1]).astype(float)
-    far: Floats = record.cell_size_m * np.hypot(legs[..., 0], legs[..., 1]).cumsum(axis=0)
+    far: Floats = record.scenario.cell_size * np.hypot(legs[..., 0], legs[..., 1]).cumsum(axis=0)
     return far
 
 
@@ -88,7 +88,7 @@ def _meetings(record: RecordedMission) -> tuple[Ints, Floats]:
             continue
         away = np.hypot(*(cells[:, None] - cells).transpose(2, 0, 1))
         away = away[np.triu_indices(len(cells), 1)]
-        nearest_m[k] = record.cell_size_m * away.min()
+        nearest_m[k] = record.scenario.cell_size * away.min()
         pairs[k] = (away == 0).sum() if record.steps[k] else 0
     return pairs, nearest_m
 
@@ -110,22 +110,14 @@ def curves(record: RecordedMission) -> Curves:
     )
 
 
-def _pos(record: RecordedMission, of: Curves) -> float | None:
-    return None if of.pos is None else float(of.pos[-1])
-
-
-def _horizon(record: RecordedMission) -> int | None:
-    """Return the number of steps in a mission's time limit, None if unknown."""
-    if record.rules is not None and record.scenario is not None:
-        limit = record.scenario.timestep_limit + record.rules.time_out_grace
-        return limit + int(record.rules.time_out_acts)
-    # A last step without an action has detected the timeout.
-    acted = np.asarray(record.acted.any(axis=1))
-    return int(record.steps[acted].max(initial=0)) if record.complete and not acted[-1] else None
+def _horizon(record: RecordedMission) -> int:
+    """Return the number of steps in a mission's time limit."""
+    limit = record.scenario.timestep_limit + record.rules.time_out_grace
+    return limit + int(record.rules.time_out_acts)
 
 
 def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, float | None]:
-    """Return the lower and upper bounds of E[min(T, H)], in seconds; None if unknown.
+    """Return the lower and upper bounds of E[min(T, H)], in seconds; None without a POS.
 
     T is the time until the searches detect, H the horizon. The expectation is the sum of
     P(T > t) = 1 - POS over the steps up to H, each with the POS of the steps before it. Searches
@@ -143,22 +135,12 @@ def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, f
     gaps = np.diff(steps, prepend=0)
     earlier = np.concatenate([[1.0], missed[:-1]])
     low = float((earlier * np.minimum(gaps, 1) + missed * np.maximum(gaps - 1, 0)).sum())
-    high: float | None = float((earlier * gaps).sum())
-    horizon = _horizon(record)
-    if horizon is None or high is None:
-        high = None
-    else:
-        left = float(missed[-1]) * max(horizon - int(steps[-1]), 0)
-        high += left
-        # No drone was left to search.
-        low += left if record.complete and not len(finds) else 0.0
-    step_s = _step_s(record)
-    return low * step_s, None if high is None else high * step_s
-
-
-def _step_s(record: RecordedMission) -> float:
-    """Return the duration of a step in seconds, 0 without steps."""
-    return float(record.times_s[-1] / record.steps[-1]) if record.steps[-1] else 0.0
+    left = float(missed[-1]) * max(_horizon(record) - int(steps[-1]), 0)
+    high = float((earlier * gaps).sum()) + left
+    # No drone was left to search.
+    low += left if record.complete and not len(finds) else 0.0
+    step_s = record.scenario.step_duration_s
+    return low * step_s, high * step_s
 
 
 def _first_detection(record: RecordedMission, of: Curves) -> float | None:
@@ -176,8 +158,7 @@ def _share_found(record: RecordedMission, of: Curves) -> float | None:
     if record.person_found is not None and record.person_found.shape[1]:
         return float(record.person_found.any(axis=0).mean())
     # One person is found, or not.
-    alone = record.scenario is not None and record.scenario.person_amount == 1
-    return float(of.num_detections[-1] > 0) if alone else None
+    return float(of.num_detections[-1] > 0) if record.scenario.person_amount == 1 else None
 
 
 def _redundancy(record: RecordedMission, of: Curves) -> float | None:
@@ -218,7 +199,7 @@ METRICS = (
         "outcomes are known: the sum of POC times POD over the searches, with the POC that remains "
         "after the earlier ones; with several persons the expected share of finds.",
         "IAMSAR Manual, volume II, chapter 4; Koopman 1946; Stone 1975",
-        _pos,
+        lambda record, of: _last(of.pos),
     ),
     Metric(
         "expected_time_at_least", "Expected time to detection, at least", "s",
@@ -233,8 +214,7 @@ METRICS = (
     Metric(
         "expected_time_at_most", "Expected time to detection, at most", "s",
         "The same, assuming no further searches from there to the time limit. If nobody was found, "
-        "both bounds equal the restricted mean. Unknown for a CSV without its scenario, unless the "
-        "time has run out.",
+        "both bounds equal the restricted mean.",
         "Lanillos and others 2014; Royston and Parmar 2013",
         lambda record, of: _expected_time(record, of)[1],
     ),

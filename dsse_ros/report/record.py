@@ -6,28 +6,33 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE, columns_of
+from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE, definition_file
+from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
 from dsse_ros.step.looks import looks_of
+from msg_adapters.agents import definition_from
+from msg_adapters.frames import cell_to_map, scenario_frame
+from msg_adapters.json_keys import Keys, parse_json
 
+Search = Callable[[int], SearchDefinition]
+"""Returns what so many drones have searched."""
 SEARCH = "search"
 """Name of the action that searches."""
 _MCAP = b"\x89MCAP0\r\n"
 """How MCAP files begin."""
 _ROUNDING_M = 6e-4
 """Precision of the metres in a log, which have three decimals."""
-_MAX_DECIMALS = 9
 _LONGEST_FIELD = 100
 """Characters of a field of a log; NumPy makes room for as many in every one."""
 
@@ -50,8 +55,10 @@ class RecordedMission:
         truncated: (K, N) bool.
         found: (K, N) bool, whether the drone found a person in the step.
         held: (K, N) bool.
-        grid_size: Cells along a side, G.
-        cell_size_m: Side of a cell.
+        rules: The rules of the search.
+        scenario: The scenario, resolved.
+        commands: (K, N) names of the commanded actions, `actions` without faults; None if not
+            recorded.
         probabilities: (K, N) float64, map values of the cells searched; None if not recorded.
         pos: (K,) float64 cumulative probability of success after each step; None if not recorded.
         coverage_rate: (K,) float64 share of the cells to cover that are covered after each step;
@@ -59,11 +66,8 @@ class RecordedMission:
         repeated_coverage: (K,) float64 visits of other cells, over the number of cells to cover.
         persons: (K, P, 2) int64; None if not recorded.
         person_found: (K, P) bool; None if not recorded.
-        rules: The rules of the search; None if not known.
-        scenario: The scenario; None if not known.
         seed: Seed of the mission; None if not known.
         run_id: run_id of the simulation; None if not known.
-        area: (G, G) bool [row, col], the cells to search; None for all, or if not known.
     """
 
     number: int
@@ -76,19 +80,27 @@ class RecordedMission:
     truncated: NDArray[np.bool_]
     found: NDArray[np.bool_]
     held: NDArray[np.bool_]
-    grid_size: int
-    cell_size_m: float
+    rules: Rules
+    scenario: ResolvedScenario
+    commands: NDArray[np.str_] | None = None
     probabilities: NDArray[np.float64] | None = None
     pos: NDArray[np.float64] | None = None
     coverage_rate: NDArray[np.float64] | None = None
     repeated_coverage: NDArray[np.float64] | None = None
     persons: NDArray[np.int64] | None = None
     person_found: NDArray[np.bool_] | None = None
-    rules: Rules | None = None
-    scenario: ResolvedScenario | None = None
     seed: int | None = None
     run_id: int | None = None
-    area: NDArray[np.bool_] | None = None
+
+    @property
+    def grid_size(self) -> int:
+        """Cells along a side of the grid, G."""
+        return self.scenario.grid_size
+
+    @property
+    def area(self) -> NDArray[np.bool_] | None:
+        """The cells to search, (G, G) bool [row, col]; None for all."""
+        return self.scenario.area_mask
 
     @property
     def agents(self) -> list[str]:
@@ -118,14 +130,8 @@ class RecordedMission:
         In the step that detects the timeout, no drone acts unless the rules let it.
         """
         acts: NDArray[np.bool_] = self.in_flight & (self.steps > 0)[:, np.newaxis]
-        if self.rules is not None and self.scenario is not None:
-            limit = self.scenario.timestep_limit + self.rules.time_out_grace
-            late = np.asarray((self.steps > limit) & (not self.rules.time_out_acts))
-        else:
-            # The timeout truncates all drones at once, and nothing else does.
-            all_out = (self.truncated | ~self.in_flight).all(axis=1) & self.in_flight.any(axis=1)
-            late = np.asarray(all_out & ~self.found.any(axis=1) & ~self._off_grid.any(axis=1))
-        acts[late] = False
+        if not self.rules.time_out_acts:
+            acts[self.steps > self.scenario.timestep_limit + self.rules.time_out_grace] = False
         return acts
 
     @property
@@ -135,7 +141,7 @@ class RecordedMission:
     @property
     def covers(self) -> bool:
         """Whether the task is coverage."""
-        return self.coverage_rate is not None or (self.rules is not None and self.rules.covers)
+        return self.rules.covers
 
     @cached_property
     def searched(self) -> NDArray[np.bool_]:
@@ -147,11 +153,8 @@ class RecordedMission:
 
     @cached_property
     def looked_at(self) -> NDArray[np.int64]:
-        """Every look at a cell of the grid, (Q, 4) as (number of the step, drone, col, row).
-
-        Without a known scenario, a search looks at the drone's own cell.
-        """
-        if self.covers or self.rules is None or self.scenario is None:
+        """Every look at a cell of the grid, (Q, 4) as (number of the step, drone, col, row)."""
+        if self.covers:
             step, drone = np.nonzero(self.searched)
             return np.column_stack([step, drone, self.cells[step, drone]])
         looks, parts = looks_of(self.scenario, self.rules), [np.empty((0, 4), np.int64)]
@@ -191,66 +194,94 @@ def is_bag(path: str | os.PathLike[str]) -> bool:
         return False
 
 
+def check_limit(record: RecordedMission) -> RecordedMission:
+    """Return a record whose steps fit the time limit of its scenario.
+
+    Raises:
+        FieldError: If they do not.
+    """
+    limit, last = record.scenario.timestep_limit, int(record.steps[-1])
+    # The step after the last one detects the timeout.
+    if last > limit + record.rules.time_out_grace + 1:
+        raise FieldError(f"scenario: timestep_limit must allow the recorded {last}, got {limit}")
+    return record
+
+
 def read_csv(
-    path: str | os.PathLike[str], max_cells: int = LARGEST_GRID_CELLS
+    path: str | os.PathLike[str],
+    search: Search | None = None,
+    max_cells: int = LARGEST_GRID_CELLS,
 ) -> list[RecordedMission]:
     """Return the missions of a log, without an incomplete last step.
 
     Args:
         path: The file.
+        search: What was searched; by default the file beside the log states it.
         max_cells: Cells of the largest grid.
 
     Raises:
-        FieldError: If the file cannot be read, is not a log, has no step, or has a larger grid.
+        FieldError: If the file cannot be read, is not a log, has no step, has a larger grid, or is
+            of another search.
     """
     name = f"file: {os.fspath(path)!r}"
     missions: dict[str, list[list[list[str]]]] = {}
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
-            for mission, rows in _steps(csv.reader(file), name):
+            reader = csv.reader(file)
+            columns = next(reader, [])
+            if not {*COLUMNS} <= {*columns}:
+                raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)")
+            for mission, rows in _steps(reader, len(columns), name):
                 missions.setdefault(mission, []).append(rows)
     except OSError as error:
         raise FieldError(f"{name}: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error):
         raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)") from None
-    if missions:
-        # The last step may be incomplete, if the mission was cut off.
-        steps = next(reversed(missions.values()))
-        if len(steps) > 1 and len(steps[-1]) < len(steps[0]):
-            del steps[-1]
+    if not missions:
+        raise FieldError(f"{name}: no step of a mission")
+    # The last step may be incomplete, if the mission was cut off.
+    last = next(reversed(missions.values()))
+    if len(last) > 1 and len(last[-1]) < len(last[0]):
+        del last[-1]
+    keys: Keys | None = None
+    if search is None:
+        keys = stated = _stated(path)
+        search = cache(lambda drones: definition_from(stated.inner("definition"), drones, None))
     read = []
     for mission, steps in missions.items():
         try:
-            one = _mission(steps)
-            check_cells(one.grid_size, max_cells)
-            read.append(one)
+            seed = None if keys is None else keys.inner("seeds").integer(mission, 0)
+            read.append(replace(_mission(columns, steps, search, max_cells), seed=seed))
         except (ValueError, OverflowError, IndexError) as error:
             raise FieldError(f"{name}: mission {mission}: {error}") from None
-    if not read:
-        raise FieldError(f"{name}: no step of a mission")
     return read
 
 
-_BY_NUMBER = {
-    len(columns): columns
-    for columns in (
-        columns_of(covers=covers, faults=faults)
-        for covers in (False, True)
-        for faults in (False, True)
-    )
-}
-"""Columns of a record, by their number."""
+def _stated(path: str | os.PathLike[str]) -> Keys:
+    """Return what the file beside a log states.
+
+    Raises:
+        FieldError: If there is none.
+    """
+    file = definition_file(path)
+    try:
+        return Keys(parse_json(file.read_text(encoding="utf-8"), file.name), file.name)
+    except FileNotFoundError:
+        raise FieldError(
+            f"file: {str(file)!r}, which states what was searched, is missing; --scenario names it"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise FieldError(f"file: {str(file)!r}: {error}") from None
 
 
-def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[list[str]]]]:
+def _steps(
+    reader: Iterator[list[str]], num_columns: int, name: str
+) -> Iterator[tuple[str, list[list[str]]]]:
     """Yield the rows of each step with the number of its mission, whole rows only."""
-    columns = tuple(next(reader, ()))
-    if columns != _BY_NUMBER.get(len(columns)):
-        raise FieldError(f"{name} is neither the CSV of a mission nor a bag (MCAP)")
     key: tuple[str, str] | None = None
     rows: list[list[str]] = []
     for row in reader:
-        if len(row) != len(columns):
+        if len(row) != num_columns:
             # The row was cut off. In the middle of a file, the step's other rows reveal that.
             continue
         if max(map(len, row)) > _LONGEST_FIELD:
@@ -267,11 +298,16 @@ def _steps(reader: Iterator[list[str]], name: str) -> Iterator[tuple[str, list[l
         yield key[0], rows
 
 
-def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
+def _mission(
+    columns: Sequence[str],
+    steps: Sequence[Sequence[Sequence[str]]],
+    search: Search,
+    max_cells: int,
+) -> RecordedMission:
     """Return a mission of the rows of its steps.
 
     Raises:
-        ValueError: If they do not fit together.
+        ValueError: If they do not fit together, or are of another search.
     """
     names = [row[3] for row in steps[0]]
     for rows in steps:
@@ -280,8 +316,10 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     count = sum(name.startswith("drone") for name in names)
     if not count:
         raise ValueError("no drone")
+    definition = search(count)
+    rules, scenario = definition.rules, definition.scenario.resolve(definition.rules)
+    check_cells(scenario.grid_size, max_cells)
     table = np.array(steps)
-    columns = _BY_NUMBER[table.shape[2]]
 
     def column(name: str, kind: Any, agents: slice) -> NDArray[Any]:
         values: NDArray[Any] = table[:, agents, columns.index(name)].astype(kind)
@@ -291,10 +329,16 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     numbers = column("step", np.int64, drones)[:, 0]
     if (np.diff(numbers) <= 0).any() or numbers[0] < 0:
         raise ValueError("its steps do not grow")
-    cells = np.stack([column("col", np.int64, everybody), column("row", np.int64, everybody)], 2)
-    metres = [column(name, np.float64, everybody).ravel() for name in ("east_m", "north_m")]
-    size, cell_m = grid_of(cells.reshape(-1, 2), *metres)
-    pos = table[:, 0, COLUMNS.index("pos")]
+    col, row = (column(name, np.int64, everybody) for name in ("col", "row"))
+    metres = [column(name, np.float64, everybody) for name in ("east_m", "north_m")]
+    if not np.allclose(
+        metres, cell_to_map(scenario_frame(scenario), col, row), rtol=0, atol=_ROUNDING_M
+    ):
+        raise ValueError(
+            f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m a side do not have "
+            "the recorded positions"
+        )
+    cells, pos = np.stack([col, row], axis=2), table[:, 0, columns.index("pos")]
     # Not what was observed, which metres belong to.
     true = [name for name in ("true_col", "true_row") if name in columns]
     of_drones = np.stack([column(name, np.int64, drones) for name in true or ("col", "row")], 2)
@@ -305,52 +349,26 @@ def _mission(steps: Sequence[Sequence[Sequence[str]]]) -> RecordedMission:
     rate, repeated = (
         column(name, np.float64, drones)[:, 0] if name in columns else None for name in OF_COVERAGE
     )
-    return RecordedMission(
-        number=int(table[0, 0, 0]),
-        steps=numbers,
-        times_s=column("time_s", np.float64, drones)[:, 0],
-        cells=of_drones,
-        actions=column("action", np.str_, drones),
-        rewards=column("reward", np.float64, drones),
-        terminated=flag("terminated"),
-        truncated=flag("truncated"),
-        found=flag("found"),
-        held=flag("held"),
-        grid_size=size,
-        cell_size_m=cell_m,
-        probabilities=column("probability", np.float64, drones),
-        pos=pos.astype(np.float64) if (pos != "").all() else None,
-        coverage_rate=rate,
-        repeated_coverage=repeated,
-        persons=cells[:, persons],
-        person_found=flag("found", persons),
+    return check_limit(
+        RecordedMission(
+            number=int(table[0, 0, 0]),
+            steps=numbers,
+            times_s=column("time_s", np.float64, drones)[:, 0],
+            cells=of_drones,
+            actions=column("action", np.str_, drones),
+            commands=column("command" if "command" in columns else "action", np.str_, drones),
+            rewards=column("reward", np.float64, drones),
+            terminated=flag("terminated"),
+            truncated=flag("truncated"),
+            found=flag("found"),
+            held=flag("held"),
+            rules=rules,
+            scenario=scenario,
+            probabilities=column("probability", np.float64, drones),
+            pos=pos.astype(np.float64) if (pos != "").all() else None,
+            coverage_rate=rate,
+            repeated_coverage=repeated,
+            persons=cells[:, persons],
+            person_found=flag("found", persons),
+        )
     )
-
-
-def grid_of(
-    cells: NDArray[np.int64], east_m: NDArray[np.float64], north_m: NDArray[np.float64]
-) -> tuple[int, float]:
-    """Return the size of a grid and of its cells in metres, from cells and their positions.
-
-    Args:
-        cells: (M, 2) of (col, row).
-        east_m: (M,) metres from the western edge of the grid, to the millimetre.
-        north_m: (M,) metres from its southern edge.
-
-    Raises:
-        ValueError: If no grid has these cells there.
-    """
-    from_west = cells[:, 0] + 0.5
-    far = int(np.argmax(from_west))
-    if from_west[far] > 0 and east_m[far] > 0:
-        rough_m = float(east_m[far] / from_west[far])
-        size = round(float(north_m[0]) / rough_m + int(cells[0, 1]) + 0.5)
-        # The farther from an edge, the less rounding matters.
-        cells_off = np.concatenate([from_west, size - 0.5 - cells[:, 1]])
-        metres = np.concatenate([east_m, north_m])
-        far = int(np.argmax(cells_off))
-        for decimals in range(_MAX_DECIMALS + 1):
-            cell_m = round(float(metres[far] / cells_off[far]), decimals)
-            if (np.abs(cells_off * cell_m - metres) < _ROUNDING_M).all() and size > 0 < cell_m:
-                return size, cell_m
-    raise ValueError("its cells and metres do not belong together")

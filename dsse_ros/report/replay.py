@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +14,9 @@ from dsse_ros.belief.beliefs import forecast_for as new_forecast
 from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import SEARCH, RecordedMission
-from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.search import HOLD, FieldError, Rules, SearchEnv
+from dsse_ros.search import HOLD, FieldError, SearchEnv
 from dsse_ros.search.coverage import poc_of
-from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
+from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
 from dsse_ros.step.looks import looks_of
 from dsse_ros.view.rendering import MissionView
 
@@ -29,46 +28,18 @@ _TOLERANCE = 1e-6
 Maps = dict[int, NDArray[np.float32]]
 
 
-def with_search(
-    record: RecordedMission, rules: Rules, scenario: ResolvedScenario
-) -> RecordedMission:
-    """Return the record with its scenario and rules.
-
-    Raises:
-        FieldError: If it is a record of another search.
-    """
-    for name, recorded, given in (
-        ("grid_size", record.grid_size, scenario.grid_size),
-        ("cell_size", record.cell_size_m, scenario.cell_size),
-        ("num_drones", len(record.agents), scenario.num_drones),
-    ):
-        if recorded != given:
-            raise FieldError(
-                f"scenario: {name} {given} is not allowed; {recorded} is, as it was recorded"
-            )
-    # The step after the last one detects the timeout.
-    last = scenario.timestep_limit + rules.time_out_grace + 1
-    if record.steps[-1] > last:
-        raise FieldError(
-            f"scenario: timestep_limit {scenario.timestep_limit} is not allowed; step "
-            f"{record.steps[-1]} was recorded"
-        )
-    return replace(record, rules=rules, scenario=scenario, area=scenario.area_mask)
-
-
 def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, MissionView]:
     """Return the views of a mission for pictures, with the map that drones observed.
 
     Args:
-        record: The record; it has rules and scenario.
+        record: The record.
         wanted: Numbers of recorded steps, 0 to K - 1.
 
     Raises:
         FieldError: If the probability of a searched cell differs from the record: the record is of
             another scenario, or of other rules.
     """
-    assert record.rules is not None and record.scenario is not None
-    if record.rules.covers:
+    if record.covers:
         return _views_of_coverage(record, wanted)
     env = SearchEnv(record.scenario, record.rules)
     # The map depends on neither drones nor persons: any seed and any actions give the same one.
@@ -90,9 +61,7 @@ def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, Mission
 
 def with_coverage(record: RecordedMission) -> RecordedMission:
     """Return the record of a coverage task with its metrics, as far as they are known."""
-    if record.coverage_rate is not None or record.missing_steps:
-        return record
-    if record.scenario is None or record.rules is None or not record.rules.covers:
+    if not record.covers or record.coverage_rate is not None or record.missing_steps:
         return record
     poc = poc_of(record.scenario, record.rules)
     left, total = poc.copy(), np.count_nonzero(poc)
@@ -110,7 +79,6 @@ def with_coverage(record: RecordedMission) -> RecordedMission:
 
 def _views_of_coverage(record: RecordedMission, wanted: Collection[int]) -> dict[int, MissionView]:
     """Return the views of a coverage task, whose map the drones change."""
-    assert record.rules is not None and record.scenario is not None
     env = SearchEnv(record.scenario, record.rules)
     env.reset(seed=0)
     view, left = env.view(), env.probability.copy()
@@ -123,22 +91,6 @@ def _views_of_coverage(record: RecordedMission, wanted: Collection[int]) -> dict
             rate = None if record.coverage_rate is None else float(record.coverage_rate[k])
             shown[k] = _view(record, k, replace(view, probability=left.copy(), coverage_rate=rate))
     return shown
-
-
-def views_of(record: RecordedMission, maps: Maps) -> dict[int, MissionView]:
-    """Return the views, for pictures, of a mission whose scenario is unknown.
-
-    Args:
-        record: The record.
-        maps: Maps that drones observed, by the number of the recorded step.
-    """
-    nobody, nothing = np.zeros((0, 2), np.int64), np.zeros(0, bool)
-    bare = MissionView(
-        probability=np.zeros((1, 1), np.float32), tracks=nobody[np.newaxis], alive=nothing,
-        persons=nobody, found=nothing, datum=None, step=0, timestep_limit=int(record.steps[-1]),
-        cell_size_m=record.cell_size_m, area=record.area,
-    )  # fmt: skip
-    return {k: _view(record, k, replace(bare, probability=maps[k])) for k in sorted(maps)}
 
 
 def _check(record: RecordedMission, k: int, probability: NDArray[np.float32]) -> None:
@@ -176,11 +128,7 @@ def forecast_for(record: RecordedMission, made: TargetForecast | None) -> Target
         record: The record.
         made: One that was made before; it is returned if it is for this search.
     """
-    if record.rules is None or record.scenario is None or record.missing_steps:
-        return None
-    if record.rules.covers:
-        return None
-    if record.grid_size > LARGEST_BELIEF_GRID:
+    if record.missing_steps or record.covers or record.grid_size > LARGEST_BELIEF_GRID:
         return None
     if made is not None and (made.rules, made.scenario) == (record.rules, record.scenario):
         return made
@@ -227,3 +175,37 @@ def follow_belief(
         if k in wanted:
             beliefs[k] = belief.poc().astype(np.float32)
     return pos, beliefs
+
+
+def mission_views(record: RecordedMission, *, belief: bool) -> Iterator[MissionView]:
+    """Fly a mission again, and yield its views at the start and after each step.
+
+    Args:
+        record: The commands, from the start, and the seed.
+        belief: Whether the views show the belief of `Mission` instead of the map.
+
+    Raises:
+        ValueError: If the drones' cells differ from the record.
+    """
+    assert record.commands is not None
+    env = SearchEnv(record.scenario, record.rules, "ansi")
+    env.reset(seed=record.seed)
+    beliefs = WorldBeliefs(env.world) if belief else None
+    numbers = {name: number for number, name in enumerate(record.rules.actions)}
+    drones = env.world.drones[0]
+    for step, cells in enumerate(record.cells):
+        if step:
+            joint = [numbers.get(name, HOLD) for name in record.commands[step].tolist()]
+            actions = np.array(joint, np.int8)
+            if beliefs is not None:
+                beliefs.before_step(actions[None])
+            env.advance(actions)
+            if beliefs is not None:
+                beliefs.after_step()
+        if not np.array_equal(np.stack([drones["x"], drones["y"]], axis=1), cells):
+            raise ValueError(f"step {step} is not of the mission with seed {record.seed}")
+        view = env.view()
+        if beliefs is not None:
+            pos = float(beliefs.pos[0])
+            view = replace(view, probability=beliefs.write()[0], pos=pos, belief=True)
+        yield view

@@ -42,7 +42,7 @@ class Report:
 
     Attributes:
         record: The mission.
-        views: Maps at chosen recorded steps, 0 to K - 1; empty if no map is known.
+        views: Maps at chosen recorded steps, 0 to K - 1.
         missions: All missions of the file, including this one.
         source: Name of the file.
         notices: Notices for the reader.
@@ -147,25 +147,20 @@ class Report:
     def _page(self, done: Work, **drawings: Sequence[Illustration]) -> Page:
         record, numbers = self.record, metrics(self.record)
         scenario, rules = record.scenario, record.rules
-        drones = len(record.agents)
+        drones, persons = len(record.agents), scenario.person_amount
         search = [
             f"{drones} drone{'s' if drones > 1 else ''}",
-            f"{record.grid_size} x {record.grid_size} cells of {record.cell_size_m:g} m",
+            f"{record.grid_size} x {record.grid_size} cells of {scenario.cell_size:g} m",
+            f"profile {rules.profile}",
+            "coverage" if rules.covers else f"{persons} person{'s' if persons > 1 else ''}",
+            f"limit of {scenario.timestep_limit} steps",
         ]
-        if rules is not None and scenario is not None:
-            search += [
-                f"profile {rules.profile}",
-                "coverage"
-                if rules.covers
-                else f"{scenario.person_amount} person{'s' if scenario.person_amount > 1 else ''}",
-                f"limit of {scenario.timestep_limit} steps",
-            ]
         if record.seed is not None:
             search.append(f"seed {record.seed}")
         shown = {metric.name: texts.value(metric, numbers[metric.name]) for metric in METRICS}
         labels = {metric.name: metric.label for metric in METRICS}
         return Page(
-            title=(scenario.name if scenario else "") or "Search mission",
+            title=scenario.name or "Search mission",
             subtitles=(", ".join(search), f"Mission {record.number} of {self.source}"),
             notices=self.notices,
             facts=(

@@ -17,6 +17,14 @@ from numpy.typing import NDArray
 
 from dsse_ros.view.chart import draw_chart, round_length
 from dsse_ros.view.legend import CIRCLE, DATUM, EDGE, FOUND, LAND, PERSON, STAR, legend_entries
+from dsse_ros.view.map_axes import (
+    MAX_LINED_CELLS,
+    draw_cells,
+    draw_lines,
+    draw_outside,
+    name_axes,
+    places_km,
+)
 from dsse_ros.view.mission_view import MissionView
 
 if TYPE_CHECKING:
@@ -109,15 +117,11 @@ class Picture:
 
         # A square root makes small probabilities visible.
         blues = sea_colours()
-        self._sea = axes.imshow(
-            view.probability, cmap=blues, norm=PowerNorm(0.5, 0, 1), extent=(0, side, 0, side),
-            interpolation="nearest", zorder=0,
-        )  # fmt: skip
+        norm = PowerNorm(0.5, 0, 1)
+        self._sea = draw_cells(axes, view.probability, side, cmap=blues, norm=norm, zorder=0)
         self._add_scale_of_colours(blues, view)
-        if grid <= 50:
-            inner = np.arange(1, grid) * self._km
-            axes.hlines(inner, 0, side, color="0.88", linewidth=0.4, zorder=0.5)
-            axes.vlines(inner, 0, side, color="0.88", linewidth=0.4, zorder=0.5)
+        if grid <= MAX_LINED_CELLS:
+            draw_lines(axes, np.arange(1, grid) * self._km, side, "0.88")
         if view.area is not None:
             self._add_area(view.area)
 
@@ -125,9 +129,7 @@ class Picture:
             return axes.add_collection(LineCollection([], **style), autolim=False)
 
         self._strokes = lines(colors="0.35", linewidths=0.7, zorder=1)
-        self._shade = axes.imshow(
-            np.zeros((1, 1, 4)), extent=(0, side, 0, side), interpolation="nearest", zorder=1
-        )
+        self._shade = draw_cells(axes, np.zeros((1, 1, 4)), side, zorder=1)
         self._shade.set_visible(False)
 
         colours = np.array([to_rgb(drone_colour(i)) for i in range(count)]).reshape(count, 3)
@@ -189,8 +191,7 @@ class Picture:
         ]
         axes.set_xlim(0, side)
         axes.set_ylim(0, side)
-        axes.set_xlabel("east (km)", fontsize=9)
-        axes.set_ylabel("north (km)", fontsize=9)
+        name_axes(axes, fontsize=9)
         axes.tick_params(labelsize=9)
         draw_chart(axes, side, view.origin)
 
@@ -220,13 +221,8 @@ class Picture:
     def _add_area(self, area: NDArray[np.bool_]) -> None:
         """Draw the cells outside the area, and the edge of the area."""
         from matplotlib.collections import LineCollection
-        from matplotlib.colors import ListedColormap
 
-        outside = np.ma.masked_where(area, np.ones(area.shape))
-        self._axes.imshow(
-            outside, cmap=ListedColormap([LAND]), extent=(0, self._side, 0, self._side),
-            interpolation="nearest", zorder=0.7,
-        )  # fmt: skip
+        draw_outside(self._axes, area, self._side, LAND, zorder=0.7)
         upright, level = np.argwhere(np.diff(area, axis=1)), np.argwhere(np.diff(area, axis=0))
         # Corners (col, row) of the cells, rows from the north.
         ends = [
@@ -358,9 +354,7 @@ class Picture:
 
     def _place(self, cells: Any) -> NDArray[np.float64]:
         """Return x and y in km of cells (K, 2)."""
-        places = np.asarray(cells, float).reshape(-1, 2) + 0.5
-        places[:, 1] = self._grid - places[:, 1]
-        return places * self._km
+        return places_km(cells, self._grid, self._km)
 
 
 def _strokes(count: int) -> NDArray[np.float64]:

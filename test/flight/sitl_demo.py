@@ -36,10 +36,10 @@ from sensor_msgs.msg import PointCloud2  # noqa: E402
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of  # noqa: E402
 from dsse_ros.cli.run_mission import MissionFailed, check_running, process  # noqa: E402
-from dsse_ros.mission.mission_log import read_log  # noqa: E402
-from dsse_ros.mission.mission_views import mission_views  # noqa: E402
 from dsse_ros.mission.vehicle_missions import FlightSettings  # noqa: E402
 from dsse_ros.nodes.settings import SimSettings  # noqa: E402
+from dsse_ros.report.record import read_csv  # noqa: E402
+from dsse_ros.report.replay import mission_views  # noqa: E402
 from dsse_ros.runtime.exit_codes import fail  # noqa: E402
 from dsse_ros.runtime.qos import COMPLETE  # noqa: E402
 from dsse_ros.runtime.run_node import new_executor  # noqa: E402
@@ -138,9 +138,9 @@ def save_flight(
     witness: Witness, arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path
 ) -> None:
     """Draw the places of the vehicles over the mission of their drones."""
-    record = read_log(arguments.out / "mission.csv")
+    record = read_csv(arguments.out / "mission.csv")[-1]
     belief = SimSettings().has_belief(scenario.grid_size) and not rules.covers
-    *_, view = mission_views(record, scenario, rules, seed=arguments.seed, belief=belief)
+    *_, view = mission_views(record, belief=belief)
     flown = tuple(np.array(flight.places)[:, :2] for flight in witness.flights)
     save_picture(replace(view, flown=flown), path)
 

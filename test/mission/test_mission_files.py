@@ -10,7 +10,7 @@ import pytest
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
-from dsse_ros.mission.mission_log import read_log
+from dsse_ros.report.record import read_csv
 from dsse_ros.search import FieldError, parallel_env
 from msg_adapters.frames import GridFrame
 
@@ -58,7 +58,7 @@ def test_a_mission_goes_on_from_its_last_snapshot_in_the_same_log(tmp_path: Path
     alone.close()
     resumed_log, alone_log = (tmp_path / "mission.csv", tmp_path / "alone" / "mission.csv")
     assert resumed_log.read_text() == alone_log.read_text()
-    assert read_log(resumed_log)
+    assert read_csv(resumed_log)[0].seed == 1
 
 
 def folder_in(folder: Path, name: str) -> Path:

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.mission_log import COLUMNS, MissionLog, last_pos, read_log
+from dsse_ros.mission.mission_log import COLUMNS, MissionLog, definition_file
+from dsse_ros.report.record import read_csv
 from dsse_ros.search import FieldError, parallel_env
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import geodetic_to_map
@@ -37,7 +38,6 @@ def test_what_is_read_is_what_was_flown(
     mission = Mission(parallel_env(**SCENARIO), seed + 1)
     log = MissionLog(path, FRAME)
     log.write(mission, mission.result)
-    # Only the last mission of a log is read.
     results = [mission.reset(seed)]
     log.write(mission, mission.result)
     for joint in actions:
@@ -47,21 +47,23 @@ def test_what_is_read_is_what_was_flown(
             log.write(mission, mission.result)
     log.close()
 
-    record = read_log(path)
+    _, record = read_csv(path)
     action_names = mission.env.rules.actions
     persons = mission.env.world.persons[0]
-    assert np.array_equal(record.tracks, np.stack([r.cells for r in results], axis=1))
-    assert np.array_equal(record.rewards, np.stack([r.rewards for r in results], axis=1))
-    assert np.array_equal(record.found, np.stack([r.found for r in results], axis=1))
+    assert np.array_equal(record.cells, [r.cells for r in results])
+    assert np.array_equal(record.rewards, [r.rewards for r in results])
+    assert np.array_equal(record.found, [r.found for r in results])
     assert record.actions.tolist() == [
-        [action_names[r.actions[i]] if r.actions[i] >= 0 else "" for r in results] for i in range(3)
+        [action_names[a] if a >= 0 else "" for a in r.actions] for r in results
     ]
-    assert np.array_equal(record.truncated, results[-1].truncated)
-    assert np.flatnonzero(record.alive).tolist() == mission.live
-    assert record.persons.tolist() == np.stack([persons["x"], persons["y"]], axis=1).tolist()
-    assert np.array_equal(record.person_found, persons["found"])
+    assert np.array_equal(record.truncated[-1], results[-1].truncated)
+    assert record.complete == (not mission.live)
+    assert record.persons is not None and record.person_found is not None
+    assert record.persons[-1].tolist() == np.stack([persons["x"], persons["y"]], axis=1).tolist()
+    assert np.array_equal(record.person_found[-1], persons["found"])
     assert record.times_s.tolist() == [13.0 * k for k in range(len(results))]
-    assert record.pos == last_pos(path) == mission.pos
+    assert record.pos is not None and record.pos[-1] == mission.pos
+    assert record.seed == seed
 
 
 def test_every_place_is_given_as_cell_metres_and_degrees(tmp_path: Path) -> None:
@@ -86,7 +88,7 @@ def test_each_step_is_on_disk_when_it_is_written(tmp_path: Path) -> None:
     mission = Mission(parallel_env(**SCENARIO), 0)
     log = MissionLog(path, FRAME)
     log.write(mission, mission.result)
-    assert read_log(path).tracks.shape == (3, 1, 2)
+    assert read_csv(path)[0].cells.shape == (1, 3, 2)
     log.close()
 
 
@@ -104,8 +106,8 @@ def test_a_step_that_is_written_again_is_there_once(
         mission.lose(drone)
         log.write(mission, mission.result)
     log.close()
-    record = read_log(path)
-    assert record.tracks.shape == (3, 2, 2) and not record.alive.any()
+    (record,) = read_csv(path)
+    assert record.cells.shape == (2, 3, 2) and record.complete
 
 
 @pytest.mark.slow
@@ -159,7 +161,7 @@ def test_a_record_without_steps_is_gone_on_with(text: str, tmp_path: Path) -> No
     log = MissionLog(path, FRAME, resume_at=(1, 0))
     log.write(mission, mission.result)
     log.close()
-    assert read_log(path).tracks.shape == (3, 1, 2)
+    assert read_csv(path)[0].cells.shape == (1, 3, 2)
 
 
 def test_a_file_that_is_no_record_is_refused_and_left_alone(tmp_path: Path) -> None:
@@ -177,17 +179,60 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
 
 def test_a_mission_without_a_belief_has_no_pos(tmp_path: Path) -> None:
     path = tmp_path / "mission.csv"
-    assert last_pos(path) is None
     mission = Mission(parallel_env(**SCENARIO), 3, belief=False)
     log = MissionLog(path, FRAME)
     log.write(mission, mission.result)
     log.close()
-    assert read_log(path).pos is None and last_pos(path) is None
+    assert read_csv(path)[0].pos is None
 
 
 def test_a_log_without_steps_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "mission.csv"
     MissionLog(path, FRAME).close()
-    assert last_pos(path) is None
-    with pytest.raises(ValueError, match="no step of a mission"):
-        read_log(path)
+    with pytest.raises(FieldError, match="no step of a mission"):
+        read_csv(path)
+
+
+def test_the_search_and_the_seed_of_each_mission_are_beside_the_log(tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    mission = Mission(parallel_env(**SCENARIO), 3)
+    log = MissionLog(path, FRAME)
+    log.write(mission, mission.result)
+    mission.reset(8)
+    log.write(mission, mission.result)
+    log.close()
+    assert [record.seed for record in read_csv(path)] == [3, 8]
+    whole = definition_file(path).read_bytes()
+    resumed = MissionLog(path, FRAME, resume_at=(2, 0))
+    resumed.write(mission, mission.result)
+    resumed.close()
+    assert definition_file(path).read_bytes() == whole
+    record = read_csv(path)[0]
+    assert (record.rules, record.scenario) == (mission.env.rules, mission.env.scenario)
+
+
+def test_a_log_without_the_file_beside_it_is_refused_on_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    mission = Mission(parallel_env(**SCENARIO), 3)
+    log = MissionLog(path, FRAME)
+    log.write(mission, mission.result)
+    log.close()
+    file = definition_file(path)
+    text = file.read_text()
+    file.unlink()
+    with pytest.raises(FieldError, match="mission.csv.json', which states .* --scenario names it$"):
+        read_csv(path)
+    for wrong in ("", "[]", "{}", text.replace('"grid_size": 6', '"grid_size": 7'), "\0"):
+        file.write_text(wrong)
+        with pytest.raises(FieldError, match="^file: ") as error:
+            read_csv(path)
+        assert "\n" not in str(error.value)
+
+
+def test_a_log_that_is_no_file_has_none_beside_it(tmp_path: Path) -> None:
+    mission = Mission(parallel_env(**SCENARIO), 3)
+    (tmp_path / "null").symlink_to("/dev/null")
+    log = MissionLog(tmp_path / "null", FRAME)
+    log.write(mission, mission.result)
+    log.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["null"]

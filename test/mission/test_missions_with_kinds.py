@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.mission_log import MissionLog, read_log
-from dsse_ros.mission.mission_views import mission_views
+from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.report.record import read_csv
+from dsse_ros.report.replay import mission_views
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.search import SearchEnv, parallel_env
 from dsse_ros.searchers.registry import SEARCHERS
@@ -62,8 +63,8 @@ def test_the_record_of_a_mission_says_who_was_under_way_and_gives_its_pictures(
     assert [row["status"] for row in rows[1:]] == [of_step[1] for of_step in statuses]
     under_way = [row for row in rows if row["status"] == "under_way"]
     assert len(under_way) > 10 and {row["action"] for row in under_way} == {""}
-    scenario, rules = mission.env.scenario, mission.env.rules
-    views = list(mission_views(read_log(file), scenario, rules, seed=3, belief=True))
+    (record,) = read_csv(file)
+    views = list(mission_views(record, belief=True))
     assert len(views) == len(rows)
 
 

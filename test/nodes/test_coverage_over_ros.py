@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from rig import Rig
 
-from dsse_ros.mission.mission_log import columns_of, read_log
+from dsse_ros.mission.mission_log import columns_of
 from dsse_ros.planners import planner_for
+from dsse_ros.report.record import read_csv
 from dsse_ros.search import parallel_env
 from dsse_ros.search.coverage import METRICS
 from msg_adapters.step_report import step_report_from_message
@@ -72,7 +73,8 @@ def test_a_mission_over_ros_is_step_by_step_the_direct_one(rig: Rig, tmp_path: P
     )
     logged = [[float(row[name]) for name in METRICS] for row in rows[3::3]]
     assert logged == [metrics for *_, metrics in direct]
-    assert read_log(record).coverage["coverage_rate"] == 1.0
+    read = read_csv(record)[-1]
+    assert read.coverage_rate is not None and read.coverage_rate[-1] == 1.0
     health = sim.health_when(lambda values: values["coverage_rate"] == "1.000000")
     assert {*METRICS} <= health.keys() and health["state"] == "mission over"
 

@@ -11,7 +11,7 @@ from nav_msgs.msg import Path as PathMessage
 from rig import LATCHED, Rig
 from sensor_msgs.msg import Image
 
-from dsse_ros.mission.mission_log import read_log
+from dsse_ros.report.record import read_csv
 from msg_adapters.step_report import step_report_from_message
 
 SHORT: dict[str, Any] = {
@@ -36,7 +36,7 @@ def test_a_node_ends_with_its_mission_and_its_listeners_have_all_of_it(
     end = sim.reports.last.header.stamp
     for inbox in (maps, paths):
         rig.until(lambda inbox=inbox: inbox and inbox.last.header.stamp == end)  # type: ignore[misc]
-    assert not read_log(csv).alive.any()
+    assert read_csv(csv)[-1].complete
 
 
 def test_a_mission_that_another_follows_is_no_end(rig: Rig) -> None:

@@ -35,9 +35,10 @@ from sros2_policy import (
 
 from dsse_ros.cli.run_mission import parse, summary
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
-from dsse_ros.mission.mission_log import COLUMNS, MissionRecord, read_log
+from dsse_ros.mission.mission_log import COLUMNS
 from dsse_ros.nodes import launch_arguments
-from dsse_ros.search import PROFILES, Scenario, profile
+from dsse_ros.report.record import RecordedMission, read_csv
+from dsse_ros.search import PROFILES
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.step_report import step_report_dtype
 
@@ -163,13 +164,13 @@ def process(log: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[byte
                 child.wait()
 
 
-def finished(csv: Path) -> MissionRecord | None:
+def finished(csv: Path) -> RecordedMission | None:
     """Return the mission once no drone is in flight; None while a step is being written."""
     try:
-        record = read_log(csv)
-    except (OSError, ValueError, KeyError, IndexError, TypeError):
+        record = read_csv(csv)[-1]
+    except ValueError:
         return None
-    return None if record.alive.any() else record
+    return record if record.complete else None
 
 
 @pytest.fixture(scope="module")
@@ -182,7 +183,7 @@ def interface(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def mission(tmp_path_factory: pytest.TempPathFactory) -> MissionRecord:
+def mission(tmp_path_factory: pytest.TempPathFactory) -> RecordedMission:
     """A whole mission of `sim_node`, commanded by the example over DDS."""
     folder = tmp_path_factory.mktemp("mission")
     csv, planner_log = folder / "mission.csv", folder / "planner.log"
@@ -374,19 +375,19 @@ def test_the_layouts_are_those_of_the_messages_and_files() -> None:
 
 
 @pytest.mark.slow
-def test_a_planner_of_ones_own_flies_a_whole_mission(mission: MissionRecord) -> None:
-    assert mission.person_found.all() or mission.truncated.all()
-    steps = mission.actions[:, 1:]
-    assert steps.shape[1] > 0
+def test_a_planner_of_ones_own_flies_a_whole_mission(mission: RecordedMission) -> None:
+    assert mission.person_found is not None
+    assert mission.person_found[-1].all() or mission.truncated[-1].all()
+    steps = mission.actions[1:]
+    assert len(steps) > 0
     assert (steps != "").all(), "a drone was not commanded"
     assert "search" in steps
 
 
 @pytest.mark.slow
-def test_the_readme_shows_what_a_mission_prints(mission: MissionRecord) -> None:
-    scenario = Scenario.from_yaml(SCENARIO).override(num_drones=3).resolve(profile("paper"))
+def test_the_readme_shows_what_a_mission_prints(mission: RecordedMission) -> None:
     (shown,) = blocks(README, "text")
-    labels = [line[2:22].strip() for line in summary(mission, scenario).splitlines()[1:]]
+    labels = [line[2:22].strip() for line in summary(mission).splitlines()[1:]]
     shown_labels = [line[2:22].strip() for line in shown.splitlines() if line.startswith("  ")]
     assert shown_labels == [*labels, "picture", "steps"]
 

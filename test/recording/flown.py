@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Int8
 
@@ -22,6 +22,12 @@ from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
 from msg_adapters.agents import AgentsInfo, Origin, agents_message
 from msg_adapters.commands import joint_action_message
 from msg_adapters.frames import scenario_frame
+from msg_adapters.geodesy import cell_fix
+from msg_adapters.images import probability_image
+from msg_adapters.mission_report import make_mission_report, mission_report_message
+from msg_adapters.occupancy import occupancy_grid
+from msg_adapters.pos import pos_message
+from msg_adapters.poses import nav_sat_fix, pose_array, pose_stamped
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_message
 
@@ -32,17 +38,20 @@ START_NS = 1_700_000_000 * 10**9
 class Flown:
     """A simulation in lockstep whose messages are all kept.
 
+    With `everything`, it publishes what follows from the mission besides `step_report`.
+
     Attributes:
         messages: All messages in the order in which they were published, a millisecond apart.
     """
 
     def __init__(
         self, *, run_id: int = 7, namespace: str = "/", seed: int = 1, rules: str = "v2",
-        start_ns: int = START_NS, **fields: Any,
+        start_ns: int = START_NS, belief: bool = False, everything: bool = False, **fields: Any,
     ) -> None:  # fmt: skip
         scenario = {"grid_size": 8, "num_drones": 3, "probability_of_detection": 0.0} | fields
         env = SearchEnv(Scenario(**scenario), profile(rules))
-        self.mission = Mission(env, seed, belief=False)
+        self.mission = Mission(env, seed, belief=belief)
+        self.everything = everything
         self.frame = scenario_frame(env.scenario)
         self.run_id, self.namespace = run_id, namespace
         self.intake = CommandIntake(self.mission, self.frame, lambda *_: None, lambda _: None)
@@ -74,10 +83,35 @@ class Flown:
         self.report()
 
     def report(self) -> None:
-        """Publish the report of the last step."""
-        report = step_report_of(self.mission, self.frame, self.run_id)
-        stamp = to_stamp(self.mission.result.stamp_ns)
-        self.publish("step_report", step_report_message(self.frame, report, stamp))
+        """Publish the last step, the report of it last, as `sim_node` does."""
+        mission, frame = self.mission, self.frame
+        cells, stamp = mission.result.cells, to_stamp(mission.result.stamp_ns)
+        if self.everything:
+            self._publish_maps(stamp)
+            for i, cell in enumerate(cells.tolist()):
+                self.publish(f"drone{i}/pose", pose_stamped(frame.of_drone(i), cell, stamp))
+                fix = cell_fix(frame.of_drone(i), *cell)
+                self.publish(f"drone{i}/fix", nav_sat_fix(frame, *fix, stamp, f"drone{i}"))
+            self.publish("drones", pose_array(frame, cells, stamp))
+        report = step_report_of(mission, frame, self.run_id)
+        self.publish("step_report", step_report_message(frame, report, stamp))
+        if self.everything and mission.done:
+            whole = make_mission_report(
+                frame, run_id=self.run_id, mission=mission.number, history=mission.history
+            )
+            self.publish("mission_report", mission_report_message(frame, whole, stamp))
+
+    def _publish_maps(self, stamp: Time) -> None:
+        mission, frame = self.mission, self.frame
+        maps = {"probability": mission.env.probability}
+        if mission.pos is not None and not mission.env.rules.covers:
+            maps["belief"] = mission.belief()
+        for name, values in maps.items():
+            self.publish(name, probability_image(frame, values, stamp))
+            self.publish(f"{name}_grid", occupancy_grid(frame, values, stamp, "log"))
+        if mission.pos is not None:
+            pos = pos_message(self.run_id, mission.number, mission.result.step, mission.pos)
+            self.publish("probability_of_success", pos)
 
     def reset(self, seed: int) -> None:
         """Start another mission."""
@@ -111,23 +145,10 @@ class Flown:
             self.joint(*[int(one[(step + i) % len(one)]) for i, one in enumerate(allowed)])
             self.step()
 
-    def diagnose(self, step_mode: str = "lockstep") -> None:
-        """Publish diagnostics, a second later."""
-        self.time_ns += 1000 * MS
-        values = {"run_id": str(self.run_id), "step_mode": step_mode}
-        values |= {f"rejected.{code}": str(n) for code, n in self.intake.rejected.items()}
-        pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-        self.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(values=pairs)]))
-
     def find(self, topic: str, number: int = 0) -> int:
         """Return the index of a topic's message of this number."""
         found = [i for i, one in enumerate(self.messages) if one.topic.endswith(topic)]
         return found[number]
-
-
-def moved(message: Recorded, by_ns: int) -> Recorded:
-    """Return a message that was published at another time."""
-    return dataclasses.replace(message, publish_time_ns=message.publish_time_ns + by_ns)
 
 
 def with_byte(message: Recorded, place: int, value: int) -> Recorded:

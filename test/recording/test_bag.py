@@ -14,6 +14,7 @@ from typing import Any
 import lz4.frame
 import pytest
 import zstandard
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from flown import Flown, write
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
@@ -33,7 +34,7 @@ PER_CHUNK = 7
 def messages() -> list[Recorded]:
     of = Flown()
     of.fly(40)
-    of.diagnose()
+    of.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="a node")]))
     return of.messages
 
 

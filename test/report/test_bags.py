@@ -13,15 +13,15 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+import yaml
 from bags import Bag
-from flights import environment, fly
+from flights import SCENARIO, environment, fly
 from rosbags.highlevel import AnyReader
 
 from dsse_ros.cli.report import main
 from dsse_ros.recording.bag import BagWriter, read_bag
-from dsse_ros.report.bags import BELIEF, PROBABILITY, MissionBag
+from dsse_ros.report.bags import MissionBag
 from dsse_ros.report.metrics import metrics
 from dsse_ros.report.replay import follow_belief, forecast_for, views
 from dsse_ros.search import FieldError
@@ -154,7 +154,7 @@ def test_the_report_of_a_bag_has_the_numbers_of_the_bag(tmp_path: Path) -> None:
     assert chosen.items() <= rows[4].items()
 
 
-def test_maps_are_those_that_were_published(tmp_path: Path) -> None:
+def test_beliefs_are_those_that_were_published(tmp_path: Path) -> None:
     bag = tmp_path / "mission.mcap"
     env = environment("v2", person_amount=2)
     fly(env, Bag(bag, env), seeds=(1, 2))
@@ -163,11 +163,9 @@ def test_maps_are_those_that_were_published(tmp_path: Path) -> None:
         forecast = forecast_for(record, None)
         assert forecast is not None
         wanted = range(len(record.steps))
-        observed, beliefs = (read.maps(record, wanted, topic) for topic in (PROBABILITY, BELIEF))
-        computed, shown = follow_belief(record, forecast, wanted)[1], views(record, wanted)
-        assert set(observed) == set(beliefs) == set(wanted)
+        beliefs, computed = read.beliefs(record, wanted), follow_belief(record, forecast, wanted)[1]
+        assert set(beliefs) == set(wanted)
         for k in wanted:
-            assert np.array_equal(observed[k], shown[k].probability)
             assert beliefs[k] == pytest.approx(computed[k], abs=1e-6)
 
 
@@ -193,8 +191,8 @@ def test_of_runs_with_the_same_stamps_each_has_its_own_maps(tmp_path: Path) -> N
     bag = MissionBag(tmp_path)
     assert [(one.run_id, one.number) for one in bag.missions] == [(7, 1), (8, 1)]
     for record in bag.missions:
-        (published,) = bag.maps(record, [3], PROBABILITY).values()
-        assert np.array_equal(published, views(record, [3])[3].probability)
+        (published,) = bag.beliefs(record, [0]).values()
+        assert published == pytest.approx(views(record, [0])[0].probability, abs=1e-6)
 
 
 def test_a_topic_of_another_type_is_somebody_elses(tmp_path: Path) -> None:
@@ -231,17 +229,22 @@ def test_of_several_simulations_one_is_chosen(tmp_path: Path) -> None:
     assert of_b.seed == 2
 
 
-def test_a_bag_that_does_not_say_what_was_searched_has_the_maps_that_were_published(
+def test_a_bag_that_does_not_say_what_was_searched_needs_a_scenario(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     env = environment()
     fly(env, Bag(tmp_path / "mission.mcap", env, definition=False))
     out = tmp_path / "out"
-    assert main([str(tmp_path / "mission.mcap"), "--out", str(out), "--steps", "1"]) == 0
-    html = (out / "report.html").read_text()
-    assert "The file does not say what was searched" in html
+    arguments = [str(tmp_path / "mission.mcap"), "--out", str(out), "--steps", "1"]
+    assert main(arguments) == 2
+    assert "agents does not state what was searched; --scenario names it" in capsys.readouterr().err
+    fields = {**SCENARIO, "person_initial_position": [4, 4]}
+    fields["drones_positions"] = [[3, 4], [4, 3], [5, 5]]
+    (tmp_path / "scenario.yaml").write_text(yaml.safe_dump(fields))
+    assert main([*arguments, "--scenario", str(tmp_path / "scenario.yaml")]) == 0
     assert (out / "figures" / "map_step_1.png").is_file()
-    assert "POS) was not recorded" in html
+    assert main([*arguments, "--scenario", "santos"]) == 2
+    assert "scenario: 20 cells of 130 m a side are not the recorded 9" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

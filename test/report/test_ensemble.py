@@ -11,7 +11,7 @@ import pytest
 from flights import Log, environment, fly
 
 from dsse_ros.report.record import read_csv
-from dsse_ros.report.replay import follow_belief, forecast_for, views, with_search
+from dsse_ros.report.replay import follow_belief, forecast_for, views
 from dsse_ros.search import SearchEnv
 
 
@@ -22,8 +22,7 @@ def test_a_belief_that_follows_the_csv_has_the_pos_of_the_mission(
     usual = environment(rules, person_amount=2, particles=2000, vector=(0.4, 0.3))
     env = SearchEnv(usual.scenario.stated, usual.rules.override(person_motion="constant_drift"))
     (flown,) = fly(env, Log(tmp_path / "mission.csv", env), seeds=(2,))
-    (read,) = read_csv(tmp_path / "mission.csv")
-    record = with_search(read, env.rules, env.scenario)
+    (record,) = read_csv(tmp_path / "mission.csv")
     forecast = forecast_for(record, None)
     assert forecast is not None
     assert forecast_for(record, forecast) is forecast

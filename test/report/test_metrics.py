@@ -22,7 +22,6 @@ from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.mission.mission import Mission
 from dsse_ros.report.metrics import METRICS, curves, effort, metrics, work
 from dsse_ros.report.record import read_csv
-from dsse_ros.report.replay import with_search
 from dsse_ros.report.texts import outcome
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 
@@ -38,9 +37,7 @@ def steps_of(path: Path) -> Rows:
     return list(by_step.values())
 
 
-def expected(
-    steps: Rows, cells_of_area: int, last_step: int, *, scenario_known: bool
-) -> dict[str, Any]:
+def expected(steps: Rows, cells_of_area: int, last_step: int) -> dict[str, Any]:
     """Return the metrics by plain loops; steps after `last_step` come too late to be done."""
     drones = [[row for row in rows if row["agent"].startswith("drone")] for rows in steps]
     count = len(drones[0])
@@ -71,13 +68,12 @@ def expected(
         if flying and 0 < k <= last_step and step == k - 1 and first_find in (None, k * 13.0):
             waited_s, step = waited_s + missed * 13.0, k
             missed = 1 - float(rows[0]["pos"])
-    horizon_known = scenario_known or len(drones) - 1 > last_step
-    left_s = (last_step - step) * missed * 13.0 if horizon_known else None
+    left_s = (last_step - step) * missed * 13.0
     persons = [row for row in steps[-1] if row["agent"].startswith("person")]
     return {
         "pos": float(drones[-1][0]["pos"]),
-        "expected_time_at_least": waited_s + (left_s or 0.0) * (first_find is None),
-        "expected_time_at_most": None if left_s is None else waited_s + left_s,
+        "expected_time_at_least": waited_s + left_s * (first_find is None),
+        "expected_time_at_most": waited_s + left_s,
         "time_to_detection": first_find,
         "share_found": sum(row["found"] == "1" for row in persons) / len(persons),
         "coverage": len(set(searched)) / cells_of_area,
@@ -115,14 +111,11 @@ def test_metrics_equal_those_of_plain_loops(
     fly(env, Log(path, env), seeds=(seed,), searching=searching)
     (record,) = read_csv(path)
     steps = steps_of(path)
-    for scenario_known in (True, False):
-        of = with_search(record, env.rules, env.scenario) if scenario_known else record
-        plain = expected(steps, 81, env.scenario.timestep_limit, scenario_known=scenario_known)
-        numbers = metrics(of)
-        assert set(plain) | {"drones_lost", "duration"} == set(numbers) == {m.name for m in METRICS}
-        for name, value in plain.items():
-            close = None if value is None else pytest.approx(value, abs=1e-6)
-            assert numbers[name] == close, name
+    plain, numbers = expected(steps, 81, env.scenario.timestep_limit), metrics(record)
+    assert set(plain) | {"drones_lost", "duration"} == set(numbers) == {m.name for m in METRICS}
+    for name, value in plain.items():
+        close = None if value is None else pytest.approx(value, abs=1e-6)
+        assert numbers[name] == close, name
 
     # The parts make the whole.
     count, done, grown = effort(record), work(record), curves(record)
@@ -171,7 +164,7 @@ def test_the_expected_time_is_that_of_the_plan_whenever_luck_has_it_that_somebod
             mission.advance("hold")
         log.close()
         (record,) = read_csv(tmp_path / "mission.csv")
-        numbers = metrics(with_search(record, env.rules, env.scenario))
+        numbers = metrics(record)
         low, high = numbers["expected_time_at_least"], numbers["expected_time_at_most"]
         assert low is not None and high is not None
         assert low - 1e-6 <= exact_s <= high + 1e-6

@@ -11,14 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 from flights import Flown, Log, environment, fly
-from hypothesis import given
-from hypothesis import strategies as st
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
-from dsse_ros.report.record import RecordedMission, grid_of, is_bag, read_csv
-from dsse_ros.report.replay import follow_belief, forecast_for, views, with_search
-from dsse_ros.search import FieldError, SearchEnv
+from dsse_ros.report.record import RecordedMission, Search, check_limit, is_bag, read_csv
+from dsse_ros.report.replay import follow_belief, forecast_for, views
+from dsse_ros.search import FieldError, SearchDefinition, SearchEnv
 from msg_adapters.frames import scenario_frame
 
 
@@ -46,7 +44,7 @@ def test_what_is_read_is_what_was_flown(rules: str, tmp_path: Path) -> None:
         assert record.pos is not None and record.pos.tolist() == one.pos
         assert record.person_found is not None
         assert record.person_found[-1].tolist() == one.found_persons
-        assert (record.grid_size, record.cell_size_m) == (9, 130.0)
+        assert (record.grid_size, record.scenario.cell_size) == (9, 130.0)
         assert record.complete and not record.missing_steps
 
 
@@ -55,7 +53,7 @@ def test_belief_pos_and_maps_come_out_again(rules: str, tmp_path: Path) -> None:
     _, env, missions = recorded(tmp_path / "mission.csv", rules, person_amount=2)
     forecast = None
     for one in missions:
-        record = with_search(one, env.rules, env.scenario)
+        record = one
         forecast = forecast_for(record, forecast)
         assert forecast is not None
         pos, beliefs = follow_belief(record, forecast, {0, 2})
@@ -85,47 +83,24 @@ def test_what_drones_did_is_read_of_where_they_were_whatever_they_observed(tmp_p
     log.close()
     (record,) = read_csv(path)
     assert np.array_equal(record.cells, cells)
-    assert (record.grid_size, record.cell_size_m) == (12, 130)
-    known = with_search(record, env.rules, env.scenario)
-    forecast = forecast_for(known, None)
+    assert (record.grid_size, record.scenario.cell_size) == (12, 130)
+    forecast = forecast_for(record, None)
     assert forecast is not None
-    pos, _ = follow_belief(known, forecast)
+    pos, _ = follow_belief(record, forecast)
     assert pos == pytest.approx(record.pos, abs=1e-9)
     # It compares the map with the probability of each search.
-    assert views(known, {len(record.steps) - 1})
+    assert views(record, {len(record.steps) - 1})
 
 
-def test_a_step_that_comes_too_late_is_no_work_with_the_scenario_and_without(
-    tmp_path: Path,
-) -> None:
+def test_a_step_that_comes_too_late_is_no_work(tmp_path: Path) -> None:
     for rules in ("paper", "v2"):
         env = environment(rules, probability_of_detection=0.0, drones_positions=[(4, 4)])
         # All actions are searches: none collides or leaves, and nobody is found.
         fly(env, Log(tmp_path / "mission.csv", env), searching=1.0)
         (record,) = read_csv(tmp_path / "mission.csv")
         assert len(record.steps) == 16
-        for one in (record, with_search(record, env.rules, env.scenario)):
-            assert one.searched.sum() == 14
-            assert not one.lost.any()
-
-
-@given(
-    st.integers(1, 3000),
-    st.one_of(st.integers(1, 500), st.floats(0.01, 2000).map(lambda m: round(m, 3))),
-    st.lists(st.tuples(st.integers(0, 2999), st.integers(0, 2999)), min_size=1, max_size=5),
-)
-def test_the_grid_comes_out_of_cells_and_metres(
-    size: int, cell_m: float, drawn: list[tuple[int, int]]
-) -> None:
-    cells = np.array(drawn) % size
-    east = np.round((cells[:, 0] + 0.5) * cell_m, 3)
-    north = np.round((size - 0.5 - cells[:, 1]) * cell_m, 3)
-    found_size, found_m = grid_of(cells, east, north)
-    # Small cells near the corner say little of the grid: as much as is written.
-    assert abs((found_size - 0.5 - cells[0, 1]) * found_m - north[0]) < 2e-3
-    if cell_m > 10 and size < 1000:
-        assert found_size == size
-        assert found_m == pytest.approx(cell_m, abs=2e-3)
+        assert record.searched.sum() == 14
+        assert not record.lost.any()
 
 
 def test_a_mission_that_was_cut_off_is_read_to_its_last_whole_step(tmp_path: Path) -> None:
@@ -153,7 +128,10 @@ def test_a_mission_that_was_cut_off_is_read_to_its_last_whole_step(tmp_path: Pat
     ("change", "says"),
     [
         ((",drone0,3,4,", ",drone0,3,x,"), "mission 1: invalid literal"),
-        ((",drone0,3,4,", ",drone0,7,4,"), "its cells and metres do not belong together"),
+        (
+            (",drone0,3,4,", ",drone0,7,4,"),
+            "9 cells of 130 m a side do not have the",
+        ),
         (("drone", "plane"), "mission 1: no drone"),
         (("mission,step", "mission,stop"), "is neither the CSV of a mission nor a bag"),
     ],
@@ -171,15 +149,24 @@ def test_a_file_that_makes_no_sense_is_refused(
 
 
 def test_another_scenario_than_that_of_the_record_is_refused(tmp_path: Path) -> None:
-    _, env, missions = recorded(tmp_path / "mission.csv")
-    for other, says in (
-        ({"grid_size": 12}, "scenario: grid_size 12 is not allowed; 9 is, as it was recorded"),
-        ({"cell_size": 10.0}, "scenario: cell_size 10.0 is not allowed; 130.0 is"),
+    path = tmp_path / "mission.csv"
+    recorded(path)
+
+    def other(**fields: Any) -> Search:
+        env = environment(**fields)
+        return lambda _: SearchDefinition(env.rules, env.scenario)
+
+    for fields, says in (
+        ({"grid_size": 12}, "scenario: 12 cells of 130 m a side do not have the recorded pos"),
+        (
+            {"cell_size": 10.0},
+            "scenario: 9 cells of 10 m a side do not have the",
+        ),
+        ({"timestep_limit": 2}, "scenario: timestep_limit must allow the recorded"),
     ):
-        scenario = environment(**other).scenario
         with pytest.raises(FieldError, match=says):
-            with_search(missions[0], env.rules, scenario)
-    record = with_search(missions[0], env.rules, environment(sigma=5.0).scenario)
+            read_csv(path, other(**fields))
+    record = read_csv(path, other(sigma=5.0))[0]
     with pytest.raises(FieldError, match="scenario: it is not that of the record; in step"):
         views(record, {0})
     assert views(replace(record, probabilities=None), {0})
@@ -218,24 +205,16 @@ def test_a_field_takes_no_room_in_all_others(
         read_csv(path)
 
 
-def test_a_grid_that_is_larger_than_it_may_be_gets_no_memory(
-    tmp_path: Path, little_memory: Any
-) -> None:
-    env = environment(num_drones=1, drones_positions=[(0, 0)], person_amount=1)
-    fly(env, Log(tmp_path / "mission.csv", env), steps=0)
-    rows = (tmp_path / "mission.csv").read_text().splitlines()[:2]
-    row = rows[1].split(",")
-    row[7] = f"{130 * 29_999.5:.3f}"
-    path = tmp_path / "large.csv"
-    path.write_text("\n".join([rows[0], ",".join(row), ""]))
-    says = "mission 1: grid_size: 30000 is not allowed; at most 2000, for max_cells 4000000"
-    with little_memory(), pytest.raises(FieldError, match=says):
-        read_csv(path)
-    assert read_csv(path, max_cells=30_000**2)[0].grid_size == 30_000
+def test_a_grid_that_is_larger_than_it_may_be_is_refused(tmp_path: Path) -> None:
+    recorded(tmp_path / "mission.csv")
+    says = "mission 1: grid_size: 9 is not allowed; at most 8, for max_cells 80"
+    with pytest.raises(FieldError, match=says):
+        read_csv(tmp_path / "mission.csv", max_cells=80)
+    assert read_csv(tmp_path / "mission.csv", max_cells=81)
 
 
 def test_a_step_that_no_mission_of_the_scenario_has_is_refused(tmp_path: Path) -> None:
-    _, env, (one, _) = recorded(tmp_path / "mission.csv")
+    _, _, (one, _) = recorded(tmp_path / "mission.csv")
     late = replace(one, steps=np.array([*one.steps[:-1], 10**15]))
-    with pytest.raises(FieldError, match=f"timestep_limit 14 is not allowed; step {10**15} was"):
-        with_search(late, env.rules, env.scenario)
+    with pytest.raises(FieldError, match=f"must allow the recorded {10**15}, got 14"):
+        check_limit(late)

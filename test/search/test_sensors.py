@@ -20,7 +20,6 @@ from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.planners.registry import PLANNER_NAMES, planner_for
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import read_csv
-from dsse_ros.report.replay import with_search
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.search import HOLD, parallel_env, vector_env
 from dsse_ros.sensors.registry import SENSORS
@@ -112,7 +111,7 @@ def test_every_planner_flies_it(planner: str) -> None:
 def test_pictures_reports_and_logs_count_its_looks(tmp_path: Path) -> None:
     mission = Mission(parallel_env(rules="v2", render_mode="rgb_array", **FIELDS), seed=2)
     world = mission.env.world
-    scenario, frame = mission.env.scenario, GridFrame(12, 130.0, -24.0, -46.0, 0.0, 120.0)
+    frame = GridFrame(12, 130.0, -24.0, -46.0, 0.0, 120.0)
     right = mission.env.rules.actions.index("right")
     log = MissionLog(tmp_path / "log.csv", frame, faults=True)
     log.write(mission, mission.result)
@@ -130,7 +129,7 @@ def test_pictures_reports_and_logs_count_its_looks(tmp_path: Path) -> None:
     )
     assert (finds_of(report) == np.where(world.found, world.finds, 0)[0]).all()
     (record,) = read_csv(tmp_path / "log.csv")
-    assert (effort(with_search(record, mission.env.rules, scenario)) == seen).all()
+    assert (effort(record) == seen).all()
 
 
 def test_what_holds_nothing_looks_at_nothing() -> None:

@@ -1,0 +1,109 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The messages of a step that follow from the mission, and digests to compare them by."""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Iterator
+from hashlib import blake2b
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+
+from dsse_ros.mission.mission import Mission
+from msg_adapters.frames import GridFrame
+from msg_adapters.geodesy import cell_fix
+from msg_adapters.images import probability_image
+from msg_adapters.mission_report import make_mission_report, mission_report_message
+from msg_adapters.occupancy import SCALINGS, occupancy_grid
+from msg_adapters.pos import pos_message
+from msg_adapters.poses import nav_sat_fix, pose_array, pose_stamped
+
+OF_BELIEF = {
+    "belief": "sensor_msgs/msg/Image",
+    "belief_grid": "nav_msgs/msg/OccupancyGrid",
+    "probability_of_success": "std_msgs/msg/Float64MultiArray",
+}
+"""Topics that need a belief, with their types."""
+OF_MISSION = {
+    **OF_BELIEF,
+    "probability": "sensor_msgs/msg/Image",
+    "probability_grid": "nav_msgs/msg/OccupancyGrid",
+    "mission_report": "sensor_msgs/msg/PointCloud2",
+    "drones": "geometry_msgs/msg/PoseArray",
+}
+"""Topics whose messages are computed."""
+OF_DRONE = {"pose": "geometry_msgs/msg/PoseStamped", "fix": "sensor_msgs/msg/NavSatFix"}
+"""Those of each drone."""
+
+
+def computed(
+    topic: str, mission: Mission, frame: GridFrame, run_id: int, stamp: Time
+) -> Iterator[Any]:
+    """Yield the messages that the last step may have on a topic; none if this is not known.
+
+    Args:
+        topic: One of `OF_MISSION`, or `drone<i>/` with one of `OF_DRONE`.
+        mission: The mission.
+        frame: Frame of its grid.
+        run_id: Identity of the simulation.
+        stamp: Time of the step.
+    """
+    env, cells = mission.env, mission.result.cells
+    drone, _, name = topic.rpartition("/")
+    if name in ("probability", "probability_grid"):
+        probability = env.probability
+    elif name in ("belief", "belief_grid"):
+        if mission.pos is None or env.rules.covers:
+            return
+        probability = mission.belief()
+    match name:
+        case "probability" | "belief":
+            yield probability_image(frame, probability, stamp)
+        case "probability_grid" | "belief_grid":
+            # The scaling is a parameter of the node.
+            for scaling in SCALINGS:
+                yield occupancy_grid(frame, probability, stamp, scaling, env.scenario.area_mask)
+        case "probability_of_success" if mission.pos is not None:
+            yield pos_message(run_id, mission.number, mission.result.step, mission.pos)
+        case "mission_report":
+            history = mission.history
+            report = make_mission_report(
+                frame, run_id=run_id, mission=mission.number, history=history
+            )
+            yield mission_report_message(frame, report, stamp)
+        case "drones":
+            yield pose_array(frame, cells, stamp)
+        case "pose" | "fix" if drone in env.possible_agents:
+            number = env.possible_agents.index(drone)
+            cell, of_drone = cells[number].tolist(), frame.of_drone(number)
+            if name == "pose":
+                yield pose_stamped(of_drone, cell, stamp)
+            else:
+                yield nav_sat_fix(frame, *cell_fix(of_drone, *cell), stamp, drone)
+
+
+def digest(message: Any) -> bytes:
+    """Return a digest of all fields of a message.
+
+    It is not that of the serialized message, in which rclpy leaves padding undefined.
+    """
+    found = blake2b(digest_size=16)
+    for part in _parts(message):
+        found.update(part)
+    return found.digest()
+
+
+def _parts(value: Any) -> Iterator[bytes]:
+    if hasattr(value, "get_fields_and_field_types"):
+        for name in value.get_fields_and_field_types():
+            yield from _parts(getattr(value, name))
+    elif isinstance(value, list | tuple):
+        for one in value:
+            yield from _parts(one)
+    elif isinstance(value, array.array | np.ndarray):
+        yield value.tobytes()
+    else:
+        yield f"{value!r};".encode()

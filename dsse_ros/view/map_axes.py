@@ -1,0 +1,52 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The map on matplotlib axes, in km from its south-west corner, for pictures and reports."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
+
+MAX_LINED_CELLS = 50
+"""Cells along a side up to which lines separate them."""
+
+
+def places_km(cells: ArrayLike, grid_size: int, cell_km: float) -> NDArray[np.float64]:
+    """Return x and y (K, 2) of the centres of cells (K, 2) as (col, row)."""
+    places = np.asarray(cells, float).reshape(-1, 2) + 0.5
+    places[:, 1] = grid_size - places[:, 1]
+    return places * cell_km
+
+
+def draw_cells(axes: Axes, values: NDArray[Any], side_km: float, **style: Any) -> AxesImage:
+    """Draw a value or colour of each cell, (G, G) or (G, G, 4), row 0 in the north."""
+    extent = (0.0, side_km, 0.0, side_km)
+    return axes.imshow(values, extent=extent, interpolation="nearest", **style)
+
+
+def draw_outside(
+    axes: Axes, area: NDArray[np.bool_], side_km: float, colour: str, **style: Any
+) -> None:
+    """Draw the cells that are not in the search area (G, G)."""
+    from matplotlib.colors import ListedColormap
+
+    outside = np.ma.masked_where(area, np.ones(area.shape))
+    draw_cells(axes, outside, side_km, cmap=ListedColormap([colour]), **style)
+
+
+def draw_lines(axes: Axes, places: ArrayLike, side_km: float, colour: str) -> None:
+    """Draw lines between the cells at these places."""
+    for draw in (axes.hlines, axes.vlines):
+        draw(places, 0, side_km, color=colour, linewidth=0.4, zorder=0.5)
+
+
+def name_axes(axes: Axes, **style: Any) -> None:
+    """Label the axes."""
+    axes.set_xlabel("east (km)", **style)
+    axes.set_ylabel("north (km)", **style)
