@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.heeding import heed_masks
+from dsse_ros.planners.masking import apply_masks
 from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
 
@@ -44,7 +44,7 @@ class AStar:
 
     Args:
         actions: The actions, in the area.
-        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
+        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
@@ -82,10 +82,8 @@ class AStar:
             end = next_cell(self._actions, left, cell, goal, taken)
             taken.add(end)
             actions[agent] = self._actions.action(cell, end)
-        if not self._apart:
-            return actions
         cells = dict(zip(observations, present, strict=True))
-        return heed_masks(actions, cells, infos, self._actions, apart=True)
+        return apply_masks(actions, cells, infos, self._actions, apart=self._apart)
 
     def _choose_goals(self, present: Mapping[str, Cell], left: NDArray[np.float32]) -> None:
         """Give each drone a goal, as far as there are cells."""

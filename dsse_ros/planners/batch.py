@@ -159,7 +159,7 @@ class _Group:
         return groups
 
 
-def _meetings(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _collisions(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the number of pairs, (M,), of drones in the same cell that are `here`, (M, N)."""
     col, row = drones["x"].astype(np.int64), drones["y"].astype(np.int64)
     # Give each of the other drones a place of its own.
@@ -304,7 +304,7 @@ def play_missions(
             legs = np.hypot(world.drones["x"] - x, world.drones["y"] - y) * here
             for drone in range(world.num_drones):
                 path_length += legs[:, drone]
-            collisions += _meetings(world.drones, here & ~world.drones["aloft"])
+            collisions += _collisions(world.drones, here & ~world.drones["aloft"])
             # Worlds step on after their mission has ended; those steps do not count.
             now_found = going & world.worlds["done"] & (world.worlds["num_missing"] == 0)
             found |= now_found

@@ -24,7 +24,7 @@ from dsse_ros.belief.beliefs import forecast_for, is_ensemble
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
-from dsse_ros.planners.heeding import heed_masks, is_aloft
+from dsse_ros.planners.masking import apply_masks, is_returning
 from dsse_ros.planners.planner import (
     AgentObservation,
     Cell,
@@ -151,12 +151,15 @@ class GreedyOnBelief:
         across, down = away[:, 0, None, :], away[:, 1, :, None]
         moves = np.maximum(across, down) if self._actions.diagonal else across + down
         worth = likely * self.closeness**moves
-        for drones, water in self._actions.by_water(present):
-            if water is not None:
-                worth[drones] = np.where(water, worth[drones], -1.0)
+        for drones, component in self._actions.connected_components(present):
+            if component is not None:
+                worth[drones] = np.where(component, worth[drones], -1.0)
         goals = list(present)
         for _ in range(min(len(present), size * size)):
             drone, row, col = np.unravel_index(int(np.argmax(worth)), worth.shape)
+            if worth[drone, row, col] < 0.0:
+                # The other drones are not observed in the area.
+                break
             goals[drone] = (int(col), int(row))
             worth[drone] = -1.0
             worth[:, row, col] = -1.0
@@ -271,7 +274,7 @@ class BeliefPlanner:
         limit_s = infos[agents[0]].get("decision_time_s", math.inf)
         cells = dict(zip(agents, present, strict=True))
         ends = dict(cells)
-        if steered := [agent for agent in agents if not is_aloft(infos[agent])]:
+        if steered := [agent for agent in agents if not is_returning(infos[agent])]:
             batteries = [infos[a]["battery"] for a in steered if "battery" in infos[a]]
             chosen = self._tactic(
                 self.belief, steered, [cells[a] for a in steered], began_s + limit_s, batteries
@@ -284,7 +287,7 @@ class BeliefPlanner:
                 ends |= {agent: cells[agent] for agent in steered if ends[agent] in occupied}
         self._commanded = {agent: (cell, ends[agent]) for agent, cell in cells.items()}
         actions = {agent: self._actions.action(cell, ends[agent]) for agent, cell in cells.items()}
-        return heed_masks(actions, cells, infos, self._actions, apart=self._has_slower_drones)
+        return apply_masks(actions, cells, infos, self._actions, apart=self._has_slower_drones)
 
     def copy(self) -> BeliefPlanner:
         """Return an independent copy in the same state; the forecasts are shared."""

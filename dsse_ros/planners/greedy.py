@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.heeding import heed_masks
+from dsse_ros.planners.masking import apply_masks
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.probable_cells import most_probable
@@ -30,7 +30,7 @@ class Greedy:
         actions: Names of the actions by number.
         seed: Not used: the policy draws nothing.
         area: (G, G) bool [row, col], the cells to search; None for the whole grid.
-        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
+        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
@@ -79,13 +79,15 @@ class Greedy:
             taken.add(end)
             actions[agent] = self._actions.action(cell, end)
         cells = dict(zip(observations, present, strict=True))
-        return heed_masks(actions, cells, infos, self._actions, apart=self._apart)
+        return apply_masks(actions, cells, infos, self._actions, apart=self._apart)
 
     def _goals(self, present: Sequence[Cell], probability: NDArray[np.float32]) -> list[Cell]:
         """Return the goal of each drone, among the cells that it can reach."""
         goals = list(present)
-        for drones, water in self._actions.by_water(present):
-            reached = probability if water is None else np.where(water, probability, -np.inf)
+        for drones, component in self._actions.connected_components(present):
+            reached = (
+                probability if component is None else np.where(component, probability, -np.inf)
+            )
             for drone, goal in zip(drones, most_probable(reached, len(drones)), strict=True):
                 goals[drone] = goal
         return goals

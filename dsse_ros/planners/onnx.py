@@ -38,7 +38,7 @@ from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.avoidance import resolve_conflicts
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.planners.heeding import heed_masks
+from dsse_ros.planners.masking import apply_masks
 from dsse_ros.planners.planner import Cell, Planner, Search, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.fields import FieldError, shown
@@ -138,7 +138,7 @@ class OnnxPlanner:
     Args:
         policy: The policy.
         apart: The actions of the search, if drones may be slow to leave their cells, see
-            `heeding.keep_apart`; else None.
+            `masking.keep_apart`; else None.
 
     Attributes:
         drawn: False: a model draws nothing.
@@ -171,7 +171,7 @@ class OnnxPlanner:
         actions = dict(zip(observations, chosen, strict=True))
         if self._apart is None:
             return actions
-        return heed_masks(actions, present, infos, self._apart, apart=True)
+        return apply_masks(actions, present, infos, self._apart, apart=True)
 
 
 class OnnxOnBelief:

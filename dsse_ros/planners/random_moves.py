@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts
-from dsse_ros.planners.heeding import keep_apart
+from dsse_ros.planners.masking import keep_apart
 from dsse_ros.planners.planner import AgentObservation, cells_of
 from dsse_ros.scenario.actions import ActionSet
 
@@ -27,7 +27,7 @@ class RandomMoves:
         actions: Names of the actions by number.
         seed: Seed of all draws.
         area: Not used: the masks forbid moves out of the area.
-        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
+        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.

@@ -41,7 +41,9 @@ class Arrays(Protocol):
     grid_size: int
 
 
-def paces(scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None) -> list[float]:
+def ground_speed_ratios(
+    scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None
+) -> list[float]:
     """Return the share of each action's move that one step covers in the wind, at most 1.
 
     A drone with airspeed v holds its track in the wind. With crosswind c and tailwind w, its ground
@@ -71,9 +73,9 @@ def paces(scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None
     return shares
 
 
-def paces_of_drones(scenario: ResolvedScenario, rules: Rules) -> list[list[float]]:
-    """Return the `paces` of each drone."""
-    of_kinds = [paces(scenario, rules, kind) for kind in scenario.kinds]
+def ground_speed_ratios_of_drones(scenario: ResolvedScenario, rules: Rules) -> list[list[float]]:
+    """Return the `ground_speed_ratios` of each drone."""
+    of_kinds = [ground_speed_ratios(scenario, rules, kind) for kind in scenario.kinds]
     return [of_kinds[number] for number in scenario.kind_of]
 
 
@@ -82,7 +84,7 @@ def abilities_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
     kinds, fastest = scenario.kinds, max(scenario.speeds)
     of_kinds = np.zeros(len(kinds), ABILITIES)
     for k, kind in enumerate(kinds):
-        of_kinds["pace"][k, : len(rules.actions)] = paces(scenario, rules, kind)
+        of_kinds["pace"][k, : len(rules.actions)] = ground_speed_ratios(scenario, rules, kind)
         of_kinds["endurance"][k] = endurance_steps(kind, scenario.step_duration_s)
         of_kinds["slower"][k] = scenario.speeds[k] < fastest
     rates = false_alarms(scenario, looks_of(scenario, rules))
@@ -138,7 +140,7 @@ class Faults:
         self.has_battery = scenario.battery_move > 0
         self.is_noisy = scenario.position_noise > 0
         self._actions = rules.action_set
-        self._paces = paces_of_drones(scenario, rules)
+        self._ground_speed_ratios = ground_speed_ratios_of_drones(scenario, rules)
         self._homes: list[tuple[int, int]] = []
         none = (scenario.num_drones, 0, 0)
         self._ways = WaysHome(np.zeros(none, np.int32), np.zeros(none, np.int8))
@@ -155,7 +157,9 @@ class Faults:
         homes: list[tuple[int, int]] = [(x, y) for x, y in world.starts[0].tolist()]
         if self.has_battery and homes != self._homes:
             self._homes = homes
-            self._ways = ways_home(self._actions, world.area, world.grid_size, homes, self._paces)
+            self._ways = ways_home(
+                self._actions, world.area, world.grid_size, homes, self._ground_speed_ratios
+            )
 
     def reset(self, world: Arrays, which: NDArray[np.bool_]) -> None:
         """Begin the missions of the worlds with which[b], (B,) bool."""

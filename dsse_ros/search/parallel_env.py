@@ -24,9 +24,9 @@ from dsse_ros.scenario.scenario import (
     scenario_and_rules,
 )
 from dsse_ros.search.agent_spaces import AgentSpaces
+from dsse_ros.search.mission_history import MissionHistory, view_of
 from dsse_ros.search.observation import AgentObservation, observation_space
 from dsse_ros.search.observed_beliefs import observed_beliefs
-from dsse_ros.search.past import Past, view_of
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.view import rendering
@@ -102,7 +102,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._live: list[int] = []
         self._no_flags: dict[str, bool] = {}
         self._known_actions = bytes(range(len(rules.actions)))
-        self._past: Past | None = None
+        self._history: MissionHistory | None = None
         self._bind()
 
     def _bind(self) -> None:
@@ -159,7 +159,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self.world.reset()
         self._note_belief()
         self._note_live()
-        self._start_past()
+        self._start_history()
         result = self._observe(self.agents, self._live)
         self._show()
         return result
@@ -253,7 +253,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             self._beliefs.restore(snapshot)
         self._note_belief()
         self._note_live()
-        self._start_past()
+        self._start_history()
 
     @property
     def flags(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -309,7 +309,9 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     def view(self) -> rendering.MissionView:
         """Return the contents of a picture; the past is recorded only in a render mode."""
         pos = None if self._beliefs is None else float(self._beliefs.pos[0])
-        return view_of(self.world, self.probability, self._past or Past(self.world), pos)
+        return view_of(
+            self.world, self.probability, self._history or MissionHistory(self.world), pos
+        )
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the mission as text (ansi) or image (H, W, 3) uint8 (rgb_array), or show it.
@@ -342,8 +344,8 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         if self.render_mode == "human":
             self.render()
 
-    def _start_past(self) -> None:
-        self._past = None if self.render_mode is None else Past(self.world)
+    def _start_history(self) -> None:
+        self._history = None if self.render_mode is None else MissionHistory(self.world)
 
     def _note_belief(self) -> None:
         """Update the observed map from the belief, if agents observe that."""
@@ -352,15 +354,15 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     def _advance(self) -> None:
         """Advance the world by the actions taken."""
         if self.render_mode is None:
-            self._past = None
-        elif self._past is None:
-            self._past = Past(self.world)
-        if self._past is not None:
-            self._past.before_step(self._actions[0])
+            self._history = None
+        elif self._history is None:
+            self._history = MissionHistory(self.world)
+        if self._history is not None:
+            self._history.before_step(self._actions[0])
         (self._beliefs or self.world).step(self._actions)
         self._note_belief()
-        if self._past is not None:
-            self._past.after_step()
+        if self._history is not None:
+            self._history.after_step()
         if self._done[0] or self._num_active[0] < len(self.agents):
             self._note_live()
 
