@@ -293,8 +293,8 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         matrix = self.probability_matrix
         if matrix is not None and not rules.covers:
             raise FieldError(
-                f"probability_matrix: it is not allowed with rules {rules.profile}; those of a "
-                "coverage task"
+                f"probability_matrix must come with the rules of a coverage task, got rules "
+                f"{rules.profile}"
             )
         if self.zone_size is None:
             side = rules.grid_size if matrix is None else len(matrix.values)

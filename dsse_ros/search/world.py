@@ -17,6 +17,8 @@ import numpy as np
 from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.area import Area
+from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, Scenario
 from dsse_ros.search.coverage import Coverage
@@ -45,9 +47,9 @@ def word_of_seed(seed: int) -> np.uint64:
     return word
 
 
-def _plain(value: Any) -> dict[str, Any]:
+def _plain(value: Area | ProbabilityMatrix) -> Any:
     """Return a value of a scenario for JSON, without the file that it came from."""
-    return {name: part for name, part in dataclasses.asdict(value).items() if name != "source"}
+    return value.sha256 if isinstance(value, ProbabilityMatrix) else dataclasses.asdict(value)
 
 
 class World:
