@@ -74,7 +74,7 @@ class ProbabilityMatrix:
                 made = cls.of(str(value["path"]))
                 if made.sha256 != value["sha256"]:
                     raise FieldError(
-                        f"{NAME} must be {shown(made.path)} with the SHA-256 "
+                        f"{NAME} must be {made.path!r} with the SHA-256 "
                         f"{shown(value['sha256'])}, got a file with {made.sha256}"
                     )
                 return made
@@ -84,7 +84,8 @@ class ProbabilityMatrix:
             return cls._made("", np.asarray(value), None)
         except OSError as error:
             reason = error.strerror or "it cannot be read"
-            raise FieldError(f"{NAME} must be {ALLOWED}, got {shown(value)}: {reason}") from None
+            name = repr(os.fspath(value))
+            raise FieldError(f"{NAME} must be {ALLOWED}, got {name}: {reason}") from None
         except FieldError:
             raise
         except (EOFError, KeyError, MemoryError, TypeError, ValueError, csv.Error):

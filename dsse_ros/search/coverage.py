@@ -83,8 +83,10 @@ class Coverage:
         """The kernels' argument `coverage`."""
         return self.poc, self.left, self.records
 
-    def metrics(self, num_missing: NDArray[np.int64]) -> dict[str, NDArray[np.float64]]:
-        """Return the metrics of all worlds by name, (B,) float64 each.
+    def metrics(
+        self, num_missing: NDArray[np.int64], which: Any = slice(None)
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return the metrics of worlds by name, by default (B,) float64 each.
 
         `coverage_rate` is the share of the cells to cover that are covered. `repeated_coverage` is
         the number of visits to other cells, divided by the number of cells to cover. `pos` is the
@@ -92,12 +94,14 @@ class Coverage:
 
         Args:
             num_missing: (B,) cells not covered yet.
+            which: Index of the worlds.
         """
-        cells = self.records["cells"]
+        records = self.records[which]
+        cells = records["cells"]
         return {
-            "coverage_rate": (cells - num_missing) / cells,
-            "repeated_coverage": self.records["repeated"] / cells,
-            "pos": self.records["pos"].copy(),
+            "coverage_rate": (cells - num_missing[which]) / cells,
+            "repeated_coverage": records["repeated"] / cells,
+            "pos": records["pos"].copy(),
         }
 
     def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:

@@ -230,27 +230,21 @@ class Faults:
         whole: NDArray[np.int64] = self.conditions.view(np.int64)
         return whole.reshape(*self.conditions.shape, -1)[..., :2]
 
-    def batch_infos(self) -> dict[str, NDArray[Any]]:
-        """Return the values of `infos` for all worlds, (B, N) each, with `status` as a number."""
-        names = {"status": "status", "applied": "action"}
+    def batch_infos(self, which: Any = slice(None)) -> dict[str, NDArray[Any]]:
+        """Return the infos that faults, or limits of a drone's kind, add, by default (B, N) each.
+
+        `status` is a number in `fault_kernels.STATUSES`; `action` is the drone's action in the last
+        step, -1 for nothing; `battery` is in percent, present if batteries run down.
+
+        Args:
+            which: Index of the drones.
+        """
+        names = {"status": "status", "action": "applied"}
         if self.has_battery:
             names["battery"] = "battery"
-        return {name: self.conditions[of].copy() for of, name in names.items()}
+        return {name: self.conditions[of][which].copy() for name, of in names.items()}
 
-    def infos(self, world: int, drones: Sequence[int]) -> list[dict[str, Any]]:
-        """Return the infos that faults, or limits of a drone's kind, add for each agent.
-
-        `status` is one of `fault_kernels.STATUSES`; `action` is the drone's action in the last
-        step, -1 for nothing; `battery` is in percent, present if batteries run down.
-        """
-        infos = []
-        for drone in drones:
-            condition = self.conditions[world, drone]
-            info: dict[str, Any] = {
-                "status": STATUSES[condition["status"]],
-                "action": int(condition["applied"]),
-            }
-            if self.has_battery:
-                info["battery"] = float(condition["battery"])
-            infos.append(info)
-        return infos
+    def infos(self, world: int, drones: Sequence[int]) -> dict[str, list[Any]]:
+        """Return the same for some drones of a world, with the name of `status`."""
+        infos = {name: of.tolist() for name, of in self.batch_infos((world, drones)).items()}
+        return {**infos, "status": [STATUSES[number] for number in infos["status"]]}

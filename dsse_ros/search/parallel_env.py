@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import repeat
 from typing import Any
 
@@ -25,7 +25,7 @@ from dsse_ros.scenario.scenario import (
 )
 from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.mission_history import MissionHistory, view_of
-from dsse_ros.search.observation import AgentObservation, observation_space
+from dsse_ros.search.observation import AgentObservation, agent_infos, observation_space
 from dsse_ros.search.observed_beliefs import observed_beliefs
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
@@ -40,7 +40,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     [y, x], one read-only array that all agents share. Actions are numbers of `rules.actions`.
     `infos[agent]` has `Found`, whether every person has been found, `action_mask` (A,) int8, 0
     where a move would leave the grid or the area, and, with several persons,
-    `World.infos_of_finds`. See `Faults.infos` for the keys that faults add.
+    the keys of `World.info_columns`.
 
     By default agents observe the map of the rules, which searches do not change. With
     `observe="belief"` they observe the posterior after the searches so far (`belief.Belief`), in
@@ -380,26 +380,14 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         cells = self._seen.copy() if len(agents) == len(self._seen) else self._seen[live]
         # Plain tuples: named ones would take a sixth of a step with 50 drones.
         observations = dict(zip(agents, zip(cells, repeat(self.probability))))
-        masks, found = self._masks, self._num_missing[0] == 0
-        infos = {
-            agent: {"Found": found, "action_mask": masks[y][x]}
-            for agent, (x, y) in zip(agents, cells.tolist())
-        }
-        if self.world.persons.shape[1] > 1:
-            for info, of_finds in zip(infos.values(), self.world.infos_of_finds(0, live)):
-                info |= of_finds
-        if (faults := self.world.faults) is not None:
-            of_drones = zip(infos.values(), self.action_masks()[live], faults.infos(0, live))
-            for info, mask, of_faults in of_drones:
-                info |= {"action_mask": mask, **of_faults}
+        if self.world.faults is None:
+            masks: Iterable[NDArray[np.int8]] = [self._masks[y][x] for x, y in cells.tolist()]
+        else:
+            masks = self.action_masks()[live]
+        columns = self.world.info_columns(0, live)
         if self._beliefs is not None:
-            for info in infos.values():
-                info["pos"] = float(self._beliefs.pos[0])
-        if self.world.coverage is not None:
-            metrics = self.world.coverage_metrics()
-            for info in infos.values():
-                info |= {name: float(values[0]) for name, values in metrics.items()}
-        return observations, infos
+            columns["pos"] = [float(self._beliefs.pos[0])] * len(live)
+        return observations, agent_infos(agents, self._num_missing[0] == 0, masks, columns)
 
     def _take(self, actions: Mapping[str, int]) -> None:
         """Check the live agents' actions and store them for the next step."""

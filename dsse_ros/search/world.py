@@ -8,7 +8,7 @@ import dataclasses
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 from typing import Any
@@ -439,20 +439,25 @@ class World:
         # Repack the records: the padding between fields has arbitrary content.
         return b"".join(repack_fields(array).tobytes() for array in self._state().values())
 
-    def infos_of_finds(self, world: int, drones: Sequence[int]) -> list[dict[str, Any]]:
-        """Return the infos on agents' last looks in a search for several persons.
+    def info_columns(self, world: int, drones: Sequence[int]) -> dict[str, Iterable[Any]]:
+        """Return the infos of drones of a world by key, besides `Found` and `action_mask`.
 
-        `found_person` is whether the drone found one. If an action looks at several cells, `finds`
-        has a bit for each look that found one.
+        In a search for several persons, `found_person` is whether the drone's last look found one.
+        If an action looks at several cells, `finds` has a bit for each look that found one. See
+        `Faults.infos` for the keys that faults add, and `Coverage.metrics` for those of coverage.
         """
-        of_world = self.drones[world]
-        infos: list[dict[str, Any]] = [
-            {"found_person": found} for found in of_world["found"][drones].tolist()
-        ]
-        if self.looks.several:
-            for info, finds in zip(infos, self.finds[world, drones].tolist(), strict=True):
-                info["finds"] = finds if info["found_person"] else 0
-        return infos
+        columns: dict[str, Iterable[Any]] = {}
+        if self.persons.shape[1] > 1:
+            found = self.found[world, drones]
+            columns["found_person"] = found.tolist()
+            if self.looks.several:
+                columns["finds"] = np.where(found, self.finds[world, drones], 0).tolist()
+        if self.faults is not None:
+            columns |= self.faults.infos(world, drones)
+        if self.coverage is not None:
+            metrics = self.coverage.metrics(self.worlds["num_missing"], world)
+            columns |= {name: [float(value)] * len(drones) for name, value in metrics.items()}
+        return columns
 
     def coverage_metrics(self) -> dict[str, NDArray[np.float64]]:
         """Return `Coverage.metrics`, or an empty dictionary in a search for persons."""
