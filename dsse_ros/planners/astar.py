@@ -9,7 +9,6 @@ the planner takes the one with the most probability.
 
 from __future__ import annotations
 
-import copy
 import heapq
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -18,7 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.masking import apply_masks
-from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
+from dsse_ros.planners.planner import (
+    AgentObservation,
+    Cell,
+    DrawsNothing,
+    Search,
+    cells_of,
+    probability_of,
+)
 from dsse_ros.scenario.actions import ActionSet
 
 CLOSENESS = 0.3
@@ -34,7 +40,7 @@ def make_astar(search: Search, *, seed: int = 0) -> AStar:
     return AStar(actions, apart=search.scenario.has_slower_drones)
 
 
-class AStar:
+class AStar(DrawsNothing):
     """Sends each drone to the best remaining cell: near, probable, isolated, and nobody's goal.
 
     Among the drones without a goal and the cells that are nobody's goal, the planner matches the
@@ -45,25 +51,12 @@ class AStar:
     Args:
         actions: The actions, in the area.
         apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
-
-    Attributes:
-        drawn: See `SharedPlanner`.
     """
-
-    drawn = False
 
     def __init__(self, actions: ActionSet, *, apart: bool = False) -> None:
         self._actions = actions
         self._apart = apart
         self._goals: dict[str, Cell] = {}
-
-    def copy(self) -> AStar:
-        """Return an independent copy in the same state."""
-        return copy.copy(self)
-
-    def with_seed(self, seed: int) -> AStar:
-        """Return a copy."""
-        return self.copy()
 
     def __call__(
         self,

@@ -23,11 +23,13 @@ from dsse_ros.belief.belief import Forecast
 from dsse_ros.belief.beliefs import forecast_for, is_ensemble
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
+from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.masking import apply_masks, is_returning
 from dsse_ros.planners.planner import (
     AgentObservation,
     Cell,
+    DrawsNothing,
     Search,
     cells_of,
     number_of,
@@ -94,7 +96,7 @@ class TacticFactory(Protocol):
         ...
 
 
-class GreedyOnBelief:
+class GreedyOnBelief(DrawsNothing):
     """Sends each drone to a likely cell near it, a different one for each drone.
 
     Among the remaining drones and cells, the tactic matches the pair with the greatest probability
@@ -104,7 +106,6 @@ class GreedyOnBelief:
 
     drift_samples = 16
     closeness = 0.7
-    drawn = False
 
     def horizon(self, rules: Rules) -> int:
         """Return 0: the tactic uses the present belief only."""
@@ -116,14 +117,6 @@ class GreedyOnBelief:
         self._actions = forecast.rules.action_set.within(area).with_moves()
         return self
 
-    def copy(self) -> GreedyOnBelief:
-        """Return itself: the tactic has no state that a step changes."""
-        return self
-
-    def with_seed(self, seed: int) -> GreedyOnBelief:
-        """Return itself."""
-        return self
-
     def __call__(
         self,
         belief: TargetBelief,
@@ -133,24 +126,13 @@ class GreedyOnBelief:
         batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
-        taken = set(present)
-        ends = []
-        for cell, goal in zip(present, self._goals(belief.poc(), present), strict=True):
-            end = self._actions.towards(cell, goal)
-            if end in taken:
-                end = cell
-            taken.add(end)
-            ends.append(end)
-        return ends
+        return approach(self._actions, present, self._goals(belief.poc(), present))
 
     def _goals(self, likely: NDArray[np.float64], present: Sequence[Cell]) -> list[Cell]:
         """Return a goal for each drone."""
-        size = len(likely)
-        line = np.arange(size)
-        away = np.abs(line - np.array(present)[..., None])
-        across, down = away[:, 0, None, :], away[:, 1, :, None]
-        moves = np.maximum(across, down) if self._actions.diagonal else across + down
-        worth = likely * self.closeness**moves
+        size, anywhere = len(likely), self._actions.within(None)
+        away = np.stack([anywhere.distances(cell, size) for cell in present])
+        worth = likely * self.closeness**away
         for drones, component in self._actions.connected_components(present):
             if component is not None:
                 worth[drones] = np.where(component, worth[drones], -1.0)

@@ -14,13 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.masking import apply_masks
-from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
+from dsse_ros.planners.planner import (
+    AgentObservation,
+    Cell,
+    DrawsNothing,
+    cells_of,
+    probability_of,
+)
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.probable_cells import most_probable
 
 
-class Greedy:
+class Greedy(DrawsNothing):
     """Sends each drone to one of the cells that are the most probable now.
 
     A drone searches where it is if its next cell is another drone's present or already chosen
@@ -32,14 +39,9 @@ class Greedy:
         area: (G, G) bool [row, col], the cells to search; None for the whole grid.
         apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
-    Attributes:
-        drawn: See `SharedPlanner`.
-
     Raises:
         ValueError: If search or a straight move is missing.
     """
-
-    drawn = False
 
     def __init__(
         self,
@@ -52,14 +54,6 @@ class Greedy:
         self._actions = ActionSet(actions, area).with_moves()
         self._apart = apart
 
-    def copy(self) -> Greedy:
-        """Return itself: the policy has no state."""
-        return self
-
-    def with_seed(self, seed: int) -> Greedy:
-        """Return itself."""
-        return self
-
     def __call__(
         self,
         observations: Mapping[str, AgentObservation],
@@ -70,14 +64,11 @@ class Greedy:
             return {}
         present = cells_of(observations)
         goals = self._goals(present, probability_of(observations))
-        taken = set(present)
-        actions = {}
-        for agent, cell, goal in zip(observations, present, goals, strict=True):
-            end = self._actions.towards(cell, goal)
-            if end in taken:
-                end = cell
-            taken.add(end)
-            actions[agent] = self._actions.action(cell, end)
+        ends = approach(self._actions, present, goals)
+        actions = {
+            agent: self._actions.action(cell, end)
+            for agent, cell, end in zip(observations, present, ends, strict=True)
+        }
         cells = dict(zip(observations, present, strict=True))
         return apply_masks(actions, cells, infos, self._actions, apart=self._apart)
 

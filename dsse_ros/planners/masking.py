@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.planners.avoidance import resolve_conflicts
+from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.planner import Cell
 from dsse_ros.scenario.actions import ActionSet
 
@@ -56,14 +56,8 @@ def apply_masks(
     if masked == actions:
         return masked
     agents = [agent for agent in masked if not is_returning(infos[agent])]
-    cells = [present[agent] for agent in agents]
-    moves = [action_set.moves[masked[agent]] for agent in agents]
-    requested = [(col + dx, row + dy) for (col, row), (dx, dy) in zip(cells, moves, strict=True)]
-    granted = resolve_conflicts(cells, requested)
-    for agent, cell, end in zip(agents, requested, granted, strict=True):
-        if cell != end:
-            masked[agent] = action_set.search
-    return masked
+    cells, numbers = [present[agent] for agent in agents], [masked[agent] for agent in agents]
+    return masked | dict(zip(agents, resolve_actions(action_set, cells, numbers), strict=True))
 
 
 def keep_apart(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.avoidance import resolve_conflicts
+from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.masking import keep_apart
 from dsse_ros.planners.planner import AgentObservation, cells_of
 from dsse_ros.scenario.actions import ActionSet
@@ -76,14 +76,5 @@ class RandomMoves:
             drawn = dict(zip(observations, actions, strict=True))
             cells = dict(zip(observations, present, strict=True))
             return keep_apart(drawn, cells, infos, self._actions)
-        moves = (self._actions.moves[action] for action in actions)
-        requested = [
-            (col + dx, row + dy) for (col, row), (dx, dy) in zip(present, moves, strict=True)
-        ]
-        granted = resolve_conflicts(present, requested)
-        return {
-            agent: action if cell == end else self._actions.search
-            for agent, action, cell, end in zip(
-                observations, actions, requested, granted, strict=True
-            )
-        }
+        resolved = resolve_actions(self._actions, present, actions)
+        return dict(zip(observations, resolved, strict=True))

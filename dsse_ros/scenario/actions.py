@@ -98,6 +98,11 @@ class ActionSet:
         """Return the action number of the move from a cell to its neighbour, search if equal."""
         return self._number[end[0] - start[0], end[1] - start[1]]
 
+    def ends(self, cells: Iterable[Cell], numbers: Iterable[int]) -> list[Cell]:
+        """Return the cell that each action leads to."""
+        moves = (self.moves[number] for number in numbers)
+        return [(col + dx, row + dy) for (col, row), (dx, dy) in zip(cells, moves, strict=True)]
+
     def towards(self, start: Cell, goal: Cell) -> Cell:
         """Return the cell one step closer to the goal, or the goal itself once there.
 

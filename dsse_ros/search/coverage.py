@@ -13,6 +13,7 @@ from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.search.ensemble import cells_of_maps
 from dsse_ros.step.coverage_kernels import COVERAGE
 
 METRICS = ("coverage_rate", "repeated_coverage", "pos")
@@ -106,8 +107,4 @@ class Coverage:
 
     def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return the rest of cells, (B, K) float32, 0 outside the grid; see `World.cells`."""
-        size = len(self.poc)
-        inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
-        world = np.arange(len(self.left))[:, np.newaxis]
-        found = self.left[world, np.where(inside, y, 0), np.where(inside, x, 0)]
-        return np.where(inside, found, 0.0).astype(np.float32)
+        return cells_of_maps(self.left, np.arange(len(self.left)), x, y).astype(np.float32)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,17 +28,8 @@ from dsse_ros.step.fault_kernels import (
 )
 from dsse_ros.step.looks import Looks, looks_of
 
-
-class Arrays(Protocol):
-    """The parts of `World` that faults use."""
-
-    constants: NDArray[np.void]
-    area: NDArray[np.bool_] | None
-    worlds: NDArray[np.void]
-    drones: NDArray[np.void]
-    starts: NDArray[np.int64]
-    num_worlds: int
-    grid_size: int
+if TYPE_CHECKING:
+    from dsse_ros.search.world import World
 
 
 def ground_speed_ratios(
@@ -152,7 +143,7 @@ class Faults:
         limited = limited or bool(looks_of(scenario, rules).false_alarms.any())
         return cls(scenario, rules, num_worlds) if limited or faults_of(scenario) else None
 
-    def place(self, world: Arrays) -> None:
+    def place(self, world: World) -> None:
         """Make the drones' start cells their homes; all worlds have the same ones."""
         homes: list[tuple[int, int]] = [(x, y) for x, y in world.starts[0].tolist()]
         if self.has_battery and homes != self._homes:
@@ -161,7 +152,7 @@ class Faults:
                 self._actions, world.area, world.grid_size, homes, self._ground_speed_ratios
             )
 
-    def reset(self, world: Arrays, which: NDArray[np.bool_]) -> None:
+    def reset(self, world: World, which: NDArray[np.bool_]) -> None:
         """Begin the missions of the worlds with which[b], (B,) bool."""
         self.place(world)
         self.applied[which] = HELD
@@ -185,12 +176,12 @@ class Faults:
         if not ((starts >= 0) & (starts < grid_size)).all():
             raise SnapshotError("the snapshot is damaged: a start of a drone is off the grid")
 
-    def restore(self, world: Arrays) -> None:
+    def restore(self, world: World) -> None:
         """Continue from the restored conditions and starts of a snapshot."""
         self.place(world)
         self.applied[:] = self.conditions["applied"]
 
-    def around(self, world: Arrays, step: Callable[..., None]) -> Callable[..., None]:
+    def around(self, world: World, step: Callable[..., None]) -> Callable[..., None]:
         """Wrap a step with the faults; the wrapper takes commands in place of actions."""
 
         def step_with_faults(
@@ -210,7 +201,7 @@ class Faults:
         return step_with_faults
 
     def restrict(
-        self, world: Arrays, masks: NDArray[np.int8], first: int = 0, last: int | None = None
+        self, world: World, masks: NDArray[np.int8], first: int = 0, last: int | None = None
     ) -> NDArray[np.int8]:
         """Clear the actions that drones cannot do or return home after in masks (B, N, A)."""
         fault_kernels.restrict_masks(

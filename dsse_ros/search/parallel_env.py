@@ -27,12 +27,13 @@ from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.mission_history import MissionHistory, view_of
 from dsse_ros.search.observation import AgentObservation, agent_infos, observation_space
 from dsse_ros.search.observed_beliefs import observed_beliefs
+from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.view import rendering
 
 
-class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
+class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     """A drone swarm searching for persons at sea (PettingZoo parallel API).
 
     An observation is a plain tuple with the parts of an `Observation`, from the space
@@ -103,7 +104,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._no_flags: dict[str, bool] = {}
         self._known_actions = bytes(range(len(rules.actions)))
         self._history: MissionHistory | None = None
-        self._bind()
+        self._rebind()
 
     def _bind(self) -> None:
         """Create the views on the world's arrays, and whatever must not be copied."""
@@ -122,19 +123,9 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._num_active, self._num_missing, self._done = (
             world.worlds[name].data for name in ("num_active", "num_missing", "done")
         )
+        # A window stays with the environment that opened it.
         self._viewer: rendering.Viewer | None = None
         self._renderer: rendering.FigureRenderer | None = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        # A window stays with the environment that opened it.
-        bound = {"_masks", "_actions", "_action_bytes", "_xy", "_alive", "_rewards", "_terminated"}
-        bound |= {"_seen", "_truncated", "_num_active", "_num_missing", "_done", "_viewer"}
-        bound |= {"_renderer"}
-        return {name: value for name, value in vars(self).items() if name not in bound}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._bind()
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
