@@ -84,12 +84,11 @@ class ProbabilityMatrix:
             return cls._made("", np.asarray(value), None)
         except OSError as error:
             reason = error.strerror or "it cannot be read"
-            name = repr(os.fspath(value))
-            raise FieldError(f"{NAME} must be {ALLOWED}, got {name}: {reason}") from None
+            raise FieldError(f"{NAME} must be {ALLOWED}, got {_named(value)}: {reason}") from None
         except FieldError:
             raise
         except (EOFError, KeyError, MemoryError, TypeError, ValueError, csv.Error):
-            raise FieldError(f"{NAME} must be {ALLOWED}, got {shown(value)}") from None
+            raise FieldError(f"{NAME} must be {ALLOWED}, got {_named(value)}") from None
 
     @classmethod
     def _made(
@@ -148,6 +147,11 @@ class ProbabilityMatrix:
                 f"{NAME} must be at most half a cell from the grid of origin_lat, origin_lon and "
                 f"cell_size, got {what} with a corner {off_m:.0f} m from that of the grid"
             )
+
+
+def _named(value: Any) -> str:
+    """Return a value for a message, with the whole path of a file."""
+    return repr(os.fspath(value)) if isinstance(value, str | os.PathLike) else shown(value)
 
 
 _Read = tuple[NDArray[Any], tuple[tuple[float, float], ...] | None]
