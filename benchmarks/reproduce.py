@@ -89,7 +89,7 @@ def greedy_episodes(count: int, seed: int, dispersion_inc: float, ties: str) -> 
         person_initial_position=(20, 20),
         dispersion_inc=dispersion_inc,
     )
-    world = World(scenario, rules, count, reuse_maps=True)
+    world = World(scenario, rules, count)
     world.seed(seed)
     world.reset()
     greedy = GreedyBatch(rules.actions, ties)
@@ -109,7 +109,7 @@ def play(world: World, policy: Any) -> Episodes:
     steps = np.zeros(count, np.int64)
     rewards = np.zeros(count)
     while going.any():
-        world.step(policy(going))
+        world.step(policy(going), world.maps)
         steps[going] += 1
         rewards[going] += world.rewards[going].sum(axis=1)
         # A world that continues after its end no longer counts.

@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -28,26 +27,6 @@ def progress(items: Iterable[T], label: str, *, total: int | None = None) -> Ite
         items, desc=label, total=total, disable=None, leave=False, dynamic_ncols=True
     )
     return bar
-
-
-@contextlib.contextmanager
-def progress_to(total: int, label: str) -> Iterator[Callable[[int], None]]:
-    """Show a bar and the time left on standard error during the block.
-
-    Args:
-        total: Number at the end of the bar.
-        label: Name of the job.
-
-    Yields:
-        A function that moves the bar to a number.
-    """
-    try:
-        from tqdm import tqdm
-    except ModuleNotFoundError:
-        yield lambda done: None
-        return
-    with tqdm(desc=label, total=total, disable=None, leave=False, dynamic_ncols=True) as bar:
-        yield lambda done: bar.update(done - bar.n) and None
 
 
 def say(line: str) -> None:

@@ -116,8 +116,7 @@ def definition_values(definition: SearchDefinition) -> dict[str, Any]:
     rules, scenario = definition.rules, definition.scenario
     fields = {name: getattr(scenario, name) for name in SPECS}
     if scenario.probability_matrix is not None:
-        matrix = replace(scenario.probability_matrix, source="")
-        fields["probability_matrix"] = asdict(matrix)
+        fields["probability_matrix"] = scenario.probability_matrix.reference
     if scenario.area is not None:
         fields["area"] = json.loads(scenario.area.to_geojson())
     return {"rules": asdict(rules), "scenario": fields}
@@ -150,11 +149,13 @@ def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> Searc
     for name, value in parts.items():
         if not isinstance(value, dict):
             keys.refuse(name, "an object")
-    # A message must not name a file to be read here.
+    # A message names no file to be read here, except a matrix whose digest it knows.
     if not isinstance(parts["scenario"].get("area"), dict | None):
         keys.inner("scenario").refuse("area", "a GeoJSON object or null")
     if not isinstance(parts["scenario"].get("probability_matrix"), dict | None):
-        keys.inner("scenario").refuse("probability_matrix", "an object or null")
+        keys.inner("scenario").refuse(
+            "probability_matrix", "an object with path and sha256, or null"
+        )
     try:
         rules = profile("paper", **parts["rules"])
         scenario = Scenario.from_dict(parts["scenario"])

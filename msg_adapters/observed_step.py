@@ -14,7 +14,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
 from dsse_ros.search.coverage import METRICS
-from dsse_ros.search.observation import AgentObservation, Observation
+from dsse_ros.search.observation import AgentObservation, Observation, agent_infos
 from dsse_ros.step.fault_kernels import STATUSES
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.images import image_to_probability
@@ -71,28 +71,24 @@ class ObservedStep:
 
     def infos(self, drones: Sequence[int]) -> dict[str, dict[str, Any]]:
         """Return the infos of these drones, by name: those of `SearchEnv`."""
-        masks = self.report["action_mask"].astype(np.int8)
-        found = bool(self.report["all_found"].any())
-        infos: dict[str, dict[str, Any]] = {
-            self.info.agents[i]: {"Found": found, "action_mask": masks[i]} for i in drones
-        }
-        definition = self.info.definition
-        if set(METRICS) <= set(self.report.dtype.names or ()):
-            for i, info in zip(drones, infos.values(), strict=True):
-                info |= {name: float(self.report[name][i]) for name in METRICS}
+        report, definition = self.report[list(drones)], self.info.definition
+        names = set(report.dtype.names or ())
+        columns: dict[str, list[Any]] = {}
+        if set(METRICS) <= names:
+            columns |= {name: report[name].astype(float).tolist() for name in METRICS}
         # Where the number of persons is not known there may be several.
         elif definition is None or definition.scenario.person_amount > 1:
-            for i, info in zip(drones, infos.values(), strict=True):
-                info["found_person"] = bool(self.report["found"][i])
-                if "finds" in (self.report.dtype.names or ()):
-                    info["finds"] = int(finds_of(self.report)[i])
-        if "status" in (self.report.dtype.names or ()):
-            for i, info in zip(drones, infos.values(), strict=True):
-                info["status"] = STATUSES[self.report["status"][i]]
-                info["action"] = int(self.report["action"][i])
-                if not np.isnan(self.report["battery"][i]):
-                    info["battery"] = float(self.report["battery"][i])
-        return infos
+            columns["found_person"] = report["found"].astype(bool).tolist()
+            if "finds" in names:
+                columns["finds"] = finds_of(report).tolist()
+        if "status" in names:
+            columns["status"] = [STATUSES[number] for number in report["status"]]
+            columns["action"] = report["action"].tolist()
+            if not np.isnan(report["battery"]).all():
+                columns["battery"] = report["battery"].astype(float).tolist()
+        agents = [self.info.agents[i] for i in drones]
+        masks, found = report["action_mask"].astype(np.int8), bool(self.report["all_found"].any())
+        return agent_infos(agents, found, masks, columns)
 
 
 class StepInbox:

@@ -15,21 +15,19 @@ persons see `search_outcomes`.
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels, search_outcomes
+from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels
+from dsse_ros.belief.base import BeliefBase, ForecastBase
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step import kernels
-from dsse_ros.step.constants import area_of, constants_of
-from dsse_ros.step.looks import Looked
 from dsse_ros.targets.motion import CHANCES, PERSONS
 from dsse_ros.targets.registry import MOTIONS
 
@@ -37,7 +35,7 @@ KEPT_BYTES = 1 << 28
 """Forecasts up to this size are kept for later missions; larger ones are computed step by step."""
 
 
-class Forecast:
+class Forecast(ForecastBase):
     """The motion of map and persons, known in advance and the same in every mission of a scenario.
 
     Steps of the sea count from the start of its drift; the first `first_step` of them precede the
@@ -51,10 +49,6 @@ class Forecast:
             is 1.
 
     Attributes:
-        constants: (1,) of `constants.CONSTANTS`.
-        area: The searched cells, see `kernels`.
-        first_step: Steps of the sea before a mission's first observation.
-        side: S, columns and rows of the grid with its margins.
         chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
         tables: (R, 10, S S) float64, see `belief_kernels.complete`.
         directions: (R, K) int64, see `belief_kernels.forecast_step`.
@@ -64,15 +58,10 @@ class Forecast:
     def __init__(
         self, scenario: Scenario, rules: Rules, *, horizon: int = 0, drift_samples: int = 256
     ) -> None:
-        self.scenario = resolved = scenario.resolve(rules)
-        self.rules = rules
-        self.horizon = horizon
-        self.constants = constants_of(resolved, rules)
-        self.area, self._runs = area_of(resolved)
-        self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
+        super().__init__(scenario, rules, horizon)
+        resolved = self.scenario
         drifts = drift_samples if MOTIONS[rules.person_motion].own_drift else 1
         g = resolved.grid_size
-        self.side = g + 2 * belief_kernels.MARGIN
         cells = self.side**2
         steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
         if 8 * steps * cells * (1 + CHANCES) > KEPT_BYTES:
@@ -97,7 +86,7 @@ class Forecast:
         self._still[:] = self.scenario.person_amount > 1 and self.rules.person_scatter > 0
         belief_kernels.start_sea(self.constants, self._world, self._drifts)
         sea = kernels.Sea(
-            self.constants, self._world, self._gauss, self._tails, self.area, self._runs, None
+            self.constants, self._world, self._gauss, self._tails, self.area, self.runs, None
         )
         span, no_maps = np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32)
         kernels.refresh_worlds(*sea, self._circle, span, no_maps)
@@ -111,7 +100,7 @@ class Forecast:
             slot, before = self._ready % slots, (self._ready - 1) % slots
             belief_kernels.forecast_step(
                 self.constants, self._world, self._gauss[0], self._tails[0], self.area,
-                self._runs, self._circle, self._drifts, self.chances[slot], self.directions[slot],
+                self.runs, self._circle, self._drifts, self.chances[slot], self.directions[slot],
                 self.apart[slot], self._still,
             )  # fmt: skip
             # If the map does not change, the tables of the previous step remain valid.
@@ -140,15 +129,6 @@ class Forecast:
         """Return a belief at the start of a mission."""
         return Belief(self)
 
-    def column(self, cell: Cell) -> int:
-        """Return the column of a belief for a cell (col, row)."""
-        return (cell[1] + belief_kernels.MARGIN) * self.side + cell[0] + belief_kernels.MARGIN
-
-    def cell(self, column: int) -> Cell:
-        """Return the cell (col, row) of a column of a belief."""
-        row, col = divmod(column, self.side)
-        return col - belief_kernels.MARGIN, row - belief_kernels.MARGIN
-
     def most_probable(self, steps: int) -> Cell:
         """Return the most probable cell of the map that drones observe after these steps.
 
@@ -162,54 +142,33 @@ class Forecast:
         return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
 
 
-class Belief:
+class Belief(BeliefBase):
     """The probability of the positions of the persons who have not been found.
 
-    Persons with the same start and POD multiplier are one detection class. Finds do not identify
-    the person found; see `search_outcomes` for the updates after failed searches and finds.
+    Persons with the same start and POD multiplier are one detection class.
 
     Args:
         forecast: Motion of map and persons. Beliefs may share a forecast while they are at most one
             step apart.
 
     Attributes:
-        step: Steps done in the mission.
-        pos: Cumulative probability of success: the prior probability, regardless of the outcomes,
-            that the searches so far found the person; with several persons, the expected share
-            found.
-        class_of: (n,) int64, the detection class of each person.
-        examples: (C,) int64, number of a person of each class.
-        missing: (n,) float64, probability that a person is missing; 1 for a single person.
-        unfound: (n,) float64, the same, regardless of the outcomes of the searches; for a single
-            person see `pos`.
-        density: (C K, S S) float64, see `belief_kernels`; sums to 1, each class to its share of all
-            persons.
+        density: (C K, S S) float64, see `belief_kernels` and `BeliefBase`.
     """
 
     def __init__(self, forecast: Forecast) -> None:
         self.forecast = forecast
-        cells = forecast.chances.shape[1]
+        cells = forecast.side**2
         self._scratch = np.zeros(cells + belief_kernels.ROW)
         scenario = forecast.scenario
         scattered = np.zeros(scenario.person_amount, np.bool_)
         scattered[1:] = forecast.rules.person_scatter > 0
-        kinds, self.examples, self.class_of = np.unique(
-            np.stack([scattered, scenario.person_pod_multipliers], axis=1),
-            axis=0, return_index=True, return_inverse=True,
-        )  # fmt: skip
-        self.class_of = self.class_of.ravel()
-        self.missing, self.unfound = np.ones((2, scenario.person_amount))
-        self._drifts = forecast.directions.shape[1]
-        self._weights = np.zeros(len(kinds))
-        self._numbers = np.zeros((search_outcomes.OF_CLASS, len(kinds)))
-        self.density = np.zeros((len(kinds) * self._drifts, cells))
-        self.reset()
+        alike = np.stack([scattered, scenario.person_pod_multipliers], axis=1)
+        super().__init__(alike, (forecast.directions.shape[1], cells))
 
     def reset(self) -> None:
         """Start a new mission with the prior of the rules at its first observation."""
+        super().reset()
         self.step = -self.forecast.first_step
-        self.pos = 0.0
-        self.missing[:] = self.unfound[:] = 1.0
         self.density[:] = 0.0
         self._put_persons()
         while self.step < 0:
@@ -234,24 +193,6 @@ class Belief:
                 column = self.forecast.column(cell)
                 self.density[rows, column] += 1.0 / (persons * self._drifts * len(cells))
 
-    def copy(self) -> Belief:
-        """Return an independent copy; the forecast is shared."""
-        twin = copy.copy(self)
-        twin.density = self.density.copy()
-        twin.missing, twin.unfound = self.missing.copy(), self.unfound.copy()
-        return twin
-
-    def mean_pod(self, pods: NDArray[np.float64]) -> float:
-        """Return the mean of these PODs, (n,) by person, over the persons who are missing."""
-        return float(self.missing @ pods / self.missing.sum())
-
-    def of_missing(self) -> NDArray[np.float64]:
-        """Return the density of the persons who are missing, (C K, S S); it sums to 1."""
-        if len(self.examples) == 1:
-            return self.density
-        search_outcomes.weigh_classes(self.class_of, self.missing, self._weights)
-        return self.density * np.repeat(self._weights, self._drifts)[:, None]
-
     def advance(self) -> None:
         """Advance the sea by one step, after the update with this step's searches."""
         forecast = self.forecast
@@ -262,35 +203,14 @@ class Belief:
         )  # fmt: skip
         self.step += 1
 
-    def update(self, looks: Sequence[Looked]) -> None:
-        """Update with looks that found nobody.
-
-        If no probability is left, because the person cannot be anywhere by the rules, the belief
-        restarts from the present map.
-        """
-        self._learn(looks, failed=len(looks))
-
-    def observe_find(self, look: Looked) -> None:
-        """Update with a look that found a person while others are still missing.
-
-        A look for one person leaves the others in the cell as before. A look for all finds everyone
-        whom it detects.
-        """
-        self._learn([look], failed=0)
-
-    def _learn(self, looks: Sequence[Looked], *, failed: int) -> None:
-        """Update with looks, of which the first `failed` found nobody."""
-        if not looks:
-            return
+    def _updated(self, *arguments: Any) -> float:
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
-        self.pos = follow_kernels.learn_looks(
-            forecast.constants, self.density, self.class_of, self.missing, self.unfound,
-            forecast.apart[slot], forecast.chances[slot], self.pos, self._numbers,
-            np.empty_like(self.missing), np.array([look.cell for look in looks], np.int64),
-            np.arange(len(looks)), np.array([look.pods[self.examples] for look in looks]),
-            failed, len(looks),
+        pos: float = follow_kernels.learn(
+            forecast.constants, self.density, forecast.apart[slot], forecast.chances[slot],
+            *arguments,
         )  # fmt: skip
+        return pos
 
     def futures(self, count: int, horizon: int, rng: np.random.Generator) -> Futures:
         """Draw futures of the missing persons from their motion model.

@@ -60,12 +60,6 @@ def misfits(constants, worlds, area, seen, drifts, out):
                 out[m] += abs(seen[t, 0] - w.datum_x) + abs(seen[t, 1] - w.datum_y)
 
 
-@kernel
-def per_step(constants, x, y):
-    """Return the drift (x, y) in cells per step of a scenario's vector."""
-    return drift_per_step(constants[0], x, y)
-
-
 class DriftEstimate:
     """Estimates a mission's drift from the observed cells of the datum.
 
@@ -80,7 +74,7 @@ class DriftEstimate:
         self._area, _ = area_of(scenario)
         self._world = np.zeros(1, kernels.WORLDS)
         self._world["start_x"], self._world["start_y"] = scenario.person_initial_position
-        self._assumed = np.array(per_step(self._constants, *scenario.vector))
+        self._assumed = np.array(drift_per_step(self._constants[0], *scenario.vector))
         self._observed: dict[int, Cell] = {}
 
     def observe(self, step: int, datum: Cell) -> None:

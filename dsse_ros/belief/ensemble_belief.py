@@ -9,26 +9,24 @@ its only error is that M particles approximate the model.
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief import particle_kernels, search_outcomes
+from dsse_ros.belief import particle_kernels
+from dsse_ros.belief.base import BeliefBase, ForecastBase
 from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.step.constants import area_of, constants_of
-from dsse_ros.step.looks import Looked
 from dsse_ros.step.sea_tracks import tracks_of
 
 
-class EnsembleForecast:
+class EnsembleForecast(ForecastBase):
     """The particles of a scenario, known in advance for a whole mission; a `TargetForecast`.
 
     After the last step of the tracks nothing moves.
@@ -39,10 +37,6 @@ class EnsembleForecast:
         horizon: Number of steps after the present one that are available.
 
     Attributes:
-        constants: (1,) of `constants.CONSTANTS`.
-        area: The searched cells, see `kernels`.
-        first_step: Steps of the sea before a mission's first observation.
-        side: S, columns and rows of the grid with its margins.
         cells: (T, M, 2) int16, cells (x, y) of the particles by step of the sea.
         weights: (M,) float64, weights of the particles.
         maps: (T, G, G) float32, see `SeaTracks`.
@@ -52,17 +46,11 @@ class EnsembleForecast:
     """
 
     def __init__(self, scenario: Scenario, rules: Rules, *, horizon: int = 0) -> None:
-        self.scenario = resolved = scenario.resolve(rules)
-        self.rules = rules
-        self.horizon = horizon
-        self.constants = constants_of(resolved, rules)
-        self.area, _ = area_of(resolved)
-        self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
-        tracks = tracks_of(resolved, rules)
+        super().__init__(scenario, rules, horizon)
+        tracks = tracks_of(self.scenario, rules)
         if tracks is None:
             raise ValueError(f"person_motion: {rules.person_motion!r} is not an ensemble")
         self.cells, self.weights, self.maps = tracks.particles, tracks.weights, tracks.maps
-        self.side = resolved.grid_size + 2 * MARGIN
 
     @cached_property
     def columns(self) -> NDArray[np.int32]:
@@ -80,77 +68,33 @@ class EnsembleForecast:
         """Return a belief at the start of a mission."""
         return EnsembleBelief(self)
 
-    def column(self, cell: Cell) -> int:
-        """Return the column of a cell (col, row)."""
-        return (cell[1] + MARGIN) * self.side + cell[0] + MARGIN
-
-    def cell(self, column: int) -> Cell:
-        """Return the cell (col, row) of a column."""
-        row, col = divmod(column, self.side)
-        return col - MARGIN, row - MARGIN
-
     def most_probable(self, steps: int) -> Cell:
         """Return the most probable cell of the map that drones observe after these steps."""
         return most_probable(self.maps[self.row(steps)], 1)[0]
 
 
-class EnsembleBelief:
+class EnsembleBelief(BeliefBase):
     """The weights of the particles of one mission; a `TargetBelief`.
 
-    Persons with the same POD are one detection class: all start alike and move independently. Finds
-    do not identify the person found; see `search_outcomes` for searches for several persons.
+    Persons with the same POD are one detection class: all start alike and move independently.
 
     Args:
         forecast: The particles. Beliefs may share one.
 
     Attributes:
-        step: Steps done in the mission.
-        pos: Cumulative probability of success, see `TargetBelief`.
-        class_of: (n,) int64, the detection class of each person.
-        examples: (C,) int64, number of a person of each class.
-        missing: (n,) float64, probability that a person is missing; 1 for a single person.
-        unfound: (n,) float64, the same, regardless of the outcomes of the searches.
-        weights: (C, M) float64, see `particle_kernels`; they sum to 1.
+        density: (C, M) float64, weights of the particles, see `particle_kernels` and `BeliefBase`.
     """
 
     def __init__(self, forecast: EnsembleForecast) -> None:
         self.forecast = forecast
-        scenario = forecast.scenario
-        _, self.examples, self.class_of = np.unique(
-            scenario.person_pod_multipliers, return_index=True, return_inverse=True
-        )
-        self.class_of = self.class_of.ravel()
-        self.missing, self.unfound = np.ones((2, scenario.person_amount))
-        self._numbers = np.zeros((search_outcomes.OF_CLASS, len(self.examples)))
-        self._scale = np.zeros(len(self.examples))
-        self.weights = np.zeros((len(self.examples), len(forecast.weights)))
-        self.reset()
+        multipliers = np.array(forecast.scenario.person_pod_multipliers)
+        super().__init__(multipliers[:, None], (1, len(forecast.weights)))
 
     def reset(self) -> None:
         """Start a new mission with the weights of the ensemble."""
-        self.step = 0
-        self.pos = 0.0
-        self.missing[:] = self.unfound[:] = 1.0
+        super().reset()
         shares = np.bincount(self.class_of) / len(self.class_of)
-        self.weights[:] = shares[:, None] * self.forecast.weights
-
-    def copy(self) -> EnsembleBelief:
-        """Return an independent copy; the forecast is shared."""
-        twin = copy.copy(self)
-        twin.weights = self.weights.copy()
-        twin.missing, twin.unfound = self.missing.copy(), self.unfound.copy()
-        return twin
-
-    def mean_pod(self, pods: NDArray[np.float64]) -> float:
-        """Return the mean of these PODs, (n,) by person, over the persons who are missing."""
-        return float(self.missing @ pods / self.missing.sum())
-
-    def of_missing(self) -> NDArray[np.float64]:
-        """Return the weights of the persons who are missing, (C, M); they sum to 1."""
-        if len(self.examples) == 1:
-            return self.weights
-        search_outcomes.weigh_classes(self.class_of, self.missing, self._scale)
-        return self.weights * self._scale[:, None]
+        self.density[:] = shares[:, None] * self.forecast.weights
 
     def _cells(self) -> NDArray[np.int16]:
         """Return the present cells of the particles, (M, 2)."""
@@ -160,29 +104,11 @@ class EnsembleBelief:
         """Advance the sea by one step, after the update with this step's looks."""
         self.step += 1
 
-    def update(self, looks: Sequence[Looked]) -> None:
-        """Update with looks that found nobody.
-
-        If no weight is left, because no particle is possible any more, the weights restart from
-        those of the ensemble.
-        """
-        self._learn(looks, failed=len(looks))
-
-    def observe_find(self, look: Looked) -> None:
-        """Update with a look that found a person while others are still missing."""
-        self._learn([look], failed=0)
-
-    def _learn(self, looks: Sequence[Looked], *, failed: int) -> None:
-        """Update with looks, of which the first `failed` found nobody."""
-        if not looks:
-            return
-        self.pos = particle_kernels.learn_looks(
-            self.forecast.constants, self._cells(), self.weights, self.forecast.weights,
-            self.class_of, self.missing, self.unfound, self.pos, self._numbers,
-            np.empty_like(self.missing), np.array([look.cell for look in looks], np.int64),
-            np.arange(len(looks)), np.array([look.pods[self.examples] for look in looks]),
-            failed, len(looks),
-        )  # fmt: skip
+    def _updated(self, *arguments: Any) -> float:
+        pos: float = particle_kernels.learn(
+            self.forecast.constants, self._cells(), self.density, self.forecast.weights, *arguments
+        )
+        return pos
 
     def poc(self) -> NDArray[np.float64]:
         """Return the probability of containment of every cell, (G, G) as [y, x].
@@ -192,8 +118,8 @@ class EnsembleBelief:
         g = self.forecast.scenario.grid_size
         out = np.empty((g, g))
         particle_kernels.write_poc(
-            self.forecast.constants, self.forecast.area, self._cells(), self.weights,
-            self.class_of, self.missing, self._scale, out,
+            self.forecast.constants, self.forecast.area, self._cells(), self.density,
+            self.class_of, self.missing, self._weights, out,
         )  # fmt: skip
         return out
 

@@ -29,25 +29,24 @@ from dsse_ros.belief.search_outcomes import (
     open_classes,
     weigh_classes,
 )
-from dsse_ros.compiled.jit import kernel, part
+from dsse_ros.compiled.jit import kernel
 
 
-@part
+@kernel
 def learn(
-    c, constants, belief, class_of, missing, unfound, apart, chances, pos, numbers, hazard,
+    constants, belief, apart, chances, class_of, missing, unfound, pos, numbers, hazard,
     seen, rows, pods, failed, count,
 ):  # fmt: skip
     """Update a belief with the looks of a step; return the new POS.
 
     Args:
-        c: The constants.
         constants: (1,) of `constants.CONSTANTS`.
         belief: (C K, S S) float64, in and out.
+        apart: (K,) of `forecast_step`.
+        chances: (S S,) of `forecast_step`.
         class_of: (n,) int64, see `search_outcomes`.
         missing: (n,) float64, in and out.
         unfound: (n,) float64, in and out.
-        apart: (K,) of `forecast_step`.
-        chances: (S S,) of `forecast_step`.
         pos: The POS before the step.
         numbers: (`OF_CLASS`, C) float64 scratch.
         hazard: (n,) float64 scratch.
@@ -57,7 +56,7 @@ def learn(
         failed: Number of looks that found nobody; they come first.
         count: Number of looks.
     """
-    several = len(missing) > 1
+    c, several = constants[0], len(missing) > 1
     if several and count > 0:
         open_classes(class_of, numbers)
     for turn in range(2):
@@ -84,18 +83,6 @@ def learn(
         close_classes(belief, class_of, missing, numbers, chances)
         pos = mean_found(unfound)
     return pos
-
-
-@kernel
-def learn_looks(
-    constants, belief, class_of, missing, unfound, apart, chances, pos, numbers, hazard, seen, rows,
-    pods, failed, count,
-):  # fmt: skip
-    """Update one belief, see `learn`; return the POS."""
-    return learn(
-        constants[0], constants, belief, class_of, missing, unfound, apart, chances, pos, numbers,
-        hazard, seen, rows, pods, failed, count,
-    )  # fmt: skip
 
 
 class Followed(NamedTuple):
@@ -216,28 +203,10 @@ def follow_worlds(
                 c, drones[b], finds[b], kinds, looks, offsets, actions[b], live[b], seen, rows
             )
             pos[b] = learn(
-                c, constants, beliefs[b], class_of, missing[b], unfound[b], apart[slot],
-                chances[slot], pos[b], numbers, hazard, seen, rows, pods, failed, count,
+                constants, beliefs[b], apart[slot], chances[slot], class_of, missing[b],
+                unfound[b], pos[b], numbers, hazard, seen, rows, pods, failed, count,
             )  # fmt: skip
         predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
-
-
-@kernel
-def write_beliefs(constants, beliefs, class_of, missing, weights, scratch, maps, first, last):
-    """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x]."""
-    c, drifts = constants[0], beliefs.shape[1] // len(weights)
-    for b in range(first, last):
-        weigh_classes(class_of, missing[b], weights)
-        for i in range(beliefs.shape[2]):
-            scratch[i] = 0.0
-        for k in range(beliefs.shape[1]):
-            weight = weights[k // drifts]
-            for i in range(beliefs.shape[2]):
-                scratch[i] += weight * beliefs[b, k, i]
-        for y in range(c.grid_size):
-            for x in range(c.grid_size):
-                # Rounding may put a sum of shares above 1.
-                maps[b, y, x] = min(scratch[index_of(c, x, y)], 1.0)
 
 
 @kernel
@@ -261,3 +230,17 @@ def write_cells(constants, belief, class_of, missing, weights, out):
         for y in range(c.grid_size):
             for x in range(c.grid_size):
                 out[y, x] += weights[k // drifts] * belief[k, index_of(c, x, y)]
+
+
+@kernel
+def write_beliefs(constants, beliefs, class_of, missing, weights, scratch, maps, first, last):
+    """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x].
+
+    `scratch` is (G, G) float64.
+    """
+    for b in range(first, last):
+        write_cells(constants, beliefs[b], class_of, missing[b], weights, scratch)
+        for y in range(len(scratch)):
+            for x in range(len(scratch)):
+                # Rounding may put a sum of shares above 1.
+                maps[b, y, x] = min(scratch[y, x], 1.0)

@@ -149,12 +149,10 @@ class MotionFollower:
             self.start, pods, self.class_of, forecast.chances, forecast.tables,
             forecast.directions, forecast.apart, forecast.first_step,
         )  # fmt: skip
-        scratch = Scratch(self._scratch(), *_scratch(followed, self.class_of, self.examples))
+        motion = np.empty(self.start.shape[1] + belief_kernels.ROW)
+        scratch = Scratch(motion, *_scratch(followed, self.class_of, self.examples))
         follow_kernels.follow_worlds(*followed, *tables, *beliefs, *scratch, first, last)
         self._forecasts.append(forecast)
-
-    def _scratch(self) -> NDArray[np.float64]:
-        return np.empty(self.start.shape[1] + belief_kernels.ROW)
 
     def write(
         self, followed: Followed, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
@@ -162,7 +160,7 @@ class MotionFollower:
         """See `Follower`."""
         follow_kernels.write_beliefs(
             followed.constants, beliefs.beliefs, self.class_of, beliefs.missing,
-            np.empty(len(self.examples)), self._scratch(), maps, first, last,
+            np.empty(len(self.examples)), np.empty(maps.shape[1:]), maps, first, last,
         )  # fmt: skip
 
 
@@ -178,7 +176,7 @@ class EnsembleFollower:
         self._made_of = scenario, rules
         belief = EnsembleBelief(EnsembleForecast(scenario, rules))
         self._forecast = belief.forecast
-        self.start = belief.weights
+        self.start = belief.density
         self.class_of, self.examples = belief.class_of, belief.examples
 
     def __reduce__(self) -> tuple[object, ...]:

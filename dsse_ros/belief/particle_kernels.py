@@ -94,15 +94,15 @@ def close_weights(weights, class_of, numbers, prior):
             weights[m, k] *= scale
 
 
-@part
+@kernel
 def learn(
-    c, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
+    constants, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
     seen, rows, pods, failed, count,
 ):  # fmt: skip
     """Update the weights with the looks of a step; return the new POS.
 
     Args:
-        c: As in `learn_look`, like all arguments without a description.
+        constants: (1,) of `constants.CONSTANTS`.
         cells: (M, 2) int16.
         weights: (C, M) float64, in and out.
         prior: (M,) of `close_weights`.
@@ -120,6 +120,7 @@ def learn(
     """
     if count == 0:
         return pos
+    c = constants[0]
     open_classes(class_of, numbers)
     for q in range(count):
         learn_look(
@@ -128,18 +129,6 @@ def learn(
         )  # fmt: skip
     close_weights(weights, class_of, numbers, prior)
     return mean_found(unfound)
-
-
-@kernel
-def learn_looks(
-    constants, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard, seen, rows,
-    pods, failed, count,
-):  # fmt: skip
-    """Update the weights of one belief, see `learn`; return the POS."""
-    return learn(
-        constants[0], cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
-        seen, rows, pods, failed, count,
-    )  # fmt: skip
 
 
 @kernel
@@ -226,8 +215,8 @@ def follow_particles(
             c, drones[b], finds[b], kinds, looks, offsets, actions[b], live[b], seen, rows
         )
         pos[b] = learn(
-            c, now, of_world, prior, class_of, missing[b], unfound[b], pos[b], numbers, hazard,
-            seen, rows, pods, failed, count,
+            constants, now, of_world, prior, class_of, missing[b], unfound[b], pos[b], numbers,
+            hazard, seen, rows, pods, failed, count,
         )  # fmt: skip
 
 

@@ -47,7 +47,7 @@ from dsse_ros.runtime.run_node import init_ros, new_executor
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules, Scenario
-from dsse_ros.search.compiler import COMPILING, compilation_bar
+from dsse_ros.search.compiler import COMPILING
 from dsse_ros.view.movie import check_movie, save_movie
 from dsse_ros.view.rendering import MissionView, save_picture
 from msg_adapters.images import image_to_probability
@@ -271,12 +271,10 @@ def fly(
         bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
     )  # fmt: skip
     last_step_s = time.monotonic()
-    compiler = contextlib.ExitStack()
-    show_compiled: Callable[[], None] | None = None
-    planner_compiles = False
+    sim_compiles = planner_compiles = False
 
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
-        nonlocal last_step_s, show_compiled
+        nonlocal last_step_s, sim_compiles
         executor.spin_once(timeout_sec=0.1)
         if stop.wanted:
             raise KeyboardInterrupt
@@ -287,21 +285,19 @@ def fly(
             # The step that detects the timeout is one more than the limit.
             bar.update(min(watcher.step, bar.total) - bar.n)
         if watcher.step < 0 and compiling(sim_log):
-            if show_compiled is None:
+            if not sim_compiles:
                 bar.write(COMPILING)
-                show_compiled = compiler.enter_context(compilation_bar(belief=belief))
-            show_compiled()
+            sim_compiles = True
             last_step_s = time.monotonic()
         if time.monotonic() - last_step_s > SILENCE_S:
             raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
         if watcher.count_publishers("step_report") > 1:
             raise MissionFailed("another mission is on this ROS_DOMAIN_ID; choose one of your own")
 
-    with bar, compiler, process("sim_node", sim, sim_log, sim_ros) as sim_process:
+    with bar, process("sim_node", sim, sim_log, sim_ros) as sim_process:
         # Start the planner once the watcher receives messages, so that it misses no step.
         while watcher.step < 0:
             watch("sim_node", sim_process, sim_log)
-        compiler.close()
         with process("planner_node", planner, planner_log, planner_ros) as planner_process:
             while not watcher.done:
                 watch("sim_node", sim_process, sim_log)

@@ -61,7 +61,7 @@ class CommandBuffer:
 
     def out_of_reach(self, start: Cell, goals: Sequence[Cell]) -> list[Cell]:
         """Return the goals that moves in the area cannot reach."""
-        ((_, water),) = self._action_set.by_water([start])
+        ((_, water),) = self._action_set.connected_components([start])
         return [] if water is None else [(col, row) for col, row in goals if not water[row, col]]
 
     def missing(self, live: Sequence[int], cells: NDArray[np.int64]) -> list[int]:

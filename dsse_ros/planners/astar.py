@@ -9,7 +9,6 @@ the planner takes the one with the most probability.
 
 from __future__ import annotations
 
-import copy
 import heapq
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -17,8 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.heeding import heed_masks
-from dsse_ros.planners.planner import AgentObservation, Cell, Search, cells_of, probability_of
+from dsse_ros.planners.masking import apply_masks
+from dsse_ros.planners.planner import (
+    AgentObservation,
+    Cell,
+    DrawsNothing,
+    Search,
+    cells_of,
+    probability_of,
+)
 from dsse_ros.scenario.actions import ActionSet
 
 CLOSENESS = 0.3
@@ -34,7 +40,7 @@ def make_astar(search: Search, *, seed: int = 0) -> AStar:
     return AStar(actions, apart=search.scenario.has_slower_drones)
 
 
-class AStar:
+class AStar(DrawsNothing):
     """Sends each drone to the best remaining cell: near, probable, isolated, and nobody's goal.
 
     Among the drones without a goal and the cells that are nobody's goal, the planner matches the
@@ -44,26 +50,13 @@ class AStar:
 
     Args:
         actions: The actions, in the area.
-        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
-
-    Attributes:
-        drawn: See `SharedPlanner`.
+        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
     """
-
-    drawn = False
 
     def __init__(self, actions: ActionSet, *, apart: bool = False) -> None:
         self._actions = actions
         self._apart = apart
         self._goals: dict[str, Cell] = {}
-
-    def copy(self) -> AStar:
-        """Return an independent copy in the same state."""
-        return copy.copy(self)
-
-    def with_seed(self, seed: int) -> AStar:
-        """Return a copy."""
-        return self.copy()
 
     def __call__(
         self,
@@ -82,10 +75,8 @@ class AStar:
             end = next_cell(self._actions, left, cell, goal, taken)
             taken.add(end)
             actions[agent] = self._actions.action(cell, end)
-        if not self._apart:
-            return actions
         cells = dict(zip(observations, present, strict=True))
-        return heed_masks(actions, cells, infos, self._actions, apart=True)
+        return apply_masks(actions, cells, infos, self._actions, apart=self._apart)
 
     def _choose_goals(self, present: Mapping[str, Cell], left: NDArray[np.float32]) -> None:
         """Give each drone a goal, as far as there are cells."""

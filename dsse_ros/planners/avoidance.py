@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from dsse_ros.planners.planner import Cell
+from dsse_ros.scenario.actions import ActionSet
 
 
 def resolve_conflicts(present: Sequence[Cell], requested: Sequence[Cell]) -> list[Cell]:
@@ -39,6 +40,37 @@ def resolve_conflicts(present: Sequence[Cell], requested: Sequence[Cell]) -> lis
             granted[refused] = present[refused]
             unchecked.append(refused)
     return granted
+
+
+def resolve_actions(
+    actions: ActionSet, present: Sequence[Cell], numbers: Sequence[int]
+) -> list[int]:
+    """Return the actions, with a search for each drone that `resolve_conflicts` refuses.
+
+    Args:
+        actions: The actions.
+        present: Cell of each drone, all different.
+        numbers: Number of each drone's action.
+    """
+    requested = actions.ends(present, numbers)
+    granted = resolve_conflicts(present, requested)
+    return [
+        number if end == wanted else actions.search
+        for number, wanted, end in zip(numbers, requested, granted, strict=True)
+    ]
+
+
+def approach(actions: ActionSet, present: Sequence[Cell], goals: Sequence[Cell]) -> list[Cell]:
+    """Return each drone's next cell towards its goal.
+
+    A drone stays if this is another drone's present or already chosen cell.
+    """
+    taken, ends = set(present), []
+    for cell, goal in zip(present, goals, strict=True):
+        end = actions.towards(cell, goal)
+        ends.append(cell if end in taken else end)
+        taken.add(ends[-1])
+    return ends
 
 
 def resolve_conflicts_with_yielding(

@@ -10,7 +10,7 @@ draws nothing to the end, because it can only learn from failed searches.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -24,7 +24,7 @@ from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario, ScenarioSource, scenario_and_rules
-from dsse_ros.search.observation import Observation
+from dsse_ros.search.observation import Observation, agent_infos
 from dsse_ros.search.world import HOLD, World
 
 
@@ -108,23 +108,20 @@ class _Group:
         step: int,
     ) -> None:
         """Get the actions of the next step from the planner."""
-        drones = world.drones[self.members[0]]
+        first = int(self.members[0])
+        drones = world.drones[first]
         live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
-        cells = {n: (int(drones["x"][n]), int(drones["y"][n])) for n in live}
-        infos: dict[str, dict[str, Any]] = {}
-        for n, (x, y) in cells.items():
-            infos[names[n]] = {"Found": False, "action_mask": masks[y][x], "step": step}
+        agents, cells = [names[n] for n in live], np.stack([drones["x"], drones["y"]], axis=1)
+        if world.faults is None or fault_masks is None:
+            of_drones: Iterable[NDArray[np.int8]] = [masks[y][x] for x, y in cells[live].tolist()]
+        else:
+            of_drones, cells = fault_masks[first, live], world.faults.positions()[first]
+        infos = agent_infos(agents, False, of_drones, world.info_columns(first, live))
+        for agent, n in zip(agents, live, strict=True):
+            infos[agent]["step"] = step
             if n in self.actions:
-                infos[names[n]]["action"] = self.actions[n]
-            if world.persons.shape[1] > 1:
-                infos[names[n]] |= world.infos_of_finds(int(self.members[0]), [n])[0]
-        if world.faults is not None and fault_masks is not None:
-            first = int(self.members[0])
-            for n, of_faults in zip(live, world.faults.infos(first, live), strict=True):
-                infos[names[n]] |= {"action_mask": fault_masks[first, n], **of_faults}
-            seen = world.faults.positions()[first]
-            cells = {n: (int(seen[n, 0]), int(seen[n, 1])) for n in live}
-        observations = {names[n]: Observation(np.array(cells[n]), probability) for n in live}
+                infos[agent].setdefault("action", self.actions[n])
+        observations = {names[n]: Observation(cells[n].copy(), probability) for n in live}
         chosen = self.planner(observations, infos)
         self.actions = {n: chosen[names[n]] for n in live}
 
@@ -150,16 +147,17 @@ class _Group:
         groups = []
         for k in range(len(views)):
             chosen = of_view.ravel() == k
-            planner = self.planner if k == len(views) - 1 else _copied(self.planner)
-            if not self.drawn and isinstance(planner, SharedPlanner):
-                planner = planner.with_seed(int(seeds[chosen][0]))
+            if not self.drawn and isinstance(self.planner, SharedPlanner):
+                planner: Planner = self.planner.with_seed(int(seeds[chosen][0]))
+            else:
+                planner = self.planner if k == len(views) - 1 else _copied(self.planner)
             groups.append(
                 replace(self, members=members[chosen], seeds=seeds[chosen], planner=planner)
             )
         return groups
 
 
-def _meetings(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _collisions(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the number of pairs, (M,), of drones in the same cell that are `here`, (M, N)."""
     col, row = drones["x"].astype(np.int64), drones["y"].astype(np.int64)
     # Give each of the other drones a place of its own.
@@ -304,7 +302,7 @@ def play_missions(
             legs = np.hypot(world.drones["x"] - x, world.drones["y"] - y) * here
             for drone in range(world.num_drones):
                 path_length += legs[:, drone]
-            collisions += _meetings(world.drones, here & ~world.drones["aloft"])
+            collisions += _collisions(world.drones, here & ~world.drones["aloft"])
             # Worlds step on after their mission has ended; those steps do not count.
             now_found = going & world.worlds["done"] & (world.worlds["num_missing"] == 0)
             found |= now_found

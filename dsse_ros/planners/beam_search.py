@@ -161,10 +161,8 @@ class BeamSearch:
         self._masked = np.zeros(side**2, np.bool_)
         if forecast.area is not None:
             self._masked = ~np.pad(forecast.area, MARGIN).ravel()
-        away = np.arange(side)
-        across, down = np.meshgrid(away, away)
-        moves = np.maximum(across, down) if actions.diagonal else across + down
-        self._nearness: NDArray[np.float64] = options.closeness ** moves.astype(np.float64)
+        away = actions.distances((0, 0), side).astype(np.float64)
+        self._nearness: NDArray[np.float64] = options.closeness**away
         self._plans: dict[Hashable, _Plan] = {}
         self._reach: Reach | None = None
         self.drawn = False

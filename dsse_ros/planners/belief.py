@@ -23,11 +23,13 @@ from dsse_ros.belief.belief import Forecast
 from dsse_ros.belief.beliefs import forecast_for, is_ensemble
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
+from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
-from dsse_ros.planners.heeding import heed_masks, is_aloft
+from dsse_ros.planners.masking import apply_masks, is_returning
 from dsse_ros.planners.planner import (
     AgentObservation,
     Cell,
+    DrawsNothing,
     Search,
     cells_of,
     number_of,
@@ -94,7 +96,7 @@ class TacticFactory(Protocol):
         ...
 
 
-class GreedyOnBelief:
+class GreedyOnBelief(DrawsNothing):
     """Sends each drone to a likely cell near it, a different one for each drone.
 
     Among the remaining drones and cells, the tactic matches the pair with the greatest probability
@@ -104,7 +106,6 @@ class GreedyOnBelief:
 
     drift_samples = 16
     closeness = 0.7
-    drawn = False
 
     def horizon(self, rules: Rules) -> int:
         """Return 0: the tactic uses the present belief only."""
@@ -116,14 +117,6 @@ class GreedyOnBelief:
         self._actions = forecast.rules.action_set.within(area).with_moves()
         return self
 
-    def copy(self) -> GreedyOnBelief:
-        """Return itself: the tactic has no state that a step changes."""
-        return self
-
-    def with_seed(self, seed: int) -> GreedyOnBelief:
-        """Return itself."""
-        return self
-
     def __call__(
         self,
         belief: TargetBelief,
@@ -133,30 +126,22 @@ class GreedyOnBelief:
         batteries: Sequence[float] = (),
     ) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
-        taken = set(present)
-        ends = []
-        for cell, goal in zip(present, self._goals(belief.poc(), present), strict=True):
-            end = self._actions.towards(cell, goal)
-            if end in taken:
-                end = cell
-            taken.add(end)
-            ends.append(end)
-        return ends
+        return approach(self._actions, present, self._goals(belief.poc(), present))
 
     def _goals(self, likely: NDArray[np.float64], present: Sequence[Cell]) -> list[Cell]:
         """Return a goal for each drone."""
-        size = len(likely)
-        line = np.arange(size)
-        away = np.abs(line - np.array(present)[..., None])
-        across, down = away[:, 0, None, :], away[:, 1, :, None]
-        moves = np.maximum(across, down) if self._actions.diagonal else across + down
-        worth = likely * self.closeness**moves
-        for drones, water in self._actions.by_water(present):
-            if water is not None:
-                worth[drones] = np.where(water, worth[drones], -1.0)
+        size, anywhere = len(likely), self._actions.within(None)
+        away = np.stack([anywhere.distances(cell, size) for cell in present])
+        worth = likely * self.closeness**away
+        for drones, component in self._actions.connected_components(present):
+            if component is not None:
+                worth[drones] = np.where(component, worth[drones], -1.0)
         goals = list(present)
         for _ in range(min(len(present), size * size)):
             drone, row, col = np.unravel_index(int(np.argmax(worth)), worth.shape)
+            if worth[drone, row, col] < 0.0:
+                # The other drones are not observed in the area.
+                break
             goals[drone] = (int(col), int(row))
             worth[drone] = -1.0
             worth[:, row, col] = -1.0
@@ -271,7 +256,7 @@ class BeliefPlanner:
         limit_s = infos[agents[0]].get("decision_time_s", math.inf)
         cells = dict(zip(agents, present, strict=True))
         ends = dict(cells)
-        if steered := [agent for agent in agents if not is_aloft(infos[agent])]:
+        if steered := [agent for agent in agents if not is_returning(infos[agent])]:
             batteries = [infos[a]["battery"] for a in steered if "battery" in infos[a]]
             chosen = self._tactic(
                 self.belief, steered, [cells[a] for a in steered], began_s + limit_s, batteries
@@ -284,7 +269,7 @@ class BeliefPlanner:
                 ends |= {agent: cells[agent] for agent in steered if ends[agent] in occupied}
         self._commanded = {agent: (cell, ends[agent]) for agent, cell in cells.items()}
         actions = {agent: self._actions.action(cell, ends[agent]) for agent, cell in cells.items()}
-        return heed_masks(actions, cells, infos, self._actions, apart=self._has_slower_drones)
+        return apply_masks(actions, cells, infos, self._actions, apart=self._has_slower_drones)
 
     def copy(self) -> BeliefPlanner:
         """Return an independent copy in the same state; the forecasts are shared."""

@@ -14,12 +14,16 @@ import numpy as np
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.routes import RouteFollower
+from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.search.observation import Observation
 
-BeliefRoutePlan: TypeAlias = Callable[[TargetBelief, Sequence[Cell], int], Sequence[Sequence[Cell]]]
-"""Maps a belief, the drones' cells and the steps until the next plan to one route per drone: the
-cells to search in order, with a cell to search twice listed twice. No route is empty."""
+BeliefRoutePlan: TypeAlias = Callable[
+    [TargetBelief, Sequence[Cell], int, ActionSet], Sequence[Sequence[Cell]]
+]
+"""Maps a belief, the drones' cells, the steps until the next plan and the actions in the area to
+one route per drone: the cells to search in order, with a cell to search twice listed twice. No
+route is empty."""
 
 
 class RoutesOnBelief:
@@ -75,7 +79,7 @@ class RoutesOnBelief:
         due = belief.step >= self._planned_at + self._period or list(agents) != self._agents
         if self._follower is None or due:
             steps = max(1, min(self._period, self._limit - belief.step))
-            routes = self._plan(belief, present, steps)
+            routes = self._plan(belief, present, steps, self._actions)
             self._follower = RouteFollower(
                 lambda cells, probability, actions: routes,
                 self._actions.names,
@@ -91,22 +95,21 @@ class RoutesOnBelief:
         }
         chosen = self._follower(observations, {}).values()
         self.drawn = self.drawn or self._follower.drawn
-        moves = (self._actions.moves[action] for action in chosen)
-        return [(col + dx, row + dy) for (col, row), (dx, dy) in zip(present, moves, strict=True)]
+        return self._actions.ends(present, chosen)
 
 
 class RoutePlanning:
     """Makes the tactic `RoutesOnBelief` for each mission.
 
     Args:
-        plan_for: Returns the plan for the forecast of a mission.
+        plan: Makes the routes.
         period: Steps between two plans.
     """
 
     drift_samples = 16
 
-    def __init__(self, plan_for: Callable[[TargetForecast], BeliefRoutePlan], period: int) -> None:
-        self._plan_for = plan_for
+    def __init__(self, plan: BeliefRoutePlan, period: int) -> None:
+        self._plan = plan
         self._period = period
 
     def horizon(self, rules: Rules) -> int:
@@ -115,4 +118,4 @@ class RoutePlanning:
 
     def start(self, forecast: TargetForecast, seed: int) -> RoutesOnBelief:
         """Return the tactic for a mission."""
-        return RoutesOnBelief(self._plan_for(forecast), forecast, self._period, seed)
+        return RoutesOnBelief(self._plan, forecast, self._period, seed)

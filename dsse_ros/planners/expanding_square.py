@@ -41,9 +41,9 @@ def square_routes(
     size = len(probability)
     datum = most_probable(probability, 1)[0]
     routes = [[cell] for cell in cells]
-    for members, water in actions.by_water(cells):
+    for members, component in actions.connected_components(cells):
         drones = sorted(members, key=lambda drone: _clockwise(datum, cells[drone]))
-        shared = shared_square(datum, size, len(drones), actions, water)
+        shared = shared_square(datum, size, len(drones), actions, component)
         for drone, route in zip(drones, shared, strict=True):
             routes[drone] = route or routes[drone]
     return routes
@@ -70,16 +70,16 @@ def shared_square(
     size: int,
     drones: int,
     actions: ActionSet,
-    water: NDArray[np.bool_] | None = None,
+    component: NDArray[np.bool_] | None = None,
 ) -> list[list[Cell]]:
     """Divide the square spiral into one route per drone, clockwise from the north-west diagonal.
 
     A drone enters its arc of the next ring at the nearer end. The lengths of the routes differ
-    by one at most. Cells outside `water` (G, G) are left out.
+    by one at most. Cells outside `component` (G, G) are left out.
     """
     spiral = square_spiral(datum, size)
-    if water is not None:
-        spiral = ((col, row) for col, row in spiral if water[row, col])
+    if component is not None:
+        spiral = ((col, row) for col, row in spiral if component[row, col])
     if drones == 1:
         return [list(spiral)]
     routes: list[list[Cell]] = [[] for _ in range(drones)]

@@ -14,13 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.heeding import heed_masks
-from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
+from dsse_ros.planners.avoidance import approach
+from dsse_ros.planners.masking import apply_masks
+from dsse_ros.planners.planner import (
+    AgentObservation,
+    Cell,
+    DrawsNothing,
+    cells_of,
+    probability_of,
+)
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.probable_cells import most_probable
 
 
-class Greedy:
+class Greedy(DrawsNothing):
     """Sends each drone to one of the cells that are the most probable now.
 
     A drone searches where it is if its next cell is another drone's present or already chosen
@@ -30,16 +37,11 @@ class Greedy:
         actions: Names of the actions by number.
         seed: Not used: the policy draws nothing.
         area: (G, G) bool [row, col], the cells to search; None for the whole grid.
-        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
-
-    Attributes:
-        drawn: See `SharedPlanner`.
+        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
     Raises:
         ValueError: If search or a straight move is missing.
     """
-
-    drawn = False
 
     def __init__(
         self,
@@ -52,14 +54,6 @@ class Greedy:
         self._actions = ActionSet(actions, area).with_moves()
         self._apart = apart
 
-    def copy(self) -> Greedy:
-        """Return itself: the policy has no state."""
-        return self
-
-    def with_seed(self, seed: int) -> Greedy:
-        """Return itself."""
-        return self
-
     def __call__(
         self,
         observations: Mapping[str, AgentObservation],
@@ -70,22 +64,21 @@ class Greedy:
             return {}
         present = cells_of(observations)
         goals = self._goals(present, probability_of(observations))
-        taken = set(present)
-        actions = {}
-        for agent, cell, goal in zip(observations, present, goals, strict=True):
-            end = self._actions.towards(cell, goal)
-            if end in taken:
-                end = cell
-            taken.add(end)
-            actions[agent] = self._actions.action(cell, end)
+        ends = approach(self._actions, present, goals)
+        actions = {
+            agent: self._actions.action(cell, end)
+            for agent, cell, end in zip(observations, present, ends, strict=True)
+        }
         cells = dict(zip(observations, present, strict=True))
-        return heed_masks(actions, cells, infos, self._actions, apart=self._apart)
+        return apply_masks(actions, cells, infos, self._actions, apart=self._apart)
 
     def _goals(self, present: Sequence[Cell], probability: NDArray[np.float32]) -> list[Cell]:
         """Return the goal of each drone, among the cells that it can reach."""
         goals = list(present)
-        for drones, water in self._actions.by_water(present):
-            reached = probability if water is None else np.where(water, probability, -np.inf)
+        for drones, component in self._actions.connected_components(present):
+            reached = (
+                probability if component is None else np.where(component, probability, -np.inf)
+            )
             for drone, goal in zip(drones, most_probable(reached, len(drones)), strict=True):
                 goals[drone] = goal
         return goals

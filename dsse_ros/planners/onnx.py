@@ -36,10 +36,17 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.extras import pip_install
-from dsse_ros.planners.avoidance import resolve_conflicts
+from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.planners.heeding import heed_masks
-from dsse_ros.planners.planner import Cell, Planner, Search, cells_of, probability_of
+from dsse_ros.planners.masking import apply_masks
+from dsse_ros.planners.planner import (
+    Cell,
+    DrawsNothing,
+    Planner,
+    Search,
+    cells_of,
+    probability_of,
+)
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.options import OBSERVED
@@ -117,34 +124,17 @@ class Policy:
         best: list[int] = np.where(barred, -np.inf, scores).argmax(axis=1).tolist()
         if self._apart is None:
             return best
-        cells = list(present.values())
-        requested = _ends(self._apart, cells, best)
-        granted = resolve_conflicts(cells, requested)
-        return [
-            action if end == wanted else self._apart.search
-            for action, wanted, end in zip(best, requested, granted, strict=True)
-        ]
+        return resolve_actions(self._apart, list(present.values()), best)
 
 
-def _ends(actions: ActionSet, cells: Sequence[Cell], numbers: Sequence[int]) -> list[Cell]:
-    """Return the cells that the actions lead to."""
-    moves = [actions.moves[number] for number in numbers]
-    return [(x + dx, y + dy) for (x, y), (dx, dy) in zip(cells, moves, strict=True)]
-
-
-class OnnxPlanner:
+class OnnxPlanner(DrawsNothing):
     """Flies a policy on the drones' observations.
 
     Args:
         policy: The policy.
         apart: The actions of the search, if drones may be slow to leave their cells, see
-            `heeding.keep_apart`; else None.
-
-    Attributes:
-        drawn: False: a model draws nothing.
+            `masking.keep_apart`; else None.
     """
-
-    drawn = False
 
     def __init__(self, policy: Policy, apart: ActionSet | None = None) -> None:
         self._policy, self._apart = policy, apart
@@ -152,10 +142,6 @@ class OnnxPlanner:
     def copy(self) -> OnnxPlanner:
         """Return an independent copy in the same state; the model is shared."""
         return OnnxPlanner(self._policy.copy(), self._apart)
-
-    def with_seed(self, seed: int) -> OnnxPlanner:
-        """Return a copy."""
-        return self.copy()
 
     def __call__(
         self,
@@ -171,22 +157,17 @@ class OnnxPlanner:
         actions = dict(zip(observations, chosen, strict=True))
         if self._apart is None:
             return actions
-        return heed_masks(actions, present, infos, self._apart, apart=True)
+        return apply_masks(actions, present, infos, self._apart, apart=True)
 
 
-class OnnxOnBelief:
+class OnnxOnBelief(DrawsNothing):
     """Flies a policy on a belief; a `Tactic`.
 
     Args:
         policy: The policy.
         actions: The actions of the search, in its area.
         grid_size: G.
-
-    Attributes:
-        drawn: False: a model draws nothing.
     """
-
-    drawn = False
 
     def __init__(self, policy: Policy, actions: ActionSet, grid_size: int) -> None:
         self._policy, self._actions = policy, actions
@@ -197,10 +178,6 @@ class OnnxOnBelief:
         twin = copy.copy(self)
         twin._policy = self._policy.copy()
         return twin
-
-    def with_seed(self, seed: int) -> OnnxOnBelief:
-        """Return a copy."""
-        return self.copy()
 
     def __call__(
         self,
@@ -214,7 +191,7 @@ class OnnxOnBelief:
         masks = np.stack([self._masks[row][col] for col, row in present])
         probability = belief.poc().astype(np.float32)
         cells = dict(zip(agents, present, strict=True))
-        return _ends(self._actions, present, self._policy.actions(cells, probability, masks))
+        return self._actions.ends(present, self._policy.actions(cells, probability, masks))
 
 
 class OnnxTactics:

@@ -19,9 +19,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.protocol import TargetBelief, TargetForecast
+from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
+from dsse_ros.planners.belief_routes import RoutePlanning
 from dsse_ros.planners.planner import Cell, Search
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.step.looks import searches_of
@@ -41,18 +41,13 @@ def make_optimal_effort(
         period: Steps between two plans.
     """
 
-    def plan_for(forecast: TargetForecast) -> BeliefRoutePlan:
-        area = forecast.scenario.area_mask
-        actions = forecast.rules.action_set.within(area).with_moves()
+    def plan(
+        belief: TargetBelief, present: Sequence[Cell], steps: int, actions: ActionSet
+    ) -> list[list[Cell]]:
+        searches = allocate(belief.poc(), looks_of_search(belief), steps * len(present))
+        return nearest_routes(present, searches, actions)
 
-        def plan(belief: TargetBelief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
-            effort = steps * len(present)
-            searches = allocate(belief.poc(), looks_of_search(belief), effort)
-            return nearest_routes(present, searches, actions)
-
-        return plan
-
-    tactic = RoutePlanning(plan_for, period)
+    tactic = RoutePlanning(plan, period)
     return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
 
 

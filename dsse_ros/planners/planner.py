@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Hashable, Mapping
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.observation import AgentObservation as AgentObservation
 from dsse_ros.search.observation import Observation as Observation
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class Planner(Protocol):
@@ -59,6 +63,24 @@ class SharedPlanner(Planner, Protocol):
     def with_seed(self, seed: int) -> SharedPlanner:
         """Return a copy as if made with this seed; the planner must not have drawn yet."""
         ...
+
+
+class DrawsNothing:
+    """A `SharedPlanner`, or tactic, that draws nothing and replaces what changes in its state.
+
+    Attributes:
+        drawn: False.
+    """
+
+    drawn = False
+
+    def copy(self) -> Self:
+        """Return an independent copy in the same state."""
+        return copy.copy(self)
+
+    def with_seed(self, seed: int) -> Self:
+        """Return a copy; the seed makes no difference."""
+        return self.copy()
 
 
 class Search(Protocol):

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.avoidance import resolve_conflicts
-from dsse_ros.planners.heeding import keep_apart
+from dsse_ros.planners.avoidance import resolve_actions
+from dsse_ros.planners.masking import keep_apart
 from dsse_ros.planners.planner import AgentObservation, cells_of
 from dsse_ros.scenario.actions import ActionSet
 
@@ -27,7 +27,7 @@ class RandomMoves:
         actions: Names of the actions by number.
         seed: Seed of all draws.
         area: Not used: the masks forbid moves out of the area.
-        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
+        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
@@ -76,14 +76,5 @@ class RandomMoves:
             drawn = dict(zip(observations, actions, strict=True))
             cells = dict(zip(observations, present, strict=True))
             return keep_apart(drawn, cells, infos, self._actions)
-        moves = (self._actions.moves[action] for action in actions)
-        requested = [
-            (col + dx, row + dy) for (col, row), (dx, dy) in zip(present, moves, strict=True)
-        ]
-        granted = resolve_conflicts(present, requested)
-        return {
-            agent: action if cell == end else self._actions.search
-            for agent, action, cell, end in zip(
-                observations, actions, requested, granted, strict=True
-            )
-        }
+        resolved = resolve_actions(self._actions, present, actions)
+        return dict(zip(observations, resolved, strict=True))

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dsse_ros.belief.protocol import TargetBelief, TargetForecast
+from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.planners.belief_routes import BeliefRoutePlan, RoutePlanning
+from dsse_ros.planners.belief_routes import RoutePlanning
 from dsse_ros.planners.optimal_effort import (
     SURE_LOOK,
     allocate,
@@ -24,6 +24,7 @@ from dsse_ros.planners.optimal_effort import (
     looks_of_search,
 )
 from dsse_ros.planners.planner import Cell, Search
+from dsse_ros.scenario.actions import ActionSet
 
 try:
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2
@@ -57,30 +58,26 @@ def make_route(
         cells_per_drone: Number of the most likely cells per drone to choose the routes from.
     """
 
-    def plan_for(forecast: TargetForecast) -> BeliefRoutePlan:
-        area = forecast.scenario.area_mask
-        actions = forecast.rules.action_set.within(area).with_moves()
-        limit = forecast.scenario.timestep_limit
+    def plan(
+        belief: TargetBelief, present: Sequence[Cell], steps: int, actions: ActionSet
+    ) -> list[list[Cell]]:
+        likely = belief.poc()
+        chosen = list(allocate(likely, SURE_LOOK, cells_per_drone * len(present)))
+        chosen = chosen or [present[0]]
+        found = expected_finds(likely, looks_of_search(belief))
+        gains = [float(found[row, col]) for col, row in chosen]
+        nodes = [*present, *chosen]
+        ways = [[_steps(actions.distance(a, b)) for b in nodes] for a in nodes]
+        nearest = [min(row[len(present) :]) for row in ways[: len(present)]]
+        there = max((steps for steps in nearest if steps < NEVER), default=0)
+        limit = belief.forecast.scenario.timestep_limit
+        time = max(1, min(there + reach, limit - belief.step))
+        return [
+            [nodes[i] for i in route] or [cell]
+            for route, cell in zip(solve(ways, gains, len(present), time), present, strict=True)
+        ]
 
-        def plan(belief: TargetBelief, present: Sequence[Cell], steps: int) -> list[list[Cell]]:
-            likely = belief.poc()
-            chosen = list(allocate(likely, SURE_LOOK, cells_per_drone * len(present)))
-            chosen = chosen or [present[0]]
-            found = expected_finds(likely, looks_of_search(belief))
-            gains = [float(found[row, col]) for col, row in chosen]
-            nodes = [*present, *chosen]
-            ways = [[_steps(actions.distance(a, b)) for b in nodes] for a in nodes]
-            nearest = [min(row[len(present) :]) for row in ways[: len(present)]]
-            there = max((steps for steps in nearest if steps < NEVER), default=0)
-            time = max(1, min(there + reach, limit - belief.step))
-            return [
-                [nodes[i] for i in route] or [cell]
-                for route, cell in zip(solve(ways, gains, len(present), time), present, strict=True)
-            ]
-
-        return plan
-
-    tactic = RoutePlanning(plan_for, period)
+    tactic = RoutePlanning(plan, period)
     return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
 
 

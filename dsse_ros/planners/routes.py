@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
-from dsse_ros.planners.heeding import heed_masks, is_under_way
+from dsse_ros.planners.masking import apply_masks, is_under_way
 from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
 
@@ -76,7 +76,7 @@ class RouteFollower:
         seed: Seed for the choice of the cell to step aside to.
         area: (G, G) bool [row, col], the cells to search; None for the whole grid.
         covers: Whether the task is to cover cells.
-        apart: Whether drones may be slow to leave their cells, see `heeding.keep_apart`.
+        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
@@ -184,7 +184,7 @@ class RouteFollower:
             for agent, cell, end in zip(observations, present, granted, strict=True)
         }
         cells = dict(zip(observations, present, strict=True))
-        return heed_masks(actions, cells, infos, self._actions, apart=self._apart)
+        return apply_masks(actions, cells, infos, self._actions, apart=self._apart)
 
     def _start(
         self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]

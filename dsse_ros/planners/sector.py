@@ -43,22 +43,24 @@ def sector_routes(
     datum = most_probable(probability, 1)[0]
     farthest = hypot(*(max(c, size - 1 - c) for c in datum))
     routes = [[cell] for cell in cells]
-    for drones, water in actions.by_water(cells):
+    for drones, component in actions.connected_components(cells):
         # Patterns until one reaches beyond the grid, repeated so that each drone has as many
         # triangles.
         count = 3 * len(drones) * _patterns(farthest, size)
         legs = list(islice(triangles(datum, size), count))
         for i, drone in enumerate(drones):
             flown = [cell for k, leg in enumerate(legs[i :: len(drones)]) for cell in leg[k > 0 :]]
-            route = _inside(flown, size, water)
+            route = _inside(flown, size, component)
             routes[drone] = route or routes[drone]
     return routes
 
 
-def _inside(cells: list[Cell], size: int, water: NDArray[np.bool_] | None) -> list[Cell]:
+def _inside(cells: list[Cell], size: int, component: NDArray[np.bool_] | None) -> list[Cell]:
     """Return the cells that are on the grid and, with an area, in this connected component."""
     inside = [cell for cell in cells if max(cell) < size and min(cell) >= 0]
-    return inside if water is None else [(col, row) for col, row in inside if water[row, col]]
+    return (
+        inside if component is None else [(col, row) for col, row in inside if component[row, col]]
+    )
 
 
 def _patterns(farthest: float, size: int) -> int:

@@ -34,10 +34,10 @@ def spiral_routes(
     """
     datum = most_probable(probability, 1)[0]
     routes = [[cell] for cell in cells]
-    for members, water in actions.by_water(cells):
+    for members, component in actions.connected_components(cells):
         drones = sorted(members, key=lambda drone: turns(datum, cells[drone]))
         for drone, arm in zip(drones, arms(datum, len(probability), len(drones)), strict=True):
-            route = [(col, row) for col, row in arm if water is None or water[row, col]]
+            route = [(col, row) for col, row in arm if component is None or component[row, col]]
             # On a small grid an arm may be empty.
             routes[drone] = route or routes[drone]
     return routes

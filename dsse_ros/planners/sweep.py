@@ -43,10 +43,10 @@ def sweep_routes(
 def _area_routes(cells: Sequence[Cell], actions: ActionSet) -> list[list[Cell]]:
     """Return the route of each drone through its piece of the cells that it can reach."""
     routes = [[cell] for cell in cells]
-    for members, water in actions.by_water(cells):
-        assert water is not None
-        side = range(len(water))
-        lanes = [cell for cell in boustrophedon(side, side) if water[cell[1], cell[0]]]
+    for members, component in actions.connected_components(cells):
+        assert component is not None
+        side = range(len(component))
+        lanes = [cell for cell in boustrophedon(side, side) if component[cell[1], cell[0]]]
         drones = sorted(members, key=lambda drone: cells[drone])
         for drone, piece in zip(drones, split(len(lanes), len(drones)), strict=True):
             route = lanes[piece.start : piece.stop]

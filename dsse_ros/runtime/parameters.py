@@ -113,7 +113,7 @@ def to_ros(spec: Spec, value: Any) -> Any:
     if spec.kind == "area":
         return "" if value is None else value.to_geojson()
     if spec.kind == "matrix":
-        return "" if value is None else value.source
+        return "" if value is None else value.path
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if spec.kind == "cells":

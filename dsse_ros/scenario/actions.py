@@ -98,6 +98,11 @@ class ActionSet:
         """Return the action number of the move from a cell to its neighbour, search if equal."""
         return self._number[end[0] - start[0], end[1] - start[1]]
 
+    def ends(self, cells: Iterable[Cell], numbers: Iterable[int]) -> list[Cell]:
+        """Return the cell that each action leads to."""
+        moves = (self.moves[number] for number in numbers)
+        return [(col + dx, row + dy) for (col, row), (dx, dy) in zip(cells, moves, strict=True)]
+
     def towards(self, start: Cell, goal: Cell) -> Cell:
         """Return the cell one step closer to the goal, or the goal itself once there.
 
@@ -145,11 +150,15 @@ class ActionSet:
         ]
         return cells if self.area is None else [(x, y) for x, y in cells if self.area[y, x]]
 
-    def by_water(self, cells: Sequence[Cell]) -> list[tuple[list[int], NDArray[np.bool_] | None]]:
+    def connected_components(
+        self, cells: Sequence[Cell]
+    ) -> list[tuple[list[int], NDArray[np.bool_] | None]]:
         """Group drones by the connected components of the area.
 
+        A drone observed outside the area is alone, in a component without cells.
+
         Args:
-            cells: Cell of each drone.
+            cells: Cell of each drone, on the grid.
 
         Returns:
             For each component, the indices of its drones and its cells (G, G) bool [row, col],
@@ -157,13 +166,15 @@ class ActionSet:
         """
         if self._paths is None:
             return [(list(range(len(cells))), None)]
-        waters: list[tuple[list[int], NDArray[np.bool_] | None]] = []
+        components: list[tuple[list[int], NDArray[np.bool_] | None]] = []
         left = list(range(len(cells)))
         while left:
-            water = self._paths.distances(cells[left[0]]) >= 0
-            waters.append(([i for i in left if water[cells[i][1], cells[i][0]]], water))
-            left = [i for i in left if not water[cells[i][1], cells[i][0]]]
-        return waters
+            first, *others = left
+            component = self._paths.distances(cells[first]) >= 0
+            members = [first, *(i for i in others if component[cells[i][1], cells[i][0]])]
+            components.append((members, component))
+            left = [i for i in others if i not in members]
+        return components
 
     def masks(self, grid_size: int) -> list[list[NDArray[np.int8]]]:
         """Return the action masks (A,) int8 by [row][col], 0 where a move would leave the grid.

@@ -9,7 +9,6 @@ polygon across the antimeridian must be cut there (RFC 7946, 3.1.1 and 3.1.9).
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -47,20 +46,43 @@ class Area:
         """Return the area from the path, text or content of GeoJSON, or from a list of points.
 
         Raises:
-            FieldError: If the value is none of these.
+            FieldError: If the value is none of these, a polygon is invalid, or Shapely is missing.
         """
         if isinstance(value, cls):
             return value
-        if isinstance(value, str | os.PathLike):
-            value = _read(value)
         try:
-            if isinstance(value, Mapping):
-                return cls(tuple(_polygons_of(value)))
-            return cls(((_ring(value),),))
-        except FieldError:
-            raise
-        except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
-            raise FieldError(f"area: {shown(value)} is not allowed; {ALLOWED}") from None
+            import shapely
+        except ModuleNotFoundError:
+            raise FieldError(f"area: Shapely is missing; {pip_install('area')}") from None
+        content = _read(value) if isinstance(value, str | os.PathLike) else value
+        try:
+            geometry = shapely.from_geojson(json.dumps(_geojson_of(content), allow_nan=False))
+        except (LookupError, RecursionError, TypeError, ValueError, shapely.GEOSException):
+            raise _refusal(value) from None
+        polygons = list(_parts_of(geometry))
+        if not polygons or any(part.geom_type != "Polygon" or part.is_empty for part in polygons):
+            raise _refusal(value)
+        for polygon in polygons:
+            west, south, east, north = polygon.bounds
+            if not (-180 <= west <= east <= 180 and -90 <= south <= north <= 90):
+                raise FieldError(
+                    "area must have latitudes from -90 to 90 and longitudes from -180 to 180, got "
+                    f"{south:g} to {north:g} and {west:g} to {east:g}"
+                )
+            if not polygon.is_valid:
+                raise FieldError(
+                    "area must have outlines that do not cross or touch themselves, got "
+                    f"{shapely.is_valid_reason(polygon)} (lon lat)"
+                )
+        return cls(
+            tuple(
+                tuple(
+                    tuple((lat, lon) for lon, lat, *_ in ring.coords[:-1])
+                    for ring in (polygon.exterior, *polygon.interiors)
+                )
+                for polygon in polygons
+            )
+        )
 
     def to_geojson(self) -> str:
         """Return the area as GeoJSON text."""
@@ -70,39 +92,15 @@ class Area:
         ]
         return json.dumps({"type": "MultiPolygon", "coordinates": coordinates})
 
-    def contains(self, lat_deg: NDArray[Any], lon_deg: NDArray[Any]) -> NDArray[np.bool_]:
-        """Return whether points lie inside, (...) bool; points on an outline do not.
-
-        Args:
-            lat_deg: (...) WGS84 latitudes.
-            lon_deg: (...) WGS84 longitudes.
-
-        Raises:
-            FieldError: If a polygon is invalid, or Shapely is missing.
-        """
-        return self.prepared()(lat_deg, lon_deg)
-
     def prepared(self) -> Callable[[NDArray[Any], NDArray[Any]], NDArray[np.bool_]]:
-        """Return `contains` prepared for many calls with parts of the points.
+        """Return a function (latitudes, longitudes) of whether points (...) lie inside, (...) bool.
 
-        Raises:
-            FieldError: As there.
+        Points on an outline do not.
         """
-        try:
-            import shapely
-        except ModuleNotFoundError:
-            raise FieldError(f"area: Shapely is missing; {pip_install('area')}") from None
-        polygons = []
-        for rings in self.polygons:
-            shell, *holes = ([(lon, lat) for lat, lon in ring] for ring in rings)
-            polygon = shapely.Polygon(shell, holes)
-            if not polygon.is_valid:
-                raise FieldError(
-                    f"area: {shapely.is_valid_reason(polygon)} (lon lat) is not allowed; "
-                    "polygons whose outlines do not cross or touch themselves"
-                )
-            shapely.prepare(polygon)
-            polygons.append(polygon)
+        import shapely
+
+        polygons = list(shapely.from_geojson(self.to_geojson()).geoms)
+        shapely.prepare(polygons)
 
         def contains(lat_deg: NDArray[Any], lon_deg: NDArray[Any]) -> NDArray[np.bool_]:
             inside = np.zeros(lat_deg.shape, np.bool_)
@@ -154,8 +152,8 @@ def area_mask(
             west, east = min(west, lon.min()), max(east, lon.max())
         if not mask.any():
             raise FieldError(
-                f"area: {shown(area.polygons[0][0])} is not allowed; polygons with the centre of "
-                f"a cell of the grid, {south:.5f} to {north:.5f} N and {west:.5f} to {east:.5f} E"
+                f"area must have the centre of a cell of the grid, {south:.5f} to {north:.5f} N "
+                f"and {west:.5f} to {east:.5f} E, got {shown(area.polygons[0][0])}"
             )
     if land:
         is_land = _land_mask()
@@ -163,7 +161,7 @@ def area_mask(
             mask[rows] &= ~is_land(*_centres(grid_size, cell_size_m, origin, rows))
         if not mask.any():
             where = "the grid" if area is None else "the area"
-            raise FieldError(f"land: true is not allowed; {where} has no cell at sea")
+            raise FieldError(f"land must be false where {where} has no cell at sea, got true")
     if mask.all():
         return None
     mask.flags.writeable = False
@@ -230,73 +228,40 @@ def _read(source: str | os.PathLike[str]) -> Any:
             with Path(text).open("rb") as file:
                 data = file.read(MAX_BYTES + 1)
             if len(data) > MAX_BYTES:
-                raise ValueError(f"more than {MAX_BYTES} bytes are not allowed")
+                raise FieldError(f"area must have at most {MAX_BYTES} bytes, got {shown(source)}")
             text = data.decode()
-        value = json.loads(text)
+        return json.loads(text)
     except OSError as error:
-        raise FieldError(f"area: {shown(source)}: {error.strerror}; {ALLOWED}") from None
+        raise FieldError(f"area must be {ALLOWED}, got {shown(source)}: {error.strerror}") from None
+    except FieldError:
+        raise
     except (RecursionError, ValueError) as error:
         reason = " ".join(str(error).split())
-        raise FieldError(f"area: {shown(source)} is no GeoJSON: {reason}; {ALLOWED}") from None
-    if not isinstance(value, Mapping):
-        raise FieldError(f"area: {shown(source)} is no GeoJSON; {ALLOWED}")
-    return value
+        raise FieldError(f"area must be {ALLOWED}, got {shown(source)}: {reason}") from None
 
 
-def _polygons_of(geojson: Mapping[str, Any]) -> Iterator[Polygon]:
-    """Yield the polygons of a GeoJSON object (RFC 7946), at least one.
+def _geojson_of(content: Any) -> Mapping[str, Any]:
+    """Return GeoJSON, or a list of points (latitude, longitude), as GeoJSON.
 
     Raises:
-        FieldError: If the object has anything else, or no polygon.
-        KeyError, TypeError, ValueError: If the object is not GeoJSON.
+        LookupError, TypeError, ValueError: If the content is neither.
     """
-    kind = geojson["type"]
-    match kind:
-        case "FeatureCollection" | "GeometryCollection":
-            parts = geojson["features" if kind == "FeatureCollection" else "geometries"]
-            polygons = [polygon for part in parts for polygon in _polygons_of(part)]
-        case "Feature":
-            polygons = list(_polygons_of(geojson["geometry"]))
-        case "Polygon" | "MultiPolygon":
-            coordinates = geojson["coordinates"]
-            polygons = [
-                tuple(_ring([point[1::-1] for point in ring]) for ring in polygon)
-                for polygon in ([coordinates] if kind == "Polygon" else coordinates)
-            ]
-        case _:
-            raise FieldError(f"area: {shown(kind)} is not allowed; {ALLOWED}")
-    if not all(polygons) or not polygons:
-        raise ValueError
-    yield from polygons
-
-
-def _ring(points: Any) -> tuple[Point, ...]:
-    """Return the points of an outline, without the repeated first point at the end.
-
-    Raises:
-        FieldError: If a point is not on the Earth, or there are fewer than three.
-        TypeError: If the values are not points.
-        ValueError: If the points are not pairs.
-    """
-    if not isinstance(points, Sequence) or isinstance(points, str):
+    if isinstance(content, Mapping):
+        return content
+    if not isinstance(content, Sequence):
         raise TypeError
-    ring = [_point(point) for point in points]
-    if len(ring) > 1 and ring[0] == ring[-1]:
-        del ring[-1]
-    if len(ring) < 3:
-        raise FieldError(
-            f"area: {shown(points)} is not allowed; an outline of three or more points"
-        )
-    return tuple(ring)
+    ring = [(lon, lat) for lat, lon in content]
+    return {"type": "Polygon", "coordinates": [ring if ring[0] == ring[-1] else [*ring, ring[0]]]}
 
 
-def _point(point: Any) -> Point:
-    lat, lon = point
-    for value, most in ((lat, 90), (lon, 180)):
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (number and math.isfinite(value) and abs(value) <= most):
-            raise FieldError(
-                f"area: [{shown(lat)}, {shown(lon)}] is not allowed; latitude -90 to 90 and "
-                "longitude -180 to 180"
-            )
-    return float(lat), float(lon)
+def _parts_of(geometry: Any) -> Iterator[Any]:
+    """Yield the parts of a geometry of Shapely that are not collections."""
+    if not hasattr(geometry, "geoms"):
+        yield geometry
+        return
+    for part in geometry.geoms:
+        yield from _parts_of(part)
+
+
+def _refusal(value: Any) -> FieldError:
+    return FieldError(f"area must be {ALLOWED}, got {shown(value)}")

@@ -89,8 +89,7 @@ class Spec:
             bounds.append(f">= {self.low:g}")
         if self.high < math.inf:
             bounds.append(f"<= {self.high:g}")
-        text = " and ".join([noun, *bounds]) if not bounds else f"{noun} {' and '.join(bounds)}"
-        return f"{text} {self.unit}".rstrip() if self.unit else text
+        return " ".join(filter(None, (noun, " and ".join(bounds), self.unit)))
 
     def check(self, name: str, value: Any) -> Any:
         """Return the value in its canonical Python type.

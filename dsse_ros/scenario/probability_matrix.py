@@ -4,14 +4,13 @@
 
 from __future__ import annotations
 
-import base64
 import csv
+import hashlib
 import math
 import os
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -44,55 +43,75 @@ _M_PER_DEG = 111_320.0
 
 @dataclass(frozen=True)
 class ProbabilityMatrix:
-    """A matrix with row 0 in the north, stored as texts and numbers for JSON.
+    """A matrix with row 0 in the north; matrices with the same digest are equal.
 
     Attributes:
-        content: The matrix row by row, float64, little-endian, in base64.
+        sha256: Digest of the values row by row, float64, little-endian.
+        path: Path of the file, "" for an array.
+        values: (G, G) float64 [row, col], read-only.
         corners: Latitude and longitude in degrees of the centres of the north-west, north-east,
             south-west and south-east cells; None without georeference.
-        source: Path of the file, "" if there is none.
     """
 
-    content: str
-    corners: tuple[tuple[float, float], ...] | None = None
-    source: str = field(default="", compare=False)
+    sha256: str
+    path: str = field(compare=False)
+    values: NDArray[np.float64] = field(compare=False, repr=False)
+    corners: tuple[tuple[float, float], ...] | None = field(compare=False)
 
     @classmethod
     def of(cls, value: Any) -> ProbabilityMatrix:
-        """Return the matrix from an array, a file, or the fields of a matrix from JSON.
+        """Return the matrix from an array, a file, or a `reference`.
 
         Raises:
-            FieldError: If the value is none of these, or the file cannot be read.
+            FieldError: If the value is none of these, or the file cannot be read or has changed.
         """
         if isinstance(value, cls):
             return value
         try:
+            if isinstance(value, Mapping):
+                if value.keys() != {"path", "sha256"} or not value["path"]:
+                    raise ValueError
+                made = cls.of(str(value["path"]))
+                if made.sha256 != value["sha256"]:
+                    raise FieldError(
+                        f"{NAME} must be {made.path!r} with the SHA-256 "
+                        f"{shown(value['sha256'])}, got a file with {made.sha256}"
+                    )
+                return made
             if isinstance(value, str | os.PathLike):
                 path = os.path.abspath(os.fspath(value))
-                kind = Path(path).suffix.lower()
-                matrix, corners = _READERS[kind](path)
-                return cls(_content(matrix), corners, path)
-            if isinstance(value, Mapping):
-                places = value["corners"]
-                corners = places and tuple((float(lat), float(lon)) for lat, lon in places)
-                made = cls(str(value["content"]), corners)
-                _content(made.values)
-                return made
-            return cls(_content(np.asarray(value)))
+                return cls._made(path, *_READERS[Path(path).suffix.lower()](path))
+            return cls._made("", np.asarray(value), None)
         except OSError as error:
             reason = error.strerror or "it cannot be read"
-            raise FieldError(f"{NAME}: {shown(value)}: {reason}; {ALLOWED}") from None
+            raise FieldError(f"{NAME} must be {ALLOWED}, got {_named(value)}: {reason}") from None
         except FieldError:
             raise
         except (EOFError, KeyError, MemoryError, TypeError, ValueError, csv.Error):
-            raise FieldError(f"{NAME}: {shown(value)} is not allowed; {ALLOWED}") from None
+            raise FieldError(f"{NAME} must be {ALLOWED}, got {_named(value)}") from None
 
-    @cached_property
-    def values(self) -> NDArray[np.float64]:
-        """The matrix (G, G) float64 [row, col], read-only."""
-        flat = np.frombuffer(base64.b64decode(self.content, validate=True), "<f8")
-        side = round(len(flat) ** 0.5)
-        return flat.reshape(side, side)
+    @classmethod
+    def _made(
+        cls, path: str, matrix: NDArray[Any], corners: tuple[tuple[float, float], ...] | None
+    ) -> ProbabilityMatrix:
+        """Return a matrix after checking its values.
+
+        Raises:
+            ValueError: If they are not allowed.
+        """
+        if matrix.dtype.kind not in _KINDS:
+            raise ValueError
+        _check_shape(matrix.shape)
+        if not np.isfinite(matrix).all() or not matrix.any() or matrix.min() < 0:
+            raise ValueError
+        values = matrix.astype("<f8", order="C")
+        values.flags.writeable = False
+        return cls(hashlib.sha256(values.data).hexdigest(), path, values, corners)
+
+    @property
+    def reference(self) -> dict[str, str]:
+        """The path and the digest, for JSON."""
+        return {"path": self.path, "sha256": self.sha256}
 
     def check_place(self, grid_size: int, cell_size_m: float, origin: Origin) -> None:
         """Raise unless the matrix has the size and, if georeferenced, the place of this grid.
@@ -106,10 +125,11 @@ class ProbabilityMatrix:
             FieldError: If the size differs, or a corner is off by more than half a cell.
         """
         size, edge = len(self.values), grid_size - 1
-        what = f"{NAME}: {shown(self.source)}" if self.source else f"{NAME}: it"
+        what = shown(self.path) if self.path else "an array"
         if size != grid_size:
             raise FieldError(
-                f"{what} of {size} x {size} cells is not allowed; grid_size is {grid_size}"
+                f"{NAME} must have {grid_size} x {grid_size} cells as grid_size says, got {what} "
+                f"of {size} x {size}"
             )
         if self.corners is None:
             return
@@ -124,22 +144,14 @@ class ProbabilityMatrix:
         off_m = float(np.hypot(north, degrees * _M_PER_DEG * np.cos(np.radians(lat))).max())
         if not off_m <= cell_size_m / 2:
             raise FieldError(
-                f"{what} with a corner {off_m:.0f} m from that of the grid is not allowed; at most "
-                "half a cell: origin_lat, origin_lon and cell_size say where the grid lies"
+                f"{NAME} must be at most half a cell from the grid of origin_lat, origin_lon and "
+                f"cell_size, got {what} with a corner {off_m:.0f} m from that of the grid"
             )
 
 
-def _content(matrix: NDArray[Any]) -> str:
-    """Return the content of a matrix.
-
-    Raises:
-        ValueError: If the matrix is not allowed.
-    """
-    if matrix.dtype.kind not in _KINDS or matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-        raise ValueError
-    if not np.isfinite(matrix).all() or not matrix.any() or matrix.min() < 0:
-        raise ValueError
-    return base64.b64encode(np.ascontiguousarray(matrix, "<f8").tobytes()).decode()
+def _named(value: Any) -> str:
+    """Return a value for a message, with the whole path of a file."""
+    return repr(os.fspath(value)) if isinstance(value, str | os.PathLike) else shown(value)
 
 
 _Read = tuple[NDArray[Any], tuple[tuple[float, float], ...] | None]

@@ -153,11 +153,7 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         """
         if not isinstance(values, Mapping):
             raise FieldError("the scenario must be a mapping of field names to values")
-        check_known("the scenario", values, [*specs(cls), *SYNONYMS])
-        renamed = {SYNONYMS.get(name, name): value for name, value in values.items()}
-        if len(renamed) < len(values):
-            raise FieldError("dispersion_start and sigma are the same field; give one")
-        return cls(**renamed)
+        return cls(**_renamed(values))
 
     @classmethod
     def from_yaml(cls, path: str | os.PathLike[str]) -> Scenario:
@@ -201,11 +197,7 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         Raises:
             FieldError: If a key is unknown or a value is not allowed.
         """
-        check_known("the scenario", values, [*specs(Scenario), *SYNONYMS])
-        named = {k: v for k, v in values.items() if v is not None}
-        given = {SYNONYMS.get(k, k): v for k, v in named.items()}
-        if len(given) < len(named):
-            raise FieldError("dispersion_start and sigma are the same field; give one")
+        given = _renamed(values, {k: v for k, v in values.items() if v is not None})
         if "sigma" in given:
             given = {"sigma_x": None, "sigma_y": None, **given}
         for ways in _ALTERNATIVES:
@@ -293,8 +285,8 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         matrix = self.probability_matrix
         if matrix is not None and not rules.covers:
             raise FieldError(
-                f"probability_matrix: it is not allowed with rules {rules.profile}; those of a "
-                "coverage task"
+                f"probability_matrix must come with the rules of a coverage task, got rules "
+                f"{rules.profile}"
             )
         if self.zone_size is None:
             side = rules.grid_size if matrix is None else len(matrix.values)
@@ -422,6 +414,20 @@ def scenario_and_rules(
     of_rules = {k: v for k, v in fields.items() if k not in of_scenario and v is not None}
     given = {k: v for k, v in fields.items() if k in of_scenario}
     return Scenario.of(scenario).override(**given), chosen.override(**of_rules)
+
+
+def _renamed(values: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Return the values, or those given, without synonyms; all names must be known.
+
+    Raises:
+        FieldError: If a name is unknown, or a field is given twice.
+    """
+    check_known("the scenario", values, [*specs(Scenario), *SYNONYMS])
+    given = values if given is None else given
+    renamed = {SYNONYMS.get(name, name): value for name, value in given.items()}
+    if len(renamed) < len(given):
+        raise FieldError("dispersion_start and sigma are the same field; give one")
+    return renamed
 
 
 def check_cell(

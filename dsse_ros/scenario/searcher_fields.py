@@ -11,13 +11,11 @@ from dataclasses import dataclass
 
 from dsse_ros.scenario.actions import STRAIGHT
 from dsse_ros.scenario.fields import FieldError, field
+from dsse_ros.scenario.paths import ROUNDING
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.searchers.registry import DEFAULT, SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.sensors.registry import SENSORS
-
-ROUNDING = 1e-9
-"""Tolerance for a whole number of steps: a quotient of two floats is not exact."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,6 +13,7 @@ from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.search.ensemble import cells_of_maps
 from dsse_ros.step.coverage_kernels import COVERAGE
 
 METRICS = ("coverage_rate", "repeated_coverage", "pos")
@@ -83,8 +84,10 @@ class Coverage:
         """The kernels' argument `coverage`."""
         return self.poc, self.left, self.records
 
-    def metrics(self, num_missing: NDArray[np.int64]) -> dict[str, NDArray[np.float64]]:
-        """Return the metrics of all worlds by name, (B,) float64 each.
+    def metrics(
+        self, num_missing: NDArray[np.int64], which: Any = slice(None)
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return the metrics of worlds by name, by default (B,) float64 each.
 
         `coverage_rate` is the share of the cells to cover that are covered. `repeated_coverage` is
         the number of visits to other cells, divided by the number of cells to cover. `pos` is the
@@ -92,18 +95,16 @@ class Coverage:
 
         Args:
             num_missing: (B,) cells not covered yet.
+            which: Index of the worlds.
         """
-        cells = self.records["cells"]
+        records = self.records[which]
+        cells = records["cells"]
         return {
-            "coverage_rate": (cells - num_missing) / cells,
-            "repeated_coverage": self.records["repeated"] / cells,
-            "pos": self.records["pos"].copy(),
+            "coverage_rate": (cells - num_missing[which]) / cells,
+            "repeated_coverage": records["repeated"] / cells,
+            "pos": records["pos"].copy(),
         }
 
     def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return the rest of cells, (B, K) float32, 0 outside the grid; see `World.cells`."""
-        size = len(self.poc)
-        inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
-        world = np.arange(len(self.left))[:, np.newaxis]
-        found = self.left[world, np.where(inside, y, 0), np.where(inside, x, 0)]
-        return np.where(inside, found, 0.0).astype(np.float32)
+        return cells_of_maps(self.left, np.arange(len(self.left)), x, y).astype(np.float32)

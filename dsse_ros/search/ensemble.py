@@ -97,8 +97,21 @@ class WorldEnsemble:
             y: (B, K) rows.
         """
         maps = self.tracks.maps
-        size = maps.shape[1]
-        inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
-        step = np.minimum(worlds["map_steps"], len(maps) - 1)[:, np.newaxis]
-        found = maps[step, np.where(inside, y, 0), np.where(inside, x, 0)]
-        return np.where(inside, found, np.float32(0.0))
+        return cells_of_maps(maps, np.minimum(worlds["map_steps"], len(maps) - 1), x, y)
+
+
+def cells_of_maps(
+    maps: NDArray[Any], index: NDArray[np.int64], x: NDArray[np.int64], y: NDArray[np.int64]
+) -> NDArray[Any]:
+    """Return the values of cells, (B, K), 0 off the grid.
+
+    Args:
+        maps: (M, G, G) as [y, x].
+        index: (B,), the map of each row of cells.
+        x: (B, K) columns.
+        y: (B, K) rows.
+    """
+    size = maps.shape[1]
+    inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
+    found = maps[index[:, np.newaxis], np.where(inside, y, 0), np.where(inside, x, 0)]
+    return np.where(inside, found, maps.dtype.type(0))

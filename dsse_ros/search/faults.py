@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,20 +28,13 @@ from dsse_ros.step.fault_kernels import (
 )
 from dsse_ros.step.looks import Looks, looks_of
 
-
-class Arrays(Protocol):
-    """The parts of `World` that faults use."""
-
-    constants: NDArray[np.void]
-    area: NDArray[np.bool_] | None
-    worlds: NDArray[np.void]
-    drones: NDArray[np.void]
-    starts: NDArray[np.int64]
-    num_worlds: int
-    grid_size: int
+if TYPE_CHECKING:
+    from dsse_ros.search.world import World
 
 
-def paces(scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None) -> list[float]:
+def ground_speed_ratios(
+    scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None
+) -> list[float]:
     """Return the share of each action's move that one step covers in the wind, at most 1.
 
     A drone with airspeed v holds its track in the wind. With crosswind c and tailwind w, its ground
@@ -71,9 +64,9 @@ def paces(scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None
     return shares
 
 
-def paces_of_drones(scenario: ResolvedScenario, rules: Rules) -> list[list[float]]:
-    """Return the `paces` of each drone."""
-    of_kinds = [paces(scenario, rules, kind) for kind in scenario.kinds]
+def ground_speed_ratios_of_drones(scenario: ResolvedScenario, rules: Rules) -> list[list[float]]:
+    """Return the `ground_speed_ratios` of each drone."""
+    of_kinds = [ground_speed_ratios(scenario, rules, kind) for kind in scenario.kinds]
     return [of_kinds[number] for number in scenario.kind_of]
 
 
@@ -82,7 +75,7 @@ def abilities_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
     kinds, fastest = scenario.kinds, max(scenario.speeds)
     of_kinds = np.zeros(len(kinds), ABILITIES)
     for k, kind in enumerate(kinds):
-        of_kinds["pace"][k, : len(rules.actions)] = paces(scenario, rules, kind)
+        of_kinds["pace"][k, : len(rules.actions)] = ground_speed_ratios(scenario, rules, kind)
         of_kinds["endurance"][k] = endurance_steps(kind, scenario.step_duration_s)
         of_kinds["slower"][k] = scenario.speeds[k] < fastest
     rates = false_alarms(scenario, looks_of(scenario, rules))
@@ -138,7 +131,7 @@ class Faults:
         self.has_battery = scenario.battery_move > 0
         self.is_noisy = scenario.position_noise > 0
         self._actions = rules.action_set
-        self._paces = paces_of_drones(scenario, rules)
+        self._ground_speed_ratios = ground_speed_ratios_of_drones(scenario, rules)
         self._homes: list[tuple[int, int]] = []
         none = (scenario.num_drones, 0, 0)
         self._ways = WaysHome(np.zeros(none, np.int32), np.zeros(none, np.int8))
@@ -150,14 +143,16 @@ class Faults:
         limited = limited or bool(looks_of(scenario, rules).false_alarms.any())
         return cls(scenario, rules, num_worlds) if limited or faults_of(scenario) else None
 
-    def place(self, world: Arrays) -> None:
+    def place(self, world: World) -> None:
         """Make the drones' start cells their homes; all worlds have the same ones."""
         homes: list[tuple[int, int]] = [(x, y) for x, y in world.starts[0].tolist()]
         if self.has_battery and homes != self._homes:
             self._homes = homes
-            self._ways = ways_home(self._actions, world.area, world.grid_size, homes, self._paces)
+            self._ways = ways_home(
+                self._actions, world.area, world.grid_size, homes, self._ground_speed_ratios
+            )
 
-    def reset(self, world: Arrays, which: NDArray[np.bool_]) -> None:
+    def reset(self, world: World, which: NDArray[np.bool_]) -> None:
         """Begin the missions of the worlds with which[b], (B,) bool."""
         self.place(world)
         self.applied[which] = HELD
@@ -181,12 +176,12 @@ class Faults:
         if not ((starts >= 0) & (starts < grid_size)).all():
             raise SnapshotError("the snapshot is damaged: a start of a drone is off the grid")
 
-    def restore(self, world: Arrays) -> None:
+    def restore(self, world: World) -> None:
         """Continue from the restored conditions and starts of a snapshot."""
         self.place(world)
         self.applied[:] = self.conditions["applied"]
 
-    def around(self, world: Arrays, step: Callable[..., None]) -> Callable[..., None]:
+    def around(self, world: World, step: Callable[..., None]) -> Callable[..., None]:
         """Wrap a step with the faults; the wrapper takes commands in place of actions."""
 
         def step_with_faults(
@@ -206,7 +201,7 @@ class Faults:
         return step_with_faults
 
     def restrict(
-        self, world: Arrays, masks: NDArray[np.int8], first: int = 0, last: int | None = None
+        self, world: World, masks: NDArray[np.int8], first: int = 0, last: int | None = None
     ) -> NDArray[np.int8]:
         """Clear the actions that drones cannot do or return home after in masks (B, N, A)."""
         fault_kernels.restrict_masks(
@@ -226,27 +221,21 @@ class Faults:
         whole: NDArray[np.int64] = self.conditions.view(np.int64)
         return whole.reshape(*self.conditions.shape, -1)[..., :2]
 
-    def batch_infos(self) -> dict[str, NDArray[Any]]:
-        """Return the values of `infos` for all worlds, (B, N) each, with `status` as a number."""
-        names = {"status": "status", "applied": "action"}
+    def batch_infos(self, which: Any = slice(None)) -> dict[str, NDArray[Any]]:
+        """Return the infos that faults, or limits of a drone's kind, add, by default (B, N) each.
+
+        `status` is a number in `fault_kernels.STATUSES`; `action` is the drone's action in the last
+        step, -1 for nothing; `battery` is in percent, present if batteries run down.
+
+        Args:
+            which: Index of the drones.
+        """
+        names = {"status": "status", "action": "applied"}
         if self.has_battery:
             names["battery"] = "battery"
-        return {name: self.conditions[of].copy() for of, name in names.items()}
+        return {name: self.conditions[of][which].copy() for name, of in names.items()}
 
-    def infos(self, world: int, drones: Sequence[int]) -> list[dict[str, Any]]:
-        """Return the infos that faults, or limits of a drone's kind, add for each agent.
-
-        `status` is one of `fault_kernels.STATUSES`; `action` is the drone's action in the last
-        step, -1 for nothing; `battery` is in percent, present if batteries run down.
-        """
-        infos = []
-        for drone in drones:
-            condition = self.conditions[world, drone]
-            info: dict[str, Any] = {
-                "status": STATUSES[condition["status"]],
-                "action": int(condition["applied"]),
-            }
-            if self.has_battery:
-                info["battery"] = float(condition["battery"])
-            infos.append(info)
-        return infos
+    def infos(self, world: int, drones: Sequence[int]) -> dict[str, list[Any]]:
+        """Return the same for some drones of a world, with the name of `status`."""
+        infos = {name: of.tolist() for name, of in self.batch_infos((world, drones)).items()}
+        return {**infos, "status": [STATUSES[number] for number in infos["status"]]}

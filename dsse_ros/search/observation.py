@@ -1,9 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The observation of a drone and its space."""
+"""The observation of a drone, its space, and the infos that go with it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,27 @@ class Observation(NamedTuple):
 
 AgentObservation = tuple[NDArray[np.integer[Any]], NDArray[np.float32]]
 """Plain tuple that an environment returns per agent; `Observation(*value)` names its parts."""
+
+
+def agent_infos(
+    agents: Iterable[str],
+    found: bool,
+    masks: Iterable[NDArray[np.int8]],
+    columns: Mapping[str, Iterable[Any]],
+) -> dict[str, dict[str, Any]]:
+    """Return the infos of agents, by name.
+
+    Args:
+        agents: Names of the agents.
+        found: Whether every person has been found, or every cell covered.
+        masks: Action mask (A,) of each agent.
+        columns: Further values by key, one per agent, see `World.info_columns`.
+    """
+    infos = {agent: {"Found": found, "action_mask": mask} for agent, mask in zip(agents, masks)}
+    for name, values in columns.items():
+        for info, value in zip(infos.values(), values, strict=True):
+            info[name] = value
+    return infos
 
 
 def observation_space(grid_size: int, rules: Rules) -> spaces.Tuple:  # type: ignore[type-arg]

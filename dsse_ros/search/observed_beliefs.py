@@ -4,11 +4,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.follow_kernels import Followed
 from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import WorldBeliefs
 
@@ -23,47 +22,33 @@ def observed_beliefs(world: World) -> WorldBeliefs:
     return _ObservedBeliefs(world) if noisy else WorldBeliefs(world)
 
 
-class _SeenWorld:
-    """A world with its drones at the positions that they observed before the step."""
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self.drones = world.drones.copy()
-
-    def __getattr__(self, name: str) -> Any:
-        if name == "_world":
-            # `copy` looks up attributes before `__init__` has set `_world`.
-            raise AttributeError(name)
-        return getattr(self._world, name)
-
-
 class _ObservedBeliefs(WorldBeliefs):
     """Beliefs of worlds whose drones observe noisy positions."""
 
-    _world: Any
-
     def __init__(self, world: World) -> None:
-        self._truth = world
-        super().__init__(_SeenWorld(world))  # type: ignore[arg-type]
+        self._drones = world.drones.copy()
+        super().__init__(world)
 
     def before_step(self, actions: NDArray[np.int8]) -> None:
         """Record which drones are about to act, and where."""
-        faults = self._truth.faults
+        faults = self._world.faults
         assert faults is not None
-        self._world.drones[:] = self._truth.drones
         self._seen = faults.positions().copy()
         self._left = self._cells()
         super().before_step(actions)
 
     def _cells(self) -> NDArray[np.int64]:
-        drones = self._truth.drones
+        drones = self._world.drones
         return np.stack([drones["x"], drones["y"]], axis=-1)
 
     def after_step(self, first: int = 0, last: int | None = None) -> None:
         """Update worlds first..last - 1 with the searches of the step, and advance them."""
-        drones, seen = self._world.drones[first:last], self._seen[first:last]
-        drones[:] = self._truth.drones[first:last]
+        drones, seen = self._drones[first:last], self._seen[first:last]
+        drones[:] = self._world.drones[first:last]
         # A drone knows its move but not the cell in which the move began.
         moved = self._cells()[first:last] - self._left[first:last]
         drones["x"], drones["y"] = seen[..., 0] + moved[..., 0], seen[..., 1] + moved[..., 1]
         super().after_step(first, last)
+
+    def _followed(self) -> Followed:
+        return super()._followed()._replace(drones=self._drones)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import repeat
 from typing import Any
 
@@ -24,15 +24,16 @@ from dsse_ros.scenario.scenario import (
     scenario_and_rules,
 )
 from dsse_ros.search.agent_spaces import AgentSpaces
-from dsse_ros.search.observation import AgentObservation, observation_space
+from dsse_ros.search.mission_history import MissionHistory, view_of
+from dsse_ros.search.observation import AgentObservation, agent_infos, observation_space
 from dsse_ros.search.observed_beliefs import observed_beliefs
-from dsse_ros.search.past import Past, view_of
+from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.view import rendering
 
 
-class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
+class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     """A drone swarm searching for persons at sea (PettingZoo parallel API).
 
     An observation is a plain tuple with the parts of an `Observation`, from the space
@@ -40,7 +41,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     [y, x], one read-only array that all agents share. Actions are numbers of `rules.actions`.
     `infos[agent]` has `Found`, whether every person has been found, `action_mask` (A,) int8, 0
     where a move would leave the grid or the area, and, with several persons,
-    `World.infos_of_finds`. See `Faults.infos` for the keys that faults add.
+    the keys of `World.info_columns`.
 
     By default agents observe the map of the rules, which searches do not change. With
     `observe="belief"` they observe the posterior after the searches so far (`belief.Belief`), in
@@ -102,8 +103,8 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._live: list[int] = []
         self._no_flags: dict[str, bool] = {}
         self._known_actions = bytes(range(len(rules.actions)))
-        self._past: Past | None = None
-        self._bind()
+        self._history: MissionHistory | None = None
+        self._rebind()
 
     def _bind(self) -> None:
         """Create the views on the world's arrays, and whatever must not be copied."""
@@ -122,19 +123,9 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._num_active, self._num_missing, self._done = (
             world.worlds[name].data for name in ("num_active", "num_missing", "done")
         )
+        # A window stays with the environment that opened it.
         self._viewer: rendering.Viewer | None = None
         self._renderer: rendering.FigureRenderer | None = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        # A window stays with the environment that opened it.
-        bound = {"_masks", "_actions", "_action_bytes", "_xy", "_alive", "_rewards", "_terminated"}
-        bound |= {"_seen", "_truncated", "_num_active", "_num_missing", "_done", "_viewer"}
-        bound |= {"_renderer"}
-        return {name: value for name, value in vars(self).items() if name not in bound}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._bind()
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -159,7 +150,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self.world.reset()
         self._note_belief()
         self._note_live()
-        self._start_past()
+        self._start_history()
         result = self._observe(self.agents, self._live)
         self._show()
         return result
@@ -253,7 +244,7 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             self._beliefs.restore(snapshot)
         self._note_belief()
         self._note_live()
-        self._start_past()
+        self._start_history()
 
     @property
     def flags(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -309,7 +300,9 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     def view(self) -> rendering.MissionView:
         """Return the contents of a picture; the past is recorded only in a render mode."""
         pos = None if self._beliefs is None else float(self._beliefs.pos[0])
-        return view_of(self.world, self.probability, self._past or Past(self.world), pos)
+        return view_of(
+            self.world, self.probability, self._history or MissionHistory(self.world), pos
+        )
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the mission as text (ansi) or image (H, W, 3) uint8 (rgb_array), or show it.
@@ -342,8 +335,8 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         if self.render_mode == "human":
             self.render()
 
-    def _start_past(self) -> None:
-        self._past = None if self.render_mode is None else Past(self.world)
+    def _start_history(self) -> None:
+        self._history = None if self.render_mode is None else MissionHistory(self.world)
 
     def _note_belief(self) -> None:
         """Update the observed map from the belief, if agents observe that."""
@@ -352,15 +345,15 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     def _advance(self) -> None:
         """Advance the world by the actions taken."""
         if self.render_mode is None:
-            self._past = None
-        elif self._past is None:
-            self._past = Past(self.world)
-        if self._past is not None:
-            self._past.before_step(self._actions[0])
+            self._history = None
+        elif self._history is None:
+            self._history = MissionHistory(self.world)
+        if self._history is not None:
+            self._history.before_step(self._actions[0])
         (self._beliefs or self.world).step(self._actions)
         self._note_belief()
-        if self._past is not None:
-            self._past.after_step()
+        if self._history is not None:
+            self._history.after_step()
         if self._done[0] or self._num_active[0] < len(self.agents):
             self._note_live()
 
@@ -378,26 +371,14 @@ class SearchEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         cells = self._seen.copy() if len(agents) == len(self._seen) else self._seen[live]
         # Plain tuples: named ones would take a sixth of a step with 50 drones.
         observations = dict(zip(agents, zip(cells, repeat(self.probability))))
-        masks, found = self._masks, self._num_missing[0] == 0
-        infos = {
-            agent: {"Found": found, "action_mask": masks[y][x]}
-            for agent, (x, y) in zip(agents, cells.tolist())
-        }
-        if self.world.persons.shape[1] > 1:
-            for info, of_finds in zip(infos.values(), self.world.infos_of_finds(0, live)):
-                info |= of_finds
-        if (faults := self.world.faults) is not None:
-            of_drones = zip(infos.values(), self.action_masks()[live], faults.infos(0, live))
-            for info, mask, of_faults in of_drones:
-                info |= {"action_mask": mask, **of_faults}
+        if self.world.faults is None:
+            masks: Iterable[NDArray[np.int8]] = [self._masks[y][x] for x, y in cells.tolist()]
+        else:
+            masks = self.action_masks()[live]
+        columns = self.world.info_columns(0, live)
         if self._beliefs is not None:
-            for info in infos.values():
-                info["pos"] = float(self._beliefs.pos[0])
-        if self.world.coverage is not None:
-            metrics = self.world.coverage_metrics()
-            for info in infos.values():
-                info |= {name: float(values[0]) for name, values in metrics.items()}
-        return observations, infos
+            columns["pos"] = [float(self._beliefs.pos[0])] * len(live)
+        return observations, agent_infos(agents, self._num_missing[0] == 0, masks, columns)
 
     def _take(self, actions: Mapping[str, int]) -> None:
         """Check the live agents' actions and store them for the next step."""

@@ -112,16 +112,11 @@ class Snapshot:
                 data = file.readline(_LONGEST_HEAD)
                 _digest_of(data.rstrip(b"\n"))
                 data += file.read()
-        except SnapshotError as error:
-            raise SnapshotError(f"{os.fspath(path)!r}: {error}") from None
+            return cls.from_bytes(data)
         except OSError as error:
             raise SnapshotError(f"{os.fspath(path)!r}: {error.strerror}") from None
         except ValueError as error:
-            # The path contains a null character.
-            raise SnapshotError(f"{os.fspath(path)!r}: {error}") from None
-        try:
-            return cls.from_bytes(data)
-        except SnapshotError as error:
+            # A `SnapshotError`, or the path contains a null character.
             raise SnapshotError(f"{os.fspath(path)!r}: {error}") from None
 
     def check(self, identity: dict[str, dict[str, Any]], arrays: dict[str, NDArray[Any]]) -> None:

@@ -8,7 +8,7 @@ import dataclasses
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 from typing import Any
@@ -17,11 +17,14 @@ import numpy as np
 from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.area import Area
+from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, Scenario
 from dsse_ros.search.coverage import Coverage
 from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.faults import Faults
+from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.searchers.registry import DEFAULT
 from dsse_ros.step import kernels
@@ -45,12 +48,12 @@ def word_of_seed(seed: int) -> np.uint64:
     return word
 
 
-def _plain(value: Any) -> dict[str, Any]:
+def _plain(value: Area | ProbabilityMatrix) -> Any:
     """Return a value of a scenario for JSON, without the file that it came from."""
-    return {name: part for name, part in dataclasses.asdict(value).items() if name != "source"}
+    return value.sha256 if isinstance(value, ProbabilityMatrix) else dataclasses.asdict(value)
 
 
-class World:
+class World(Rebound):
     """B worlds, stepped together.
 
     Args:
@@ -58,7 +61,6 @@ class World:
         rules: The rules of the search.
         num_worlds: B.
         write_maps: Whether to write `maps`; `cells` works without them.
-        reuse_maps: Whether every step overwrites `maps`, or makes a new array.
         auto_reset: Whether a step resets a world that is done, instead of advancing it.
         threads: Number of threads that share the worlds.
 
@@ -89,7 +91,6 @@ class World:
         num_worlds: int = 1,
         *,
         write_maps: bool = True,
-        reuse_maps: bool = False,
         auto_reset: bool = False,
         threads: int = 1,
     ) -> None:
@@ -118,9 +119,8 @@ class World:
         self._looked_for = resolved.person_pod_multipliers
         self.ensemble = WorldEnsemble.of(resolved, rules, num_worlds)
         self.faults = Faults.of(resolved, rules, num_worlds)
-        self._reuse_maps = reuse_maps
         self._threads = threads
-        self._bind()
+        self._rebind()
         self.seed()
         self.place()
         # Mark the worlds as done, so that the first step of an auto-reset batch resets them.
@@ -153,26 +153,6 @@ class World:
             self._kernels = [self.faults.around(self, step) for step in self._kernels]
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._process = os.getpid()
-
-    def __getstate__(self) -> dict[str, Any]:
-        # Copying or pickling would turn views into separate arrays.
-        bound = {
-            "rewards",
-            "terminated",
-            "truncated",
-            "found",
-            "_sea",
-            "_crew",
-            "_scratch",
-            "_kernels",
-            "_pool",
-            "_process",
-        }
-        return {name: value for name, value in vars(self).items() if name not in bound}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._bind()
 
     def seed(self, seed: int | Sequence[int | None] | np.random.SeedSequence | None = None) -> None:
         """Seed the worlds' generators.
@@ -277,14 +257,11 @@ class World:
             actions: (B, N) int8, action numbers of the rules or `HOLD`; those of terminated or
                 truncated drones have no effect. With faults drones may do something else, see
                 `Faults.applied`.
-            maps: Memory for `maps`, by default new memory unless `reuse_maps`.
+            maps: Memory for `maps`, by default new memory.
             report: Called as report(first, last) after the step of worlds first..last - 1, in the
                 thread that stepped them.
         """
-        if maps is not None:
-            self.maps = maps
-        elif not self._reuse_maps:
-            self.maps = np.empty(self._map_shape, np.float32)
+        self.maps = np.empty(self._map_shape, np.float32) if maps is None else maps
         if self._pool is not None and self._process != os.getpid():
             # Threads do not survive a fork.
             self._bind()
@@ -296,12 +273,10 @@ class World:
         if report is not None:
             size = min(size, max(1, SHARE_BYTES // self.drones[0].nbytes))
         shares = deque((first, min(first + size, count)) for first in range(0, count, size))
-        if self._pool is None:
-            self._do(shares, self._kernels[0], actions, report)
-            return
         others = [
             self._pool.submit(self._do, shares, kernel, actions, report)
             for kernel in self._kernels[1:]
+            if self._pool is not None
         ]
         self._do(shares, self._kernels[0], actions, report)
         for other in others:
@@ -437,20 +412,25 @@ class World:
         # Repack the records: the padding between fields has arbitrary content.
         return b"".join(repack_fields(array).tobytes() for array in self._state().values())
 
-    def infos_of_finds(self, world: int, drones: Sequence[int]) -> list[dict[str, Any]]:
-        """Return the infos on agents' last looks in a search for several persons.
+    def info_columns(self, world: int, drones: Sequence[int]) -> dict[str, Iterable[Any]]:
+        """Return the infos of drones of a world by key, besides `Found` and `action_mask`.
 
-        `found_person` is whether the drone found one. If an action looks at several cells, `finds`
-        has a bit for each look that found one.
+        In a search for several persons, `found_person` is whether the drone's last look found one.
+        If an action looks at several cells, `finds` has a bit for each look that found one. See
+        `Faults.infos` for the keys that faults add, and `Coverage.metrics` for those of coverage.
         """
-        of_world = self.drones[world]
-        infos: list[dict[str, Any]] = [
-            {"found_person": found} for found in of_world["found"][drones].tolist()
-        ]
-        if self.looks.several:
-            for info, finds in zip(infos, self.finds[world, drones].tolist(), strict=True):
-                info["finds"] = finds if info["found_person"] else 0
-        return infos
+        columns: dict[str, Iterable[Any]] = {}
+        if self.persons.shape[1] > 1:
+            found = self.found[world, drones]
+            columns["found_person"] = found.tolist()
+            if self.looks.several:
+                columns["finds"] = np.where(found, self.finds[world, drones], 0).tolist()
+        if self.faults is not None:
+            columns |= self.faults.infos(world, drones)
+        if self.coverage is not None:
+            metrics = self.coverage.metrics(self.worlds["num_missing"], world)
+            columns |= {name: [float(value)] * len(drones) for name, value in metrics.items()}
+        return columns
 
     def coverage_metrics(self) -> dict[str, NDArray[np.float64]]:
         """Return `Coverage.metrics`, or an empty dictionary in a search for persons."""

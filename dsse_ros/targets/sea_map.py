@@ -327,7 +327,7 @@ def map_step(c, w, gauss, tails, area, runs, circle):
     normalise(c, w, gauss, tails, runs, circle)
 
 
-@part
+@kernel
 def drift_per_step(c, x, y):
     """Return the drift (x, y) in cells per step of a vector."""
     norm = np.sqrt(x * x + y * y)

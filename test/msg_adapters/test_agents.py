@@ -102,25 +102,37 @@ def test_an_area_comes_back_as_its_mask_and_as_its_polygons():
     assert INFO.area_mask is None and area_rows(None) is None
 
 
-def test_what_is_to_be_covered_comes_back_without_the_file_that_it_was_in(tmp_path):
+def test_what_is_to_be_covered_comes_back_from_its_file_by_path_and_digest(tmp_path):
     matrix = np.arange(64.0).reshape(8, 8)
-    np.save(tmp_path / "matrix.npy", matrix)
+    path = tmp_path / "matrix.npy"
+    np.save(path, matrix)
     rules = profile("coverage")
-    scenario = Scenario(probability_matrix=tmp_path / "matrix.npy", num_drones=2).resolve(rules)
+    scenario = Scenario(probability_matrix=path, num_drones=2).resolve(rules)
     message = agents_message(
         dataclasses.replace(INFO, definition=SearchDefinition(rules, scenario))
     )
-    assert str(tmp_path) not in message.data
     heard = agents_from_message(message).definition.scenario
     assert heard == scenario
     np.testing.assert_array_equal(heard.probability_matrix.values, matrix)
+    sent = json.loads(message.data)["definition"]["scenario"]["probability_matrix"]
+    assert sent["path"] == str(path) and len(sent["sha256"]) == 64
+
+    np.save(path, matrix + 1)
+    with pytest.raises(ValueError, match=rf"^agents.definition: .* '{path}' with the SHA-256"):
+        agents_from_message(message)
+    path.unlink()
+    with pytest.raises(ValueError, match=rf"^agents.definition: .* '{path}': No such file"):
+        agents_from_message(message)
 
 
 def test_a_message_names_no_file_to_be_read(tmp_path):
     rules = profile("paper")
     definition = SearchDefinition(rules, Scenario(num_drones=2).resolve(rules))
     document = json.loads(agents_message(dataclasses.replace(INFO, definition=definition)).data)
-    for name, wanted in (("area", "a GeoJSON object"), ("probability_matrix", "an object")):
+    for name, wanted in (
+        ("area", "a GeoJSON object"),
+        ("probability_matrix", "an object with path"),
+    ):
         message = json.loads(json.dumps(document))
         message["definition"]["scenario"][name] = str(tmp_path / "file")
         with pytest.raises(ValueError, match=rf"^agents.definition.scenario.{name}: .* {wanted}"):

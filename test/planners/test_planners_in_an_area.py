@@ -54,6 +54,31 @@ def test_no_planner_leaves_the_area_or_lets_drones_collide(name: str, rules: str
             assert late or min(rewards.values(), default=0) > -1000
 
 
+@pytest.mark.parametrize(
+    ("name", "rules"), [(n, r) for n, r in FITTING if r in ("paper", "coverage")]
+)
+def test_every_planner_decides_for_drones_that_are_observed_outside_the_area(
+    name: str, rules: str
+) -> None:
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        given = scenario_of(random_mask(rng, 10), rng, 4)
+        env = parallel_env(given, rules=rules, position_noise=0.8)
+        planner = planner_for(env, name, seed=seed, **SMALL.get(name, {}))
+        observations, infos = env.reset(seed=seed)
+        for _ in range(20):
+            actions = planner(observations, infos)
+            assert all(infos[agent]["action_mask"][actions[agent]] for agent in env.agents)
+            observations, _, _, _, infos = env.step(actions)
+
+
+def test_a_drone_outside_the_area_is_alone_in_an_empty_component() -> None:
+    area = np.array([[1, 1, 0], [1, 0, 0], [0, 0, 1]], bool)
+    components = ActionSet(STRAIGHT, area).connected_components([(2, 0), (0, 1), (1, 1), (1, 0)])
+    assert [members for members, _ in components] == [[0], [1, 3], [2]]
+    assert [cells.sum() for _, cells in components if cells is not None] == [0, 3, 0]
+
+
 @pytest.mark.parametrize("names", [STRAIGHT, DIAGONAL])
 def test_drones_go_by_shortest_ways_and_stay_where_none_leads(names: tuple[str, ...]) -> None:
     for seed in range(20):
@@ -99,8 +124,8 @@ def test_every_cell_that_a_drone_can_get_to_is_searched(name: str, drones: int) 
         given = scenario_of(mask, rng, drones) | {"timestep_limit": 600}
         env = parallel_env(given, probability_of_detection=0.0, collisions=False)
         actions = ActionSet(env.rules.actions, mask)
-        waters = actions.by_water([tuple(cell) for cell in given["drones_positions"]])
-        left = np.any([water for _, water in waters], axis=0)
+        components = actions.connected_components([(x, y) for x, y in given["drones_positions"]])
+        left = np.any([component for _, component in components], axis=0)
         planner = planner_for(env, name)
         observations, infos = env.reset(seed=seed)
         while env.agents and left.any():

@@ -15,7 +15,7 @@ from dsse_ros.belief.belief import Belief
 from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.planners.heeding import heed_masks
+from dsse_ros.planners.masking import apply_masks
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.search import parallel_env
 
@@ -82,10 +82,10 @@ def test_an_action_that_a_mask_forbids_is_a_search_or_what_is_left() -> None:
     }
     present = {"drone0": (1, 1), "drone1": (5, 5), "drone2": (0, 1)}
     allowed = {"drone0": 0, "drone1": 3, "drone2": 2}
-    assert heed_masks(allowed, present, infos, ACTIONS) == allowed
+    assert apply_masks(allowed, present, infos, ACTIONS) == allowed
     # drone0 stays, so that drone2 may not come.
     chosen = {"drone0": 1, "drone1": 4, "drone2": 1}
-    assert heed_masks(chosen, present, infos, ACTIONS) == {"drone0": 4, "drone1": 3, "drone2": 4}
+    assert apply_masks(chosen, present, infos, ACTIONS) == {"drone0": 4, "drone1": 3, "drone2": 4}
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -12,7 +12,7 @@ from test_batch import OPTIONS, alone
 
 from dsse_ros.planners import BELIEF_PLANNERS, PLANNERS, planner_for
 from dsse_ros.planners.batch import play_missions
-from dsse_ros.planners.heeding import keep_apart
+from dsse_ros.planners.masking import keep_apart
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.search import SearchEnv, parallel_env
 from dsse_ros.searchers.registry import SEARCHERS

@@ -12,7 +12,7 @@ from dsse_ros.targets import sea_map
 from dsse_ros.view.mission_view import MissionView
 
 
-class Past:
+class MissionHistory:
     """The tracks and searches of a world, a batch of one, from now on.
 
     In the coverage task a visit is a search. Call `before_step` and `after_step` around each step
@@ -69,7 +69,7 @@ class Past:
 
 
 def view_of(
-    world: World, probability: NDArray[np.float32], past: Past, pos: float | None
+    world: World, probability: NDArray[np.float32], past: MissionHistory, pos: float | None
 ) -> MissionView:
     """Return the contents of a picture of a world, a batch of one.
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.planners.avoidance import resolve_conflicts
+from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.planner import Cell
 from dsse_ros.scenario.actions import ActionSet
 
 
-def is_aloft(info: Mapping[str, Any]) -> bool:
+def is_returning(info: Mapping[str, Any]) -> bool:
     """Return whether a drone is returning or home: it takes no commands and cannot collide."""
     return info.get("status") in ("returning", "home")
 
@@ -24,7 +24,7 @@ def is_under_way(info: Mapping[str, Any]) -> bool:
     return info.get("status") == "under_way"
 
 
-def heed_masks(
+def apply_masks(
     actions: Mapping[str, int],
     present: Mapping[str, Cell],
     infos: Mapping[str, Mapping[str, Any]],
@@ -45,25 +45,19 @@ def heed_masks(
         action_set: The actions.
         apart: Whether to keep drones out of the cells of others, see `keep_apart`.
     """
-    heeded = dict(actions)
+    masked = dict(actions)
     for agent, action in actions.items():
         mask = infos[agent].get("action_mask") if agent in infos else None
         if mask is not None and not mask[action] and mask.any():
             allowed = mask[action_set.search]
-            heeded[agent] = action_set.search if allowed else int(np.flatnonzero(mask)[0])
+            masked[agent] = action_set.search if allowed else int(np.flatnonzero(mask)[0])
     if apart:
-        return keep_apart(heeded, present, infos, action_set)
-    if heeded == actions:
-        return heeded
-    agents = [agent for agent in heeded if not is_aloft(infos[agent])]
-    cells = [present[agent] for agent in agents]
-    moves = [action_set.moves[heeded[agent]] for agent in agents]
-    requested = [(col + dx, row + dy) for (col, row), (dx, dy) in zip(cells, moves, strict=True)]
-    granted = resolve_conflicts(cells, requested)
-    for agent, cell, end in zip(agents, requested, granted, strict=True):
-        if cell != end:
-            heeded[agent] = action_set.search
-    return heeded
+        return keep_apart(masked, present, infos, action_set)
+    if masked == actions:
+        return masked
+    agents = [agent for agent in masked if not is_returning(infos[agent])]
+    cells, numbers = [present[agent] for agent in agents], [masked[agent] for agent in agents]
+    return masked | dict(zip(agents, resolve_actions(action_set, cells, numbers), strict=True))
 
 
 def keep_apart(
@@ -85,7 +79,7 @@ def keep_apart(
         action_set: The actions.
     """
     kept = dict(actions)
-    agents = [agent for agent in actions if not is_aloft(infos.get(agent, {}))]
+    agents = [agent for agent in actions if not is_returning(infos.get(agent, {}))]
     taken = {present[agent] for agent in agents}
     bound = {agent for agent in agents if is_under_way(infos.get(agent, {}))}
     kept |= {agent: int(np.argmax(infos[agent]["action_mask"])) for agent in bound}

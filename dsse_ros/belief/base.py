@@ -1,0 +1,152 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The common parts of the beliefs for motions and for ensembles."""
+
+from __future__ import annotations
+
+import copy
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief import search_outcomes
+from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.scenario.actions import Cell
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.step.constants import area_of, constants_of
+from dsse_ros.step.looks import Looked
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class ForecastBase:
+    """A scenario and its rules, with the columns of a belief; see `TargetForecast`.
+
+    Args:
+        scenario: The scenario; it is resolved with the rules.
+        rules: The rules of the search.
+        horizon: Number of steps after the present one that are available.
+
+    Attributes:
+        constants: (1,) of `constants.CONSTANTS`.
+        area, runs: The searched cells, see `kernels`.
+        first_step: Steps of the sea before a mission's first observation.
+        side: S, columns and rows of the grid with its margins.
+    """
+
+    def __init__(self, scenario: Scenario, rules: Rules, horizon: int) -> None:
+        self.scenario = resolved = scenario.resolve(rules)
+        self.rules = rules
+        self.horizon = horizon
+        self.constants = constants_of(resolved, rules)
+        self.area, self.runs = area_of(resolved)
+        self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
+        self.side = resolved.grid_size + 2 * MARGIN
+
+    def column(self, cell: Cell) -> int:
+        """Return the column of a belief for a cell (col, row)."""
+        return (cell[1] + MARGIN) * self.side + cell[0] + MARGIN
+
+    def cell(self, column: int) -> Cell:
+        """Return the cell (col, row) of a column of a belief."""
+        row, col = divmod(column, self.side)
+        return col - MARGIN, row - MARGIN
+
+
+class BeliefBase:
+    """The detection classes of persons, and what is known of each; see `TargetBelief`.
+
+    Finds do not identify the person found; see `search_outcomes` for the updates after failed
+    searches and finds.
+
+    Args:
+        alike: (n, k), the persons with equal rows are one detection class.
+        shape: Rows of the density per detection class, and its columns.
+
+    Attributes:
+        step: Steps done in the mission.
+        pos: Cumulative probability of success, see `TargetBelief`.
+        class_of: (n,) int64, the detection class of each person.
+        examples: (C,) int64, number of a person of each class.
+        missing: (n,) float64, probability that a person is missing; 1 for a single person.
+        unfound: (n,) float64, the same, regardless of the outcomes of the searches; for a single
+            person see `pos`.
+        density: (C K, ...) float64; sums to 1, each class to its share of all persons.
+    """
+
+    step: int
+    pos: float
+
+    def __init__(self, alike: NDArray[Any], shape: tuple[int, int]) -> None:
+        classes, self.examples, class_of = np.unique(
+            alike, axis=0, return_index=True, return_inverse=True
+        )
+        self.class_of = class_of.ravel()
+        self.missing, self.unfound = np.ones((2, len(alike)))
+        self._weights = np.zeros(len(classes))
+        self._numbers = np.zeros((search_outcomes.OF_CLASS, len(classes)))
+        self._drifts, columns = shape
+        self.density = np.zeros((len(classes) * self._drifts, columns))
+        self.reset()
+
+    def reset(self) -> None:
+        """Start a new mission with the prior at its first observation."""
+        self.step, self.pos = 0, 0.0
+        self.missing[:] = self.unfound[:] = 1.0
+
+    def copy(self) -> Self:
+        """Return an independent copy; the forecast is shared."""
+        twin = copy.copy(self)
+        twin.density = self.density.copy()
+        twin.missing, twin.unfound = self.missing.copy(), self.unfound.copy()
+        return twin
+
+    def mean_pod(self, pods: NDArray[np.float64]) -> float:
+        """Return the mean of these PODs, (n,) by person, over the persons who are missing."""
+        return float(self.missing @ pods / self.missing.sum())
+
+    def of_missing(self) -> NDArray[np.float64]:
+        """Return the density of the persons who are missing; it sums to 1."""
+        if len(self.examples) == 1:
+            return self.density
+        search_outcomes.weigh_classes(self.class_of, self.missing, self._weights)
+        return self.density * np.repeat(self._weights, self._drifts)[:, None]
+
+    def update(self, looks: Sequence[Looked]) -> None:
+        """Update with looks that found nobody.
+
+        If no probability is left, because nobody can be anywhere by the rules, the belief restarts
+        from the present map, or from the prior of an ensemble.
+        """
+        self._learn(looks, failed=len(looks))
+
+    def observe_find(self, look: Looked) -> None:
+        """Update with a look that found a person while others are still missing.
+
+        A look for one person leaves the others in the cell as before. A look for all finds everyone
+        whom it detects.
+        """
+        self._learn([look], failed=0)
+
+    def _learn(self, looks: Sequence[Looked], *, failed: int) -> None:
+        """Update with looks, of which the first `failed` found nobody."""
+        if looks:
+            self.pos = self._updated(
+                self.class_of, self.missing, self.unfound, self.pos, self._numbers,
+                np.empty_like(self.missing), np.array([look.cell for look in looks], np.int64),
+                np.arange(len(looks)), np.array([look.pods[self.examples] for look in looks]),
+                failed, len(looks),
+            )  # fmt: skip
+
+    @abstractmethod
+    def _updated(self, *arguments: Any) -> float:
+        """Update the density with looks, and return the POS.
+
+        Args:
+            arguments: `class_of` and all that follow of the kernels `learn`.
+        """
