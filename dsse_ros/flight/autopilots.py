@@ -23,6 +23,7 @@ from dsse_ros.mavlink.messages import (
     MissionCurrent,
     PositionTarget,
     SysStatus,
+    enum_name,
 )
 from msg_adapters.mission_items import FIRMWARES
 
@@ -128,13 +129,10 @@ class Autopilot:
             autopilot: HEARTBEAT.autopilot.
         """
         if autopilot != self.number:
-            name = _enum_name("MAV_AUTOPILOT", autopilot)
-            return (
-                f"HEARTBEAT.autopilot must be {_enum_name('MAV_AUTOPILOT', self.number)} with "
-                f"autopilot:={self.name}, got {name}"
-            )
+            wanted, name = (enum_name("MAV_AUTOPILOT", one) for one in (self.number, autopilot))
+            return f"HEARTBEAT.autopilot must be {wanted} with autopilot:={self.name}, got {name}"
         if kind not in MULTICOPTERS:
-            return f"HEARTBEAT.type must be a multicopter, got {_enum_name('MAV_TYPE', kind)}"
+            return f"HEARTBEAT.type must be a multicopter, got {enum_name('MAV_TYPE', kind)}"
         return ""
 
     @property
@@ -176,11 +174,6 @@ class Autopilot:
         """Return where so many simulated vehicles send to by default."""
         ports = (self.first_port + self.port_step * index for index in range(number))
         return [f"udpin:127.0.0.1:{port}" for port in ports]
-
-
-def _enum_name(enum: str, number: int) -> str:
-    entry = mavlink.enums[enum].get(number)
-    return str(number) if entry is None else entry.name.removeprefix(f"{enum}_")
 
 
 _MESSAGES = (GlobalPosition, GpsRaw, SysStatus, ExtendedSysState, MissionCurrent)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
+from dsse_ros.flight.checks import check_number
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.messages import (
@@ -24,6 +25,7 @@ from dsse_ros.mavlink.messages import (
     MissionSetCurrent,
     Outgoing,
     command_long,
+    enum_name,
 )
 
 DO_SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
@@ -31,10 +33,6 @@ DO_CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
 ARM_DISARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 MISSION_START = mavlink.MAV_CMD_MISSION_START
 
-_RESULTS = {
-    number: entry.name.removeprefix("MAV_RESULT_")
-    for number, entry in mavlink.enums["MAV_RESULT"].items()
-}
 _ACCEPTED, _IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS
 _FINAL_RESULTS = frozenset({mavlink.MAV_RESULT_UNSUPPORTED, mavlink.MAV_RESULT_COMMAND_INT_ONLY})
 """Results that are the same however often a command is sent."""
@@ -88,24 +86,20 @@ class ControllerSettings:
 
     def __post_init__(self) -> None:
         if self.autopilot not in AUTOPILOTS:
-            names = " or ".join(AUTOPILOTS)
-            raise ValueError(f"autopilot: {self.autopilot!r} is not allowed; {names}")
-        if not 0 <= self.speed_mps <= 100:
-            raise ValueError(f"speed_mps: {self.speed_mps!r} is not allowed; 0 to 100")
+            raise ValueError(f"autopilot must be {' or '.join(AUTOPILOTS)}, got {self.autopilot!r}")
         needed_hz = max(one.setpoint_rate_hz for one in AUTOPILOTS.values())
+        check_number("setpoint_hz", self.setpoint_hz, needed_hz, 200, exclusive=True)
         for name, least, most in (
+            ("speed_mps", 0, 100),
             ("alt_tolerance_m", 0.1, 1000),
-            ("recovery_alt_m", 0.0, 20000),
+            ("recovery_alt_m", 0, 20000),
             ("position_hz", 0.5, 50),
-            ("setpoint_hz", math.nextafter(needed_hz, math.inf), 200),
             ("link_timeout_s", 0.1, 3600),
             ("command_s", 0.01, 3600),
             ("command_tries", 1, 1000),
             ("stall_s", 0.1, 1e6),
         ):
-            value = getattr(self, name)
-            if not least <= value <= most:
-                raise ValueError(f"{name}: {value!r} is not allowed; {least:g} to {most:g}")
+            check_number(name, getattr(self, name), least, most)
 
 
 class OrderFailedError(Exception):
@@ -173,10 +167,10 @@ class Situation:
     def begin_progress(self) -> None:
         """Watch the progress of another order."""
         self._best = (None, math.inf)
-        self.excuse_standstill()
+        self.restart_stall_timer()
 
-    def excuse_standstill(self) -> None:
-        """Count a standstill from now on."""
+    def restart_stall_timer(self) -> None:
+        """Count the time without progress from now on."""
         self._best_since_s = self.now
 
     def expect_progress(self, stage: object, distance: float, *, patience_s: float = 0.0) -> None:
@@ -187,7 +181,7 @@ class Situation:
         """
         if stage != self._best[0] or distance < self._best[1] - _PROGRESS_M:
             self._best = (stage, distance)
-            self.excuse_standstill()
+            self.restart_stall_timer()
         elif self.now - self._best_since_s > self.settings.stall_s + patience_s:
             stalled_s = self.settings.stall_s + patience_s
             raise OrderFailedError(f"no progress for {stalled_s:g} s{self.recent_texts()}")
@@ -210,6 +204,7 @@ class CommandSender:
         self._due_s = -math.inf
         self._tries: Counter[str] = Counter()
         self._answers: dict[str, tuple[int, str]] = {}
+        self._effect_s = -math.inf
         self._speed_tries = 0
         self._speed_due_s = -math.inf
         self._arming_until_s = -math.inf
@@ -235,6 +230,7 @@ class CommandSender:
         command = self._command
         if isinstance(command, CommandLong) and command.command == ack.command:
             refusal = ""
+            self._due_s = max(self._due_s, self._effect_s)
             if ack.command == ARM_DISARM:
                 self.arms = ack.result in (_ACCEPTED, _IN_PROGRESS)
                 if ack.result == _ACCEPTED:
@@ -245,7 +241,7 @@ class CommandSender:
                 patient_s = situation.now + _ACCEPTED_PATIENCE * situation.settings.command_s
                 self._due_s = max(self._due_s, patient_s)
             else:
-                result = _RESULTS.get(ack.result, f"result {ack.result}")
+                result = enum_name("MAV_RESULT", ack.result)
                 refusal = f": {result}{situation.recent_texts()}"
             self._answers[self._purpose] = (ack.result, refusal)
 
@@ -257,7 +253,8 @@ class CommandSender:
         Args:
             command: The command.
             purpose: What it is for; as long as this is the same, it is the same command.
-            takes_s: How long its effect takes at least; sent before that, it would start again.
+            takes_s: How long its effect takes at least; sent before that, it would start again. If
+                it is not answered, it is sent again after half of that.
 
         Raises:
             OrderFailedError: If it was sent often enough, or the vehicle does not know it.
@@ -277,7 +274,10 @@ class CommandSender:
             if self._tries[purpose] >= tries:
                 raise OrderFailedError(f"{purpose}: no effect after {tries} tries{refusal}")
             self._tries[purpose] += 1
-            self._due_s = situation.now + max(settings.command_s, takes_s)
+            # If no answer comes, it or the answer was lost: a vehicle that waits on the ground for
+            # its take-off disarms itself after 10 s.
+            self._due_s = situation.now + max(settings.command_s, takes_s / 2)
+            self._effect_s = situation.now + takes_s
             situation.out.append(command)
             if isinstance(command, CommandLong) and command.command in (ARM_DISARM, MISSION_START):
                 self.arms = True

@@ -19,11 +19,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.mavlink.messages import (
     MISSION_FAULTS,
-    MISSION_RESULTS,
     Address,
     MissionAck,
     MissionItemInt,
     MissionMessage,
+    enum_name,
 )
 
 _MESSAGES = get_args(MissionMessage)
@@ -296,7 +296,7 @@ class Transfer(ABC):
         return []
 
     def _refusal(self, ack: MissionAck) -> Failed:
-        result = MISSION_RESULTS.get(ack.type, "unknown")
+        result = enum_name("MAV_MISSION_RESULT", ack.type, "MAV_MISSION_")
         return Failed(
             "refused",
             f"the vehicle refused the {self.name}: {result} ({ack.type})",

@@ -217,7 +217,7 @@ class VehicleController:
                 if was_silent:
                     self.counts["link_found"] += 1
                     self.modes.require_confirmation()
-                    situation.excuse_standstill()
+                    situation.restart_stall_timer()
                 self.commands.watch_arming()
                 self.modes.watch(before)
             case StatusText(severity, text) if severity <= _CONCERNING:
@@ -364,7 +364,7 @@ class VehicleController:
             self.setpoints.fly_to(state.lat_deg, state.lon_deg, state.alt_m)
         self.modes.await_guided_mode()
         if self._steps is not None:
-            situation.excuse_standstill()
+            situation.restart_stall_timer()
             self._wait(f"setpoints are missing: waiting for {situation.autopilot.guided_mode}")
         self.setpoints.send(under_way=self._steps is not None)
 

@@ -19,6 +19,7 @@ from bridge_rig import (
     SEARCHED,
     UP,
     Bridge,
+    arming_orders,
     autopilots,
     away_m,
     detour_m,
@@ -263,7 +264,6 @@ def test_an_operator_holds_recalls_and_clears_vehicles(rig: Rig) -> None:
         bridge.until(0, custody="cleared", ready="true")
         assert call(rig, SetBool, "drone0/arm", data=True)[0]
         bridge.until(0, arrived="true", cell="0 4")
-        before = take_off_orders(bridge)
         assert call(rig, Trigger, "dsse_bridge/hold") == (True, "ordered to hold: drone0")
         bridge.until(0, custody="held", order="Hold()", status="done")
         sim.joint(UP)
@@ -275,7 +275,7 @@ def test_an_operator_holds_recalls_and_clears_vehicles(rig: Rig) -> None:
         assert state["lost"] == "recalled by the operator: land"
         rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
         assert not call(rig, Trigger, "dsse_bridge/return")[0]
-        assert take_off_orders(bridge) == before
+        assert arming_orders(bridge) == 1
 
 
 def test_without_a_planner_the_vehicles_hold_until_it_goes_on(rig: Rig) -> None:
