@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 from numpy.typing import NDArray
 
@@ -25,11 +25,12 @@ from dsse_ros.bridge.vehicle_custody import Arm, SearchId, VehicleCustody
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import FlyMission
-from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, describe
-from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.mavlink.messages import StatusText
+from dsse_ros.flight.vehicle_controller import Defects, Order, describe
 from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
+
+if TYPE_CHECKING:
+    from dsse_ros.flight.vehicle import Vehicle
 
 QUIET_S = 0.5
 """Wall time without a report after which the last one counts: latched reports come in a burst."""
@@ -40,38 +41,6 @@ _NOT_ENDED = ("under_way", "silent", "done", "failed")
 Level = Literal["debug", "info", "warning", "error"]
 Log = Callable[[Level, str], None]
 T = TypeVar("T")
-
-
-class FlownVehicle(Protocol):
-    """The part of `dsse_ros.flight.vehicle.Vehicle` that the controller needs."""
-
-    @property
-    def system_id(self) -> int:
-        """Its system id."""
-
-    @property
-    def state(self) -> VehicleState:
-        """Its reported state."""
-
-    @property
-    def outcome(self) -> Outcome:
-        """Outcome of the last order."""
-
-    @property
-    def trouble(self) -> str:
-        """What is wrong with its link."""
-
-    def adopt(self, mode: str) -> None:
-        """Take it over from an earlier program, which saw it in this mode."""
-
-    def give(self, order: Order, authority: int = 0) -> int:
-        """Give an order, which replaces any other."""
-
-    def cancel(self) -> int:
-        """Drop the order."""
-
-    def take_texts(self) -> list[StatusText]:
-        """Return its status texts since the last call."""
 
 
 class FleetController:
@@ -94,7 +63,7 @@ class FleetController:
     def __init__(
         self,
         settings: BridgeSettings,
-        vehicles: Sequence[FlownVehicle],
+        vehicles: Sequence[Vehicle],
         records: FlightRecords | None,
         log: Log,
     ) -> None:
@@ -145,7 +114,7 @@ class FleetController:
             if follower.custody.state is not Custody.FREE:
                 log("warning", f"{name}: {_shown(follower)}, from an earlier flight")
 
-    def _each(self) -> list[tuple[str, VehicleFollower, FlownVehicle]]:
+    def _each(self) -> list[tuple[str, VehicleFollower, Vehicle]]:
         return list(zip(self.names, self.followers, self._vehicles, strict=True))
 
     # The search
@@ -298,7 +267,7 @@ class FleetController:
         self._log("warning", f"operator: {text}")
         return bool(done), text
 
-    def _call_off(self, follower: VehicleFollower, vehicle: FlownVehicle) -> None:
+    def _call_off(self, follower: VehicleFollower, vehicle: Vehicle) -> None:
         """Cancel an order that is no longer allowed."""
         custody, outcome = follower.custody.state, vehicle.outcome
         # A completed order may continue as a stream of setpoints, except on the ground.
@@ -416,7 +385,7 @@ class FleetController:
                 who = "a bridge that is started again would not know who has the vehicles"
                 self._log("warning", f"{trouble}; {who}")
 
-    def _give(self, i: int, vehicle: FlownVehicle, order: Order) -> None:
+    def _give(self, i: int, vehicle: Vehicle, order: Order) -> None:
         number = vehicle.give(order, self.followers[i].custody.authority)
         self._log("info", f"{self.names[i]}: order {number}: {shown_order(order)}")
 

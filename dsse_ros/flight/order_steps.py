@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -16,35 +16,26 @@ from dsse_ros.flight.item_messages import mission_messages
 from dsse_ros.flight.setpoints import offset_m
 from dsse_ros.flight.transfer import Failed
 from dsse_ros.flight.upload import VerifiedUpload
-from msg_adapters.mission_items import MissionItem
+from msg_adapters.mission_items import (
+    NAV_LAND,
+    NAV_LOITER_TIME,
+    NAV_RETURN_TO_LAUNCH,
+    NAV_WAYPOINT,
+    MissionItem,
+)
 
 if TYPE_CHECKING:
+    from dsse_ros.flight.orders import FlyMission, MakeReady, TakeOff
     from dsse_ros.flight.vehicle_controller import VehicleController
 
-NAV_WAYPOINT = mavlink.MAV_CMD_NAV_WAYPOINT
-NAV_LOITER_TIME = mavlink.MAV_CMD_NAV_LOITER_TIME
-NAV_DELAY = mavlink.MAV_CMD_NAV_DELAY
-NAV_RETURN_TO_LAUNCH = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
-NAV_LAND = mavlink.MAV_CMD_NAV_LAND
+    ArmingOrder: TypeAlias = MakeReady | TakeOff | FlyMission
 
 STANDING_MPS = 1.0
 NEAR_TOP_M = 3.0
 """How far from its end a climb may be seen to end: positions are late, and altitudes drift."""
 _STAYING_M = 5.0
 _STREAM_FIRST_S = 1.0
-_HOLDING_ITEMS = (NAV_WAYPOINT, NAV_LOITER_TIME, NAV_DELAY)
-
-
-class ArmingOrder(Protocol):
-    """An order to a vehicle on the ground, see `TakeOff`."""
-
-    @property
-    def arm(self) -> bool:
-        """Whether to arm the vehicle."""
-
-    @property
-    def from_modes(self) -> tuple[str, ...]:
-        """Modes that may be changed on the ground, even if a person has set them."""
+_HOLDING_ITEMS = (NAV_WAYPOINT, NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_DELAY)
 
 
 def fly_to(

@@ -13,10 +13,11 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import ClassVar, Protocol, get_args
+from typing import ClassVar, get_args
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.checks import check_number
 from dsse_ros.mavlink.messages import (
     MISSION_FAULTS,
     Address,
@@ -27,7 +28,6 @@ from dsse_ros.mavlink.messages import (
 )
 
 _MESSAGES = get_args(MissionMessage)
-_CANCELLED = mavlink.MAV_MISSION_OPERATION_CANCELLED
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,12 @@ class Timeouts:
 
     def __post_init__(self) -> None:
         for name in ("item_s", "reply_s", "settle_s", "stall_s"):
-            value = getattr(self, name)
-            if not 0 < value <= 3600:
-                raise ValueError(f"{name}: {value!r} is not allowed; above 0 and up to 3600")
+            check_number(name, getattr(self, name), 0, 3600, exclusive=True)
         for name in ("retries", "upload_retries"):
-            value = getattr(self, name)
-            if not 0 <= value <= 1000:
-                raise ValueError(f"{name}: {value!r} is not allowed; 0 to 1000")
+            check_number(name, getattr(self, name), 0, 1000)
+
+
+DEFAULT_TIMEOUTS = Timeouts()
 
 
 @dataclass(frozen=True)
@@ -100,34 +99,6 @@ class Failed:
     changed: bool = False
 
 
-class Exchange(Protocol):
-    """An exchange as the owner of a link drives it: one at a time for each vehicle.
-
-    Attributes:
-        result: None while the exchange is in progress.
-        counts: Messages that had no effect, and other events, by a short key.
-    """
-
-    result: Done | Failed | None
-    counts: Counter[str]
-
-    @property
-    def deadline(self) -> float | None:
-        """Time at which `tick` is due; None if it is not."""
-
-    def start(self, now: float) -> list[MissionMessage]:
-        """Start; returns the messages to send."""
-
-    def receive(self, message: object, sender: Address, now: float) -> list[MissionMessage]:
-        """Process a message from any sender, and never raise; returns the messages to send."""
-
-    def tick(self, now: float) -> list[MissionMessage]:
-        """Process the time; returns the messages to send."""
-
-    def cancel(self, now: float) -> list[MissionMessage]:
-        """Cancel in any state; returns the messages to send. The result may follow later."""
-
-
 class _State(Enum):
     NEW = auto()
     ACTIVE = auto()
@@ -136,16 +107,17 @@ class _State(Enum):
 
 
 class Transfer(ABC):
-    """Base of the exchanges: addresses, retries, attempts and the end; see `Exchange`.
-
-    Attributes:
-        attempts_left: How often it may still start again.
+    """Base of the exchanges, one at a time for each vehicle: retries, attempts and the end.
 
     Args:
         target: The vehicle's autopilot; component 0 stands for all components of its system.
         source: Ourselves.
-        mission_type: MAV_MISSION_TYPE; messages about others are ignored.
         timeouts: Timeouts and retries.
+
+    Attributes:
+        attempts_left: How often it may still start again.
+        result: None while the exchange is in progress.
+        counts: Messages that had no effect, and other events, by a short key.
 
     Raises:
         ValueError: If the target is not a single system: a broadcast would reach all vehicles.
@@ -155,19 +127,12 @@ class Transfer(ABC):
     changes_vehicle: ClassVar[bool]
 
     def __init__(
-        self,
-        target: Address,
-        source: Address,
-        *,
-        mission_type: int = 0,
-        timeouts: Timeouts | None = None,
+        self, target: Address, source: Address, *, timeouts: Timeouts = DEFAULT_TIMEOUTS
     ) -> None:
-        if not 1 <= target.system <= 255:
-            raise ValueError(f"target: system {target.system!r} is not allowed; 1 to 255")
+        check_number("target.system", target.system, 1, 255)
         self.target = target
         self.source = source
-        self.mission_type = mission_type
-        self.timeouts = timeouts or Timeouts()
+        self.timeouts = timeouts
         self.attempts_left = self.timeouts.upload_retries
         self.result: Done | Failed | None = None
         self.counts: Counter[str] = Counter()
@@ -207,7 +172,7 @@ class Transfer(ABC):
         system, component = message.target_system, message.target_component
         if system not in (0, self.source.system) or component not in (0, self.source.component):
             return self._ignore("wrong_target")
-        if message.mission_type != self.mission_type:
+        if message.mission_type != mavlink.MAV_MISSION_TYPE_MISSION:
             return self._ignore("wrong_mission_type")
         if self._state is _State.SETTLING:
             return self._take_late(message, now)
@@ -284,7 +249,7 @@ class Transfer(ABC):
         return []
 
     def _cancellation(self) -> MissionAck:
-        return MissionAck(*self.target, _CANCELLED, self.mission_type)
+        return MissionAck(*self.target, mavlink.MAV_MISSION_OPERATION_CANCELLED)
 
     def _refused(self, ack: MissionAck, now: float) -> list[MissionMessage]:
         """Process a refusal of the first message: the vehicle may only be busy."""

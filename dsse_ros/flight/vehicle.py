@@ -18,6 +18,7 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.checks import check_number
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.vehicle_controller import (
@@ -77,11 +78,9 @@ class VehicleSettings(ControllerSettings):
         super().__post_init__()
         parse_connection(self.connection)
         for name in ("system_id", "component_id", "own_system_id", "own_component_id"):
-            value = getattr(self, name)
-            if not 1 <= value <= 255:
-                raise ValueError(f"{name}: {value!r} is not allowed; 1 to 255")
+            check_number(name, getattr(self, name), 1, 255)
         if self.system_id == self.own_system_id:
-            raise ValueError(f"own_system_id: {self.own_system_id} is the vehicle's")
+            raise ValueError(f"own_system_id must not be the vehicle's, got {self.own_system_id}")
 
 
 @dataclass(frozen=True)
@@ -389,10 +388,11 @@ class Fleet:
     """
 
     def __init__(self, settings: Sequence[VehicleSettings]) -> None:
-        links = Counter(one.connection for one in settings)
-        for connection, number in links.items():
+        for connection, number in Counter(one.connection for one in settings).items():
             if number > 1:
-                raise ValueError(f"connection: {connection!r} is of {number} vehicles; one each")
+                raise ValueError(
+                    f"connection must differ, got {connection!r} for {number} vehicles"
+                )
         self._vehicles = [Vehicle(one) for one in settings]
 
     def __len__(self) -> int:

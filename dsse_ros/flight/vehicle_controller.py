@@ -15,6 +15,7 @@ from typing import ClassVar, Literal, get_args
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.checks import check_number
 from dsse_ros.flight.commands import (
     CommandSender,
     ControllerSettings,
@@ -24,7 +25,7 @@ from dsse_ros.flight.commands import (
 )
 from dsse_ros.flight.mode_watch import ModeWatch
 from dsse_ros.flight.setpoints import SetpointStreamer
-from dsse_ros.flight.transfer import Exchange
+from dsse_ros.flight.upload import VerifiedUpload
 from dsse_ros.flight.vehicle_state import MessageRequests, VehicleState, observe, without_link
 from dsse_ros.mavlink.messages import (
     Address,
@@ -114,15 +115,14 @@ class VehicleController:
     """
 
     def __init__(self, target: Address, source: Address, settings: ControllerSettings) -> None:
-        if not 1 <= target.system <= 255:
-            raise ValueError(f"target: system {target.system!r} is not allowed; 1 to 255")
+        check_number("target.system", target.system, 1, 255)
         self.counts: Counter[str] = Counter()
         self.source = source
         self.situation = Situation(target, settings)
         self.commands = CommandSender(self.situation)
         self.setpoints = SetpointStreamer(self.situation)
         self.modes = ModeWatch(self.situation, self.commands, self.counts)
-        self.exchange: Exchange | None = None
+        self.exchange: VerifiedUpload | None = None
         self._requests = MessageRequests(target, self.situation.autopilot, settings.position_hz)
         self._steps: Iterator[str] | None = None
         self._outcome = Outcome()

@@ -197,5 +197,5 @@ def _is_position(lat_e7: int, lon_e7: int, alt_m: float) -> bool:
 
 def _degrees_e7(name: str, degrees: float) -> int:
     if not abs(degrees) <= 180:
-        raise ValueError(f"{name}: {degrees!r} is not allowed; -180 to 180")
+        raise ValueError(f"{name} must be -180 to 180, got {degrees!r}")
     return round(degrees * 1e7)

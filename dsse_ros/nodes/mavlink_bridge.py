@@ -127,7 +127,7 @@ class BridgeNode(AlarmNode):
             raise FieldError(str(error)) from None
         except OSError as error:
             raise FieldError(
-                f"state_directory: {str(error.filename)!r} is not allowed; {error.strerror}"
+                f"state_directory must be writable, got {str(error.filename)!r}: {error.strerror}"
             ) from None
         for path in records.unreadable:
             self.get_logger().error(
@@ -258,7 +258,7 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
         )
     except (OSError, ValueError) as error:
         # A vehicle has one connection, but the parameter has those of all vehicles.
-        text = re.sub("^connection: ", "connections: ", str(error))
+        text = re.sub("^connection ", "connections ", str(error))
         raise FieldError(text) from None
 
 

@@ -839,8 +839,8 @@ def test_what_is_wrong_with_the_link_is_reported_of_who_is_lost() -> None:
         (replace(ON_GROUND, ready=False), "not ready within 3 s: PreArm: Compass not healthy"),
         (
             replace(ON_GROUND, lat_deg=-35.0),
-            "no take-off within 3 s: take-off: (-35.0000000, -45.9990000) is not allowed; "
-            "within 500 m of the search area",
+            "no take-off within 3 s: take-off: place must be within 500 m of the search area, got "
+            "(-35.0000000, -45.9990000)",
         ),
     ],
 )

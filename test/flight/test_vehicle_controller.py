@@ -853,7 +853,7 @@ def test_no_message_makes_the_controller_raise_or_end_an_order() -> None:
 
 def test_the_target_is_one_vehicle() -> None:
     for system in (0, 256):
-        with pytest.raises(ValueError, match="not allowed"):
+        with pytest.raises(ValueError, match="must be 1 to 255, got "):
             VehicleController(Address(system, 1), OURSELVES, ControllerSettings())
 
 
