@@ -19,7 +19,7 @@ from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
 from dsse_ros.bridge.flight_records import FlightRecords
-from dsse_ros.bridge.followed_search import FollowedSearch, News
+from dsse_ros.bridge.followed_search import FollowedSearch, News, SearchListener
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import Arm, SearchId, VehicleCustody
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
@@ -32,18 +32,20 @@ from msg_adapters.agents import AgentsInfo
 if TYPE_CHECKING:
     from dsse_ros.flight.vehicle import Vehicle
 
+Level = Literal["debug", "info", "warning", "error"]
 QUIET_S = 0.5
 """Wall time without a report after which the last one counts: latched reports come in a burst."""
 _DRAINED_S = 10.0
 """Wall time after which the last report counts even if more come."""
+_NEWS: tuple[tuple[Level, str], ...] = (("error", " is lost"), ("warning", ""), ("info", " waits"))
+"""How a vehicle's reasons are logged: why it is lost, refused, blocked."""
 _NOT_ENDED = ("under_way", "silent", "done", "failed")
 
-Level = Literal["debug", "info", "warning", "error"]
 Log = Callable[[Level, str], None]
 T = TypeVar("T")
 
 
-class FleetController:
+class FleetController(SearchListener):
     """Follows one search after the other with the same vehicles.
 
     Args:
@@ -108,7 +110,7 @@ class FleetController:
         self._idle_s: float | None = None
         self._record_trouble = ""
         self._defects = [Defects(name) for name in self.names]
-        # For each vehicle, the last logged reasons: why it is lost, refused, blocked.
+        # For each vehicle, the last logged reasons: see `_NEWS`.
         self._logged = [("", "", "")] * len(vehicles)
         for name, follower, _ in self._each():
             if follower.custody.state is not Custody.FREE:
@@ -119,21 +121,10 @@ class FleetController:
 
     # The search
 
-    def take_agents(self, info: AgentsInfo, now_s: float) -> None:
-        """Take an `agents` message: the mission and its drones."""
-        self.search.take_agents(info)
-        self._follow_search(now_s)
-
     def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
         """Take the report (N,) of a step, with its stamp."""
         self._report_s = now_s
-        self.search.take_report(stamp_ns, report)
-        self._follow_search(now_s)
-
-    def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
-        self.search.take_mission_report(stamp_ns, report)
-        self._follow_search(now_s)
+        super().take_report(stamp_ns, report, now_s)
 
     def set_publishers(self, count: int) -> bool:
         """Take the number of nodes that publish `step_report`; returns whether it has changed.
@@ -144,7 +135,7 @@ class FleetController:
         changed = count != self._publishers
         self._publishers = count
         if changed:
-            self.search.doubt()
+            self.search.require_agents()
         return changed
 
     @property
@@ -167,8 +158,8 @@ class FleetController:
                 return f"{name} is in the air for run {run_id}: another one waits until it is down"
         return ""
 
-    def _follow_search(self, now_s: float) -> None:
-        """Handle the news of the search."""
+    def handle_news(self, now_s: float) -> None:
+        """See `SearchListener`."""
         search, self._now_s = self.search, now_s
         while (news := search.next_news(now_s)) is not None:
             assert search.info is not None
@@ -283,7 +274,7 @@ class FleetController:
 
     def turn(self, now_s: float) -> None:
         """Give the vehicles the orders that are due."""
-        self._follow_search(now_s)
+        self.handle_news(now_s)
         if self._begun_s is not None and not self._drained:
             quiet = now_s - max(self._begun_s, self._report_s) >= QUIET_S
             self._drained = quiet or now_s - self._begun_s >= _DRAINED_S
@@ -429,14 +420,11 @@ class FleetController:
         name, follower = self.names[i], self.followers[i]
         if follower.custody.state is not before:
             self._log("info", f"{name}: {before.value} -> {_shown(follower)}")
-        lost, refused, blocked = self._logged[i]
-        if follower.lost and follower.lost != lost:
-            self._log("error", f"{name} is lost: {follower.lost}")
-        if follower.refused and follower.refused != refused:
-            self._log("warning", f"{name}: {follower.refused}")
-        if follower.blocked and follower.blocked != blocked:
-            self._log("info", f"{name} waits: {follower.blocked}")
-        self._logged[i] = (follower.lost, follower.refused, follower.blocked)
+        reasons = (follower.lost, follower.refused, follower.blocked)
+        for (level, what), reason, logged in zip(_NEWS, reasons, self._logged[i], strict=True):
+            if reason and reason != logged:
+                self._log(level, f"{name}{what}: {reason}")
+        self._logged[i] = reasons
         for text in self._vehicles[i].take_texts():
             self._log("info", f"{name}: STATUSTEXT {text.text}")
 

@@ -76,8 +76,8 @@ class Autopilot:
         setpoint_rate_hz: Rate of setpoints that it needs at least, in its own time.
         paced_setpoints: Whether it ignores MAV_CMD_DO_CHANGE_SPEED in `guided_mode`, so that a
             speed is flown by setpoints that move.
-        setpoints_amsl: Whether the altitude of setpoints is to be above mean sea level.
-        take_off_amsl: Whether MAV_CMD_NAV_TAKEOFF has its altitude above mean sea level.
+        altitudes_amsl: Whether setpoints and MAV_CMD_NAV_TAKEOFF have altitudes above mean sea
+            level; if not, above home.
         unchanged: Parameter of MAV_CMD_NAV_TAKEOFF that leaves place and yaw as they are.
         missions_by_command: Whether MAV_CMD_MISSION_START starts a mission on the ground. If not,
             `mission_mode` does.
@@ -111,8 +111,7 @@ class Autopilot:
     setpoint_loss_modes: frozenset[str] = _NO_MODES
     setpoint_rate_hz: float = 0.0
     paced_setpoints: bool
-    setpoints_amsl: bool
-    take_off_amsl: bool
+    altitudes_amsl: bool
     unchanged: float
     missions_by_command: bool
     keeps_item_radius: bool
@@ -167,7 +166,7 @@ class Autopilot:
             alt_m: Altitude above home.
             home_amsl_m: Altitude of home above mean sea level.
         """
-        altitude_m = home_amsl_m + alt_m if self.take_off_amsl else alt_m
+        altitude_m = home_amsl_m + alt_m if self.altitudes_amsl else alt_m
         return (0.0, 0.0, 0.0, self.unchanged, self.unchanged, self.unchanged, altitude_m)
 
     def connections(self, number: int) -> list[str]:
@@ -201,8 +200,7 @@ ARDUPILOT = Autopilot(
     mode_is_checked=False,
     streams_setpoints=False,
     paced_setpoints=False,
-    setpoints_amsl=False,
-    take_off_amsl=False,
+    altitudes_amsl=False,
     unchanged=0.0,
     missions_by_command=True,
     keeps_item_radius=False,
@@ -267,8 +265,7 @@ PX4 = Autopilot(
     setpoint_rate_hz=2.0,
     paced_setpoints=True,
     # Above home it takes them with the wrong sign for home's height over the estimate's origin.
-    setpoints_amsl=True,
-    take_off_amsl=True,
+    altitudes_amsl=True,
     unchanged=math.nan,
     missions_by_command=False,
     keeps_item_radius=True,

@@ -33,7 +33,7 @@ class ModeWatch:
 
     Attributes:
         allowed: Modes that our orders bring about; None before the first one.
-        yielded: Whether the vehicle was left to somebody else; nothing is sent then.
+        given_up: Whether somebody else has the vehicle; nothing is sent then.
     """
 
     def __init__(self, situation: Situation, commands: CommandSender, counts: Counter[str]) -> None:
@@ -41,7 +41,7 @@ class ModeWatch:
         self._commands = commands
         self._counts = counts
         self.allowed: frozenset[str] | None = None
-        self.yielded = False
+        self.given_up = False
         # Modes that orders have brought about, in which it was found before not included.
         self._ours: set[str] = set()
         self._announced: dict[str, float] = {}
@@ -134,20 +134,20 @@ class ModeWatch:
     def give_up(self) -> None:
         """Leave the vehicle to those who have set its mode."""
         self.allow_any()
-        self.yielded = True
+        self.given_up = True
         self._announced.clear()
         self._ours.clear()
         self.end_setpoint_loss()
 
     def resume(self) -> None:
         """Take the vehicle back, as a person has allowed it."""
-        self.yielded, self._unconfirmed = False, 0
+        self.given_up, self._unconfirmed = False, 0
         self.allow_any()
 
     @property
     def confirmed(self) -> bool:
         """Whether the mode of the last heartbeats is one in which something may be sent."""
-        return not (self.yielded or self._foreign or self._unconfirmed)
+        return not (self.given_up or self._foreign or self._unconfirmed)
 
     @property
     def streams_unconfirmed(self) -> bool:
@@ -157,7 +157,7 @@ class ModeWatch:
         """
         autopilot = self._situation.autopilot
         guided = autopilot.streams_setpoints and self._mode == autopilot.guided_mode
-        return guided and not (self.yielded or self._foreign)
+        return guided and not (self.given_up or self._foreign)
 
     def require_confirmation(self) -> None:
         """Send nothing until heartbeats have confirmed the mode: it may be about to change."""
@@ -187,7 +187,7 @@ class ModeWatch:
         self.end_setpoint_loss()
         if before.armed and not state.armed:
             self._disarmed_s = situation.now
-        if self.yielded or self.allowed is None or mode in self.allowed:
+        if self.given_up or self.allowed is None or mode in self.allowed:
             self._foreign = False
             return
         just_disarmed = situation.now - self._disarmed_s < autopilot.disarming_s
@@ -227,7 +227,7 @@ class ModeWatch:
         missed = (
             wanted
             and (confirmed or self.lacks_setpoints)
-            and not self.yielded
+            and not self.given_up
             and state.flying
             and state.alt_m >= situation.settings.recovery_alt_m
             and state.mode in autopilot.setpoint_loss_modes

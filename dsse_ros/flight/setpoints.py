@@ -138,7 +138,7 @@ class SetpointStreamer:
                 if self._paced is None or self._paced.target != target:
                     self._paced = PacedSetpoint(target, speed_mps, place, state.boot_s)
                 target = self._paced.advance(place, state.boot_s)
-        if not self._autopilot.setpoints_amsl:
+        if not self._autopilot.altitudes_amsl:
             return target
         # PX4 moves its home by up to a metre in the first minutes of a flight: hence the mean.
         home_m = state.alt_amsl_m - state.alt_m

@@ -350,32 +350,23 @@ def difference(
     if len(sent) != len(read):
         return f"{len(sent)} items were sent, {len(read)} read back"
     for wanted, item in list(zip(sent, read, strict=True))[autopilot.first_item :]:
-        for name, value, other, most in _pairs(wanted, item, autopilot):
+        for name, most in _tolerances(wanted, autopilot).items():
+            value, other = getattr(wanted, name), getattr(item, name)
+            if name == "frame":
+                # Autopilots return either of two equivalent frames.
+                value, other = (INTEGER_FRAMES.get(frame, frame) for frame in (value, other))
             # A NaN that comes back instead of a number is a difference.
             if not abs(value - other) <= most:
                 return f"item {wanted.seq}: {name} {value} was sent, {other} read back"
     return None
 
 
-def _pairs(
-    sent: MissionItemInt, read: MissionItemInt, autopilot: Autopilot
-) -> list[tuple[str, float, float, float]]:
-    """Return name, value sent, value read and greatest difference of the fields to compare."""
-    pairs: list[tuple[str, float, float, float]] = [
-        ("seq", sent.seq, read.seq, 0),
-        ("command", sent.command, read.command, 0),
-    ]
+def _tolerances(sent: MissionItemInt, autopilot: Autopilot) -> dict[str, float]:
+    """Return the fields of an item to compare, and how far what is read back may differ."""
+    tolerances: dict[str, float] = {"seq": 0, "command": 0}
     for name in ("param1", "param2", "param3", "param4"):
-        value = getattr(sent, name)
-        if not math.isnan(value):
-            pairs.append((name, value, getattr(read, name), autopilot.parameter_tolerance))
+        if not math.isnan(getattr(sent, name)):
+            tolerances[name] = autopilot.parameter_tolerance
     if sent.frame != FRAME_MISSION and sent.command != NAV_RETURN_TO_LAUNCH:
-        # Autopilots return either of two equivalent frames.
-        frames = (INTEGER_FRAMES.get(frame, frame) for frame in (sent.frame, read.frame))
-        pairs += [
-            ("frame", *frames, 0),
-            ("x", sent.x, read.x, _MAX_DEGREES),
-            ("y", sent.y, read.y, _MAX_DEGREES),
-            ("z", sent.z, read.z, _MAX_ALTITUDE_M),
-        ]
-    return pairs
+        tolerances |= {"frame": 0, "x": _MAX_DEGREES, "y": _MAX_DEGREES, "z": _MAX_ALTITUDE_M}
+    return tolerances

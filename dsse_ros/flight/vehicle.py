@@ -11,7 +11,7 @@ import socket
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -57,9 +57,7 @@ class VehicleSettings(ControllerSettings):
     Attributes:
         connection: As pymavlink has it: see `link.parse_connection`.
         system_id: The vehicle's.
-        component_id: Its autopilot's.
         own_system_id: Ours.
-        own_component_id: Ours; 191 is an on-board computer.
         signing_key_file: 32 bytes or 64 hexadecimal digits that nobody else can read; empty to
             leave messages unsigned. The time of the last signature is kept beside it.
 
@@ -69,16 +67,14 @@ class VehicleSettings(ControllerSettings):
 
     connection: str
     system_id: int = 1
-    component_id: int = 1
     own_system_id: int = 245
-    own_component_id: int = 191
     signing_key_file: str = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         parse_connection(self.connection)
-        for name in ("system_id", "component_id", "own_system_id", "own_component_id"):
-            check_number(name, getattr(self, name), 1, 255)
+        check_number("system_id", self.system_id, 1, 255)
+        check_number("own_system_id", self.own_system_id, 1, 255)
         if self.system_id == self.own_system_id:
             raise ValueError(f"own_system_id must not be the vehicle's, got {self.own_system_id}")
 
@@ -115,8 +111,8 @@ class Vehicle:
 
     def __init__(self, settings: VehicleSettings) -> None:
         self.settings = settings
-        target = Address(settings.system_id, settings.component_id)
-        source = Address(settings.own_system_id, settings.own_component_id)
+        target = Address(settings.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
+        source = Address(settings.own_system_id, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
         key, clock = None, None
         if settings.signing_key_file:
             file = Path(settings.signing_key_file)
@@ -377,8 +373,8 @@ class Vehicle:
         self._outbox.clear()
 
 
-class Fleet:
-    """Vehicles by index, which start and close together; one that fails does not stop others.
+class Fleet(list[Vehicle]):
+    """Vehicles, which start and close together; one that fails does not stop others.
 
     Args:
         settings: One for each vehicle.
@@ -393,33 +389,17 @@ class Fleet:
                 raise ValueError(
                     f"connection must differ, got {connection!r} for {number} vehicles"
                 )
-        self._vehicles = [Vehicle(one) for one in settings]
-
-    def __len__(self) -> int:
-        return len(self._vehicles)
-
-    def __getitem__(self, index: int) -> Vehicle:
-        return self._vehicles[index]
-
-    def __iter__(self) -> Iterator[Vehicle]:
-        return iter(self._vehicles)
+        super().__init__(Vehicle(one) for one in settings)
 
     def start(self) -> None:
         """Start them all."""
-        for vehicle in self._vehicles:
+        for vehicle in self:
             vehicle.start()
 
     def close(self) -> None:
         """Close them all, in the time of one."""
-        for vehicle in self._vehicles:
+        for vehicle in self:
             vehicle.stop()
         end_s = time.monotonic() + CLOSE_S
-        for vehicle in self._vehicles:
+        for vehicle in self:
             vehicle.join(max(0.0, end_s - time.monotonic()))
-
-    def __enter__(self) -> Fleet:
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

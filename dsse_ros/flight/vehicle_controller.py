@@ -175,7 +175,7 @@ class VehicleController:
             self._outcome = replace(self._outcome, status=lost, reason=self._elsewhere())
             return
         self._authority = authority
-        if self.modes.yielded:
+        if self.modes.given_up:
             self.modes.resume()
         self._drop_order()
         to_setpoints = order.flies_to_setpoints
@@ -246,8 +246,10 @@ class VehicleController:
             has_setpoint = self.setpoints.target is not None
             state = situation.state
             waits = self._steps is not None
-            reticent = waits and not (state.ready or state.armed or state.unready)
-            situation.out += self._requests.due(now, has_setpoint=has_setpoint, reticent=reticent)
+            unexplained = waits and not (state.ready or state.armed or state.unready)
+            situation.out += self._requests.due(
+                now, has_setpoint=has_setpoint, unexplained=unexplained
+            )
 
     def hand_over(self, hold: Order, now: float) -> list[Outgoing]:
         """Have a vehicle that flies to our setpoints hold by itself; returns what to send.

@@ -155,7 +155,6 @@ _POSITION = (
     | mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 )
-_PARAMETERS = 7
 
 
 def enum_name(enum: str, number: int, prefix: str = "") -> str:
@@ -174,7 +173,7 @@ def enum_name(enum: str, number: int, prefix: str = "") -> str:
 
 def command_long(target: Address, command: int, *parameters: float) -> mavlink.MAVLink_message:
     """Return a COMMAND_LONG; parameters that are not given are 0."""
-    missing = (0.0,) * (_PARAMETERS - len(parameters))
+    missing = (0.0,) * (7 - len(parameters))
     return CommandLong(*target, command, 0, *parameters, *missing)
 
 
