@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to a vehicle, sent again until their effect is seen.
+"""Commands to a vehicle, repeated until their effect is seen.
 
-An acknowledgement proves nothing: an autopilot may acknowledge a command and forget it, and loses
-all of them when it restarts.
+An acknowledgement proves nothing: an autopilot may acknowledge a command and forget it, and it
+forgets all commands when it restarts.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ _FINAL_RESULTS = frozenset({mavlink.MAV_RESULT_UNSUPPORTED, mavlink.MAV_RESULT_C
 """Results that are the same however often a command is sent."""
 _DENIED_TRIES = 3
 _OVERTAKEN_S = 1.5
-"""Time by which a heartbeat may come later than a reply that was sent after it."""
+"""How much later a heartbeat may arrive than a reply that was sent after it."""
 _ACCEPTED_PATIENCE = 3.0
 _GROUND_SPEED = float(mavlink.SPEED_TYPE_GROUNDSPEED)
 _THROTTLE_UNCHANGED = -1.0
 _SPEED_TRIES = 5
 EFFECT_S = 3.0
-"""Until a command shows in a heartbeat, even if it was delayed and a heartbeat lost."""
+"""Time until a heartbeat shows a command, even if it was delayed and a heartbeat was lost."""
 _TEXTS_S = 5.0
-"""Status texts that explain a refusal come that shortly before or after it."""
+"""Time before or after a refusal in which status texts explain it."""
 _PROGRESS_M = 0.5
 
 
@@ -55,16 +55,16 @@ class ControllerSettings:
     """How a vehicle is flown; times are our wall time unless stated otherwise.
 
     Attributes:
-        autopilot: Which autopilot it has, by its name in `AUTOPILOTS`.
-        speed_mps: Speed over ground to ask for, 0 for the vehicle's own.
-        alt_tolerance_m: Difference in altitude at which the vehicle is there.
+        autopilot: Name of its autopilot in `AUTOPILOTS`.
+        speed_mps: Ground speed to request, 0 for the vehicle's own.
+        alt_tolerance_m: Difference in altitude at which the vehicle has arrived.
         recovery_alt_m: Altitude above home below which a vehicle that has left its guided mode for
             lack of setpoints is left to land.
-        position_hz: How often to ask for positions, in the vehicle's time.
+        position_hz: Rate of positions to request, in the vehicle's time.
         setpoint_hz: Rate of setpoints, where they are streamed.
         link_timeout_s: Time without a heartbeat after which the vehicle is silent.
-        command_s: Time after which a command is sent again that has had no effect.
-        command_tries: How often it is sent for one order before that fails.
+        command_s: Time after which a command without an effect is sent again.
+        command_tries: How often a command is sent before its order fails.
         stall_s: How long an order may make no progress.
         transfer: Time-outs of a mission upload.
 
@@ -116,10 +116,10 @@ class OrderFailedError(Exception):
 
 
 class TakenOverError(Exception):
-    """Somebody else, or a failsafe, has the vehicle.
+    """Another person, or a failsafe, has the vehicle.
 
     Args:
-        what: What shows it; empty for a mode that we have not set.
+        what: The sign of it; empty for a mode that we have not set.
     """
 
     def __init__(self, what: str = "") -> None:
@@ -128,7 +128,7 @@ class TakenOverError(Exception):
 
 @dataclass
 class Situation:
-    """What the parts of a controller share.
+    """State that the parts of a controller share.
 
     Attributes:
         target: The vehicle's autopilot.
@@ -160,12 +160,12 @@ class Situation:
         self._texts.append((self.now, text))
 
     def recent_texts(self) -> str:
-        """Return the latest status texts in brackets, to be put behind a reason."""
+        """Return the latest status texts in brackets, to append to a reason."""
         texts = [text for time_s, text in self._texts if self.now - time_s <= _TEXTS_S]
         return f" ({'; '.join(texts)})" if texts else ""
 
     def begin_progress(self) -> None:
-        """Watch the progress of another order."""
+        """Begin to watch the progress of an order."""
         self._best = (None, math.inf)
         self.restart_stall_timer()
 
@@ -174,10 +174,10 @@ class Situation:
         self._best_since_s = self.now
 
     def expect_progress(self, stage: object, distance: float, *, patience_s: float = 0.0) -> None:
-        """Watch that a distance shrinks as long as the stage is the same.
+        """Check that a distance shrinks while the stage stays the same.
 
         Raises:
-            OrderFailedError: If it has not for too long.
+            OrderFailedError: If it has not shrunk for too long.
         """
         if stage != self._best[0] or distance < self._best[1] - _PROGRESS_M:
             self._best = (stage, distance)
@@ -188,13 +188,13 @@ class Situation:
 
 
 class CommandSender:
-    """Sends commands again and again until they have an effect.
+    """Repeats commands until they have an effect.
 
     Args:
         situation: Of the vehicle.
 
     Attributes:
-        arms: Whether the vehicle is armed, if it is, because it was commanded to.
+        arms: Whether our command has armed the vehicle, if it is armed.
     """
 
     def __init__(self, situation: Situation) -> None:
@@ -223,7 +223,7 @@ class CommandSender:
         self._speed_tries = _SPEED_TRIES if self._situation.settings.speed_mps > 0 else 0
 
     def acknowledged(self, ack: CommandAck) -> None:
-        """Take a COMMAND_ACK: it may explain why there is no effect."""
+        """Handle a COMMAND_ACK, which may explain why there is no effect."""
         situation = self._situation
         if ack.command == DO_CHANGE_SPEED and ack.result in (_ACCEPTED, *_FINAL_RESULTS):
             self._speed_tries = 0
@@ -237,7 +237,7 @@ class CommandSender:
                     self._heartbeats_since_arming = 0
                     self._armed_s = situation.now
             if ack.result in (_ACCEPTED, _IN_PROGRESS):
-                # It takes a while until that shows.
+                # The effect takes a while to show.
                 patient_s = situation.now + _ACCEPTED_PATIENCE * situation.settings.command_s
                 self._due_s = max(self._due_s, patient_s)
             else:
@@ -248,16 +248,16 @@ class CommandSender:
     def send(
         self, command: CommandLong | MissionSetCurrent, purpose: str, *, takes_s: float = 0.0
     ) -> str:
-        """Send a command if it is time, and return what is being waited for.
+        """Send a command if it is due, and return what it is waiting for.
 
         Args:
             command: The command.
-            purpose: What it is for; as long as this is the same, it is the same command.
+            purpose: What it is for; the same purpose means the same command.
             takes_s: How long its effect takes at least; sent before that, it would start again. If
                 it is not answered, it is sent again after half of that.
 
         Raises:
-            OrderFailedError: If it was sent often enough, or the vehicle does not know it.
+            OrderFailedError: If all tries are used, or the vehicle does not support it.
         """
         situation, settings = self._situation, self._situation.settings
         if purpose != self._purpose:
@@ -290,7 +290,7 @@ class CommandSender:
         return self.send(command, purpose, takes_s=takes_s)
 
     def watch_arming(self) -> None:
-        """Take a heartbeat: is the vehicle armed?"""
+        """Handle a heartbeat, which shows whether the vehicle is armed."""
         if self._situation.state.armed:
             self._was_armed = True
             return
@@ -302,10 +302,10 @@ class CommandSender:
 
     @property
     def disarmed_again(self) -> bool:
-        """Whether it was armed during this order and is not any more.
+        """Whether it was armed during this order and no longer is.
 
-        Once it has accepted to be armed, two heartbeats without the flag show that, or one that
-        cannot be from before.
+        After it has accepted the command to arm, two heartbeats without the flag show that, or one
+        that cannot be from before.
         """
         if self._situation.state.armed:
             return False
@@ -313,11 +313,11 @@ class CommandSender:
 
     @property
     def arming(self) -> bool:
-        """Whether it was commanded to arm so lately that its heartbeat need not show it yet."""
+        """Whether it was commanded to arm so recently that its heartbeat may not show it yet."""
         return self._situation.now < self._arming_until_s
 
     def request_speed(self) -> None:
-        """Ask for the speed; that a vehicle flies faster or slower is no failure."""
+        """Request the speed; a vehicle that flies at another one has not failed."""
         situation = self._situation
         due = self._speed_tries > 0 and situation.now >= self._speed_due_s
         if due and situation.state.flying:

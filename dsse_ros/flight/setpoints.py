@@ -131,7 +131,7 @@ class SetpointStreamer:
         place = (state.lat_deg, state.lon_deg)
         if speed_mps > 0 and self._autopilot.paced_setpoints:
             if state.mode != self._autopilot.guided_mode:
-                # It stays where it is until it is seen to follow setpoints.
+                # Hold its position until its mode shows that it follows setpoints.
                 self._paced = None
                 target = replace(target, lat_deg=state.lat_deg, lon_deg=state.lon_deg)
             else:
@@ -161,7 +161,8 @@ class PacedSetpoint:
     """
 
     _LEAD_S = 1.0
-    """Greatest lead over the vehicle: more than its position is old, less than makes it run."""
+    """Greatest lead: longer than the age of the position, short enough not to make the vehicle
+    accelerate."""
     _APPROACH_S = 1.0
     """Time before the end at which the vehicle gets the end itself, where it stops by itself."""
 

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Vehicles, each with a link, a controller and the thread that runs both."""
+"""Vehicles, each with a link, a controller and a thread that runs both."""
 
 from __future__ import annotations
 
@@ -85,9 +85,9 @@ class VehicleSnapshot:
 
     Attributes:
         state: What the vehicle reports.
-        outcome: What has become of the latest order that its controller has.
+        outcome: Outcome of the latest order that its controller has.
         trouble: What is wrong with the link, or with signatures; empty if nothing.
-        counts: How often what happened; see `Vehicle.counts`.
+        counts: Number of events; see `Vehicle.counts`.
     """
 
     state: VehicleState
@@ -103,7 +103,7 @@ class Vehicle:
     and read the snapshot that it publishes.
 
     Args:
-        settings: See there.
+        settings: How to reach the vehicle and how to fly it.
 
     Raises:
         ValueError: If there is no key in the key file.
@@ -204,7 +204,7 @@ class Vehicle:
 
     @property
     def outcome(self) -> Outcome:
-        """What has become of the order given last."""
+        """Outcome of the latest order."""
         outcome, given = self._snapshot.outcome, self._given
         return given if given.number > outcome.number else outcome
 
@@ -215,7 +215,7 @@ class Vehicle:
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """How often what happened, by a short key; 0 for one that is not there.
+        """Number of events, by a short key; 0 for a missing one.
 
         Of what came: `accepted`, `bad_data`, `invalid`, `wrong_sender`, `wrong_address`,
         `not_needed`, `unsigned` and `forged`. Of us: `heartbeats` sent, `heartbeats_missed`,
@@ -284,7 +284,7 @@ class Vehicle:
         except OSError as error:
             self._drop(error)
         except Exception as error:
-            # A vehicle whose messages are not understood still needs its heartbeats.
+            # The vehicle needs heartbeats even if we fail on its messages.
             self._counts["errors"] += 1
             self._defects.log(error)
             time.sleep(_AFTER_ERROR_S)
@@ -295,12 +295,12 @@ class Vehicle:
         state = self._controller.state
         trouble = self._trouble or (self._clock.trouble if self._clock else "")
         if not trouble and not (self._clock and state.connected):
-            # Bad signatures of others do no harm as long as the vehicle's own are good.
+            # Bad signatures of others are harmless while the vehicle's own are good.
             trouble = self._codec.trouble
         return VehicleSnapshot(state, self._controller.outcome, trouble, MappingProxyType(counts))
 
     def _turn(self) -> None:
-        """Wait for what comes next, and deal with it."""
+        """Wait for the next event, and handle it."""
         now = time.monotonic()
         if not self._up and now >= self._reopen_s:
             self._reopen_s = now + _REOPEN_S
@@ -312,7 +312,7 @@ class Vehicle:
         ready = self._wait(max(0.0, due_s - now) if not self._outbox else 0.0)
         now = time.monotonic()
         if now >= self._heartbeat_s:
-            # At an even pace, but not one for each that was missed.
+            # Keep an even pace without catching up on missed ones.
             if self._counts["heartbeats"]:
                 late_s = now - self._heartbeat_s
                 self._counts["heartbeats_missed"] += int(late_s / _HEARTBEAT_S)

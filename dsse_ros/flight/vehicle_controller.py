@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Carries out the orders to one vehicle, without a link and a clock: both are its caller's."""
+"""Carries out the orders to one vehicle; the caller has the link and the clock."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ Status = Literal["idle", "under_way", "done", "failed", "taken_over", "failsafe"
 _MISSION_MESSAGES = get_args(MissionMessage)
 _TICK_S = 0.2
 _CONCERNING = mavlink.MAV_SEVERITY_NOTICE
-"""The mere information of other texts says nothing about why something went wrong."""
+"""Texts that are less severe do not explain failures."""
 _logger = logging.getLogger(__name__)
 
 
 class Order(ABC):
-    """What a vehicle can be ordered to do: see `orders`.
+    """An order to a vehicle: see `orders`.
 
     Attributes:
         finishes_alone: Whether an autopilot in its guided mode finishes it without us.
@@ -70,7 +70,7 @@ class Order(ABC):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What has become of the latest order.
+    """The outcome of the latest order.
 
     Attributes:
         order: The order, None if there was none.
@@ -91,7 +91,7 @@ class Outcome:
 
 
 class VehicleController:
-    """Flies one vehicle, one order at a time, of which the latest counts.
+    """Flies one vehicle, one order at a time; a new order replaces the last one.
 
     Its caller passes only messages of the vehicle, and sends the heartbeats. No defect of ours
     makes it raise: the order fails, with the reason.
@@ -139,7 +139,7 @@ class VehicleController:
 
     @property
     def outcome(self) -> Outcome:
-        """What has become of the latest order."""
+        """The outcome of the latest order."""
         if self._silent:
             silence = f"no heartbeat for {self.situation.settings.link_timeout_s:g} s"
             return replace(self._outcome, status="silent", reason=silence)
@@ -274,7 +274,7 @@ class VehicleController:
 
     @property
     def handing_over(self) -> bool:
-        """Whether it is still to be seen that the vehicle holds, after `hand_over`."""
+        """Whether, after `hand_over`, the vehicle does not hold yet."""
         if not (self._handing_over and self._may_act and self._outcome.status == "under_way"):
             return False
         streams = self.situation.autopilot.streams_setpoints
@@ -289,11 +289,11 @@ class VehicleController:
     def _silent(self) -> bool:
         return bool(self.state.mode) and not self.state.connected
 
-    def _guarded(self, now: float, happen: Callable[[], None]) -> list[Outgoing]:
-        """Let something happen, go on with the order, and return what is to be sent."""
+    def _guarded(self, now: float, handle: Callable[[], None]) -> list[Outgoing]:
+        """Handle an event, continue the order, and return what to send."""
         self.situation.now = now
         try:
-            happen()
+            handle()
             if self._may_act:
                 self._advance()
         except OrderFailedError as error:

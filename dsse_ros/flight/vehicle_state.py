@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle reports, put together from its messages, and the requests for these."""
+"""The state that a vehicle reports in its messages, and the requests for these."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _SENSORS = {
     mavlink.MAV_SYS_STATUS_SENSOR_GPS: "gps",
     mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS: "motors",
 }
-"""What may be the cause of a failsafe, by the bit of SYS_STATUS that reports it unhealthy."""
+"""Possible causes of a failsafe, by the bit of SYS_STATUS that reports them unhealthy."""
 _NO_FIX = mavlink.GPS_FIX_TYPE_2D_FIX
 """GPS_FIX_TYPE up to which no altitude is known."""
 _FAILSAFE_TEXTS = (
@@ -145,7 +145,7 @@ class VehicleState:
     boot_s: float = math.nan
     heard_s: float = -math.inf
     position_s: float = -math.inf
-    # What some of the above is derived from.
+    # Reports from which some of the above is derived.
     _position_good: bool = False
     _checks_passed: bool = False
     _landed_state: int = _LANDED_UNKNOWN
@@ -271,7 +271,7 @@ def _heartbeat(
     )
     known = _failsafe(known)
     if state._landed_state == _LANDED_UNKNOWN:
-        # It has not reported more exactly yet.
+        # It has not reported its landed state yet.
         return replace(known, flying=armed and message.system_status >= mavlink.MAV_STATE_ACTIVE)
     return _flying(known)
 
@@ -284,7 +284,7 @@ def _flying(state: VehicleState) -> VehicleState:
 
 def _position(state: VehicleState, message: GlobalPosition, now: float) -> VehicleState:
     if message.lat == 0 and message.lon == 0:
-        # This is sent as long as it is not known.
+        # Autopilots send this while the position is unknown.
         return state
     heading_deg = message.hdg / 100 if message.hdg <= _MAX_HEADING else math.nan
     return replace(
