@@ -16,6 +16,7 @@ from typing import Any
 
 from dsse_ros.bridge.custody import Custody
 from dsse_ros.bridge.vehicle_custody import FlightRecord
+from dsse_ros.scenario.fields import FieldError
 
 UNREADABLE = FlightRecord(custody=Custody.TAKEN)
 """Record of a vehicle whose file cannot be parsed: a person has to look at it."""
@@ -38,7 +39,7 @@ class FlightRecords:
 
     Raises:
         OSError: If a file cannot be read or written.
-        InUseError: If another program has one of the vehicles.
+        FieldError: If another program has one of the vehicles.
     """
 
     def __init__(self, directory: Path, system_ids: Iterable[int]) -> None:
@@ -91,7 +92,7 @@ class FlightRecords:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InUseError(
+            raise FieldError(
                 f"state_directory must not be in use by a bridge that has system id {system_id}, "
                 f"got {str(self._directory)!r}"
             ) from None
@@ -121,10 +122,6 @@ class FlightRecords:
             except BaseException:
                 os.unlink(file.name)
                 raise
-
-
-class InUseError(ValueError):
-    """Another program has the vehicles."""
 
 
 def _parse(values: Mapping[str, Any]) -> FlightRecord:

@@ -88,14 +88,12 @@ class Failed:
         code: Short snake_case key: `cancelled`, `no_reply`, `refused` and `stalled` for any;
             `early_ack`, `cancelled_by_vehicle` and `mismatch` for uploads.
         reason: One line for people.
-        ack: The vehicle's MAV_MISSION_RESULT.
         changed: Whether the vehicle may hold another mission than before, or none, or with
             ArduPilot a mixture: upload again before it flies one.
     """
 
     code: str
     reason: str
-    ack: int | None = None
     changed: bool = False
 
 
@@ -116,6 +114,7 @@ class Transfer(ABC):
 
     Attributes:
         attempts_left: How often it may still start again.
+        deadline: Time at which `tick` is due; None if it is not.
         result: None while the exchange is in progress.
         counts: Messages that had no effect, and other events, by a short key.
 
@@ -136,7 +135,7 @@ class Transfer(ABC):
         self.attempts_left = self.timeouts.upload_retries
         self.result: Done | Failed | None = None
         self.counts: Counter[str] = Counter()
-        self._deadline: float | None = None
+        self.deadline: float | None = None
         self._state = _State.NEW
         self._pending: MissionMessage | None = None
         self._wait_s = 0.0
@@ -144,11 +143,6 @@ class Transfer(ABC):
         self._refused_since: float | None = None
         self._settled_by = 0.0
         self._conclusion: Done | Failed | None = None
-
-    @property
-    def deadline(self) -> float | None:
-        """Time at which `tick` is due; None if it is not."""
-        return self._deadline
 
     def start(self, now: float) -> list[MissionMessage]:
         """Start; returns the messages to send.
@@ -180,14 +174,14 @@ class Transfer(ABC):
 
     def tick(self, now: float) -> list[MissionMessage]:
         """Process the time; returns the messages to send."""
-        if self._deadline is None or now < self._deadline:
+        if self.deadline is None or now < self.deadline:
             return []
         if self._state is _State.SETTLING:
             return self._settled(now)
         if self._retries_left == 0:
             return self._exhausted(now)
         self._retries_left -= 1
-        self._deadline = now + self._wait_s
+        self.deadline = now + self._wait_s
         assert self._pending is not None
         return [self._pending]
 
@@ -239,9 +233,9 @@ class Transfer(ABC):
         self._refused_since = None
         if pause_s > 0:
             self._retries_left += 1
-            self._deadline = now + pause_s
+            self.deadline = now + pause_s
             return []
-        self._deadline = now + wait_s
+        self.deadline = now + wait_s
         return [message]
 
     def _ignore(self, key: str) -> list[MissionMessage]:
@@ -265,7 +259,6 @@ class Transfer(ABC):
         return Failed(
             "refused",
             f"the vehicle refused the {self.name}: {result} ({ack.type})",
-            ack=ack.type,
             changed=self._may_change(),
         )
 
@@ -303,7 +296,7 @@ class Transfer(ABC):
 
     def _extend_settling(self, now: float) -> None:
         """Wait for silence from now on, within the limit."""
-        self._deadline = min(now + self._quiet_s(), self._settled_by)
+        self.deadline = min(now + self._quiet_s(), self._settled_by)
 
     def _quiet_s(self) -> float:
         """Return how long the vehicle must send nothing before the exchange ends."""
@@ -318,7 +311,7 @@ class Transfer(ABC):
     def _end(self, result: Done | Failed) -> None:
         self._state = _State.ENDED
         self.result = result
-        self._deadline = None
+        self.deadline = None
 
     def _may_change(self) -> bool:
         return self.changes_vehicle and self._state is not _State.NEW

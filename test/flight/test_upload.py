@@ -119,7 +119,7 @@ def test_a_fault_of_the_mission_ends_the_upload_at_once(result):
     exchange.receive(request(0), VEHICLE, 0.1)
     exchange.receive(ack(result), VEHICLE, 0.2)
     exchange.tick(0.2 + TIMEOUTS.settle_s)
-    assert exchange.result.code == "refused" and exchange.result.ack == result
+    assert exchange.result.code == "refused" and f"({result})" in exchange.result.reason
     assert exchange.result.changed
 
 
@@ -127,7 +127,7 @@ def test_a_bad_latitude_is_refused_by_the_vehicle_with_its_reason():
     bad = changed(ITEMS[1], x=100 * 10**7)
     world = World(ArduPilot(), Channel(), seed=0)
     result = world.run(upload((ITEMS[0], bad, ITEMS[2])))
-    assert result.ack == mavlink.MAV_MISSION_INVALID_PARAM5_X
+    assert f"({mavlink.MAV_MISSION_INVALID_PARAM5_X})" in result.reason
     assert "INVALID_PARAM5_X (10)" in result.reason
 
 
@@ -156,7 +156,7 @@ def test_the_count_is_sent_to_a_busy_vehicle_until_its_own_timeout():
             exchange.receive(ack(DENIED), VEHICLE, now)
         now = exchange.deadline
         sent = exchange.tick(now)
-    assert exchange.result.code == "refused" and exchange.result.ack == DENIED
+    assert exchange.result.code == "refused" and f"({DENIED})" in exchange.result.reason
     assert now > TIMEOUTS.stall_s
 
 
