@@ -133,7 +133,7 @@ class ModeWatch:
     # Who has the vehicle
 
     def give_up(self) -> None:
-        """Leave the vehicle to whoever has set its mode."""
+        """Leave the vehicle to the person or failsafe that has set its mode."""
         self.allow_any()
         self.given_up = True
         self._announced.clear()
