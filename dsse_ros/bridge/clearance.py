@@ -11,10 +11,6 @@ from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_controller import Order
 
 
-def _admit(order: Order) -> Order | str:
-    return order
-
-
 @dataclass(frozen=True)
 class Clearance:
     """What the other vehicles and the search allow a vehicle to do.
@@ -30,4 +26,4 @@ class Clearance:
     search_alive: bool = True
     take_off: str = ""
     home: GoTo | None = None
-    admit: Callable[[Order], Order | str] = _admit
+    admit: Callable[[Order], Order | str] = lambda order: order

@@ -7,10 +7,12 @@ The bridge checks every place and every mission item here first, and never sends
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from dsse_ros.flight.checks import check_number
 from msg_adapters.frames import GridFrame, map_to_cell
 from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic, on_near_side
 from msg_adapters.mission_items import (
@@ -23,7 +25,6 @@ from msg_adapters.mission_items import (
     NAV_RETURN_TO_LAUNCH,
     NAV_TAKEOFF,
     NAV_WAYPOINT,
-    Home,
     MissionItem,
 )
 from msg_adapters.result import Accepted, Rejected, Result
@@ -38,13 +39,12 @@ class Fence:
 
     Attributes:
         frame: The grid, which is the search area.
-        margin_m: How far around the area, and around home, vehicles may go.
+        margin_m: How far around the area vehicles may go.
         min_alt_m: Lowest altitude above home; landing and home itself are below it.
         max_alt_m: Highest altitude above home.
         center: Latitude and longitude of the middle of a circle that vehicles must not leave,
             whichever search they follow; None for no circle.
         radius_m: Radius of the circle.
-        home: Where the vehicle starts, if not in the area.
         area: The cells of the grid to search, as in `AgentsInfo`; None for all.
 
     Raises:
@@ -57,17 +57,12 @@ class Fence:
     max_alt_m: float
     center: tuple[float, float] | None = None
     radius_m: float = math.inf
-    home: Home | None = None
     area: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        if not 0 <= self.margin_m <= 1e6:
-            raise ValueError(f"margin_m: {self.margin_m!r} is not allowed; 0 to 1e6")
-        if not 0 <= self.min_alt_m <= self.max_alt_m <= 1e5:
-            raise ValueError(
-                f"min_alt_m, max_alt_m: {self.min_alt_m!r}, {self.max_alt_m!r} is not allowed; "
-                "0 <= min_alt_m <= max_alt_m <= 1e5"
-            )
+        check_number("margin_m", self.margin_m, 0, 1e6)
+        check_number("max_alt_m", self.max_alt_m, 0, 1e5)
+        check_number("min_alt_m", self.min_alt_m, 0, self.max_alt_m)
 
 
 Place = tuple[float, float, float]
@@ -110,16 +105,16 @@ def check_item(item: MissionItem, fence: Fence) -> Result[MissionItem]:
     refused = _check_parameters(item)
     if refused:
         return refused
-    if item.command not in (*_PLACED, NAV_RETURN_TO_LAUNCH):
+    placeless = item.command == NAV_RETURN_TO_LAUNCH
+    if not placeless and item.command not in _PLACED:
         return Rejected(
             "unknown_command",
-            f"command: {item.command} is not allowed; take-off, waypoint, hold, land or return",
+            f"command must be take-off, waypoint, hold, land or return, got {item.command}",
         )
-    placeless = item.command == NAV_RETURN_TO_LAUNCH
     if item.frame != FRAME_GLOBAL_RELATIVE_ALT and not (placeless and item.frame == FRAME_MISSION):
         return Rejected(
             "unknown_frame",
-            f"frame: {item.frame} is not allowed; {FRAME_GLOBAL_RELATIVE_ALT}, above home, is",
+            f"frame must be {FRAME_GLOBAL_RELATIVE_ALT}, above home, got {item.frame}",
         )
     if placeless:
         return Accepted(item)
@@ -148,96 +143,73 @@ def check_mission(
     return Accepted(tuple(items))
 
 
+def check_search(fence: Fence) -> str:
+    """Return why the search area does not lie in the circle of the fence; empty if it does."""
+    frame, center = fence.frame, fence.center
+    side_m = frame.grid_size * frame.cell_size_m
+    for x_m, y_m in itertools.product((0.0, side_m), repeat=2):
+        lat_deg, lon_deg, _ = map_to_geodetic(frame, x_m, y_m, 0.0)
+        if center and not (on_near_side(frame, *center) and _in_circle(lat_deg, lon_deg, fence)):
+            return (
+                "fence_radius must cover the search area from the middle of the fence, "
+                f"{_shown(*center)}, got {fence.radius_m:g}"
+            )
+    return ""
+
+
 def _check_home(item: MissionItem, fence: Fence) -> Result[MissionItem]:
     if item.command != NAV_WAYPOINT:
         return Rejected(
-            "unknown_command", f"command: {item.command} is not allowed for home; a waypoint is"
+            "unknown_command", f"command must be a waypoint for home, got {item.command}"
         )
     if item.frame != FRAME_GLOBAL:
-        return Rejected(
-            "unknown_frame",
-            f"frame: {item.frame} is not allowed for home; {FRAME_GLOBAL}, above the sea, is",
-        )
+        wanted = f"{FRAME_GLOBAL}, above the sea, for home"
+        return Rejected("unknown_frame", f"frame must be {wanted}, got {item.frame}")
     refused = _check_parameters(item) or _check_horizontal(item.lat_deg, item.lon_deg, fence)
     return refused or Accepted(item)
 
 
 def _check_parameters(item: MissionItem) -> Rejected | None:
-    for name in ("param1", "param2", "param3", "param4"):
-        value = getattr(item, name)
+    limits = dict.fromkeys(("param1", "param2", "param3", "param4"), _MAX_PARAMETER)
+    if math.isnan(item.param4) and item.command in _PLACED:
         # NaN as the yaw lets the autopilot choose it.
-        if math.isnan(value) and name == "param4" and item.command in _PLACED:
-            continue
-        if not math.isfinite(value):
-            return Rejected("not_finite", f"{name}: {value!r} is not allowed; a finite number")
-        if abs(value) > _MAX_PARAMETER:
-            return Rejected(
-                "bad_parameter", f"{name}: {value!r} is not allowed; up to {_MAX_PARAMETER:g}"
-            )
-    for name in ("lat_deg", "lon_deg", "alt_m"):
-        value = getattr(item, name)
-        if not math.isfinite(value):
-            return Rejected("not_finite", f"{name}: {value!r} is not allowed; a finite number")
+        del limits["param4"]
+    limits |= dict.fromkeys(("lat_deg", "lon_deg", "alt_m"), math.inf)
+    for name, limit in limits.items():
+        refused = _check_limits("bad_parameter", name, getattr(item, name), -limit, limit)
+        if refused:
+            return refused
     return None
 
 
 def _check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None:
-    for name, value, limit in (("lat_deg", lat_deg, 90.0), ("lon_deg", lon_deg, 180.0)):
-        if not math.isfinite(value):
-            return Rejected("not_finite", f"{name}: {value!r} is not allowed; a finite number")
-        if abs(value) > limit:
-            return Rejected(
-                "not_on_earth", f"{name}: {value!r} is not allowed; {-limit:g} to {limit:g}"
-            )
+    refused = _check_limits("not_on_earth", "lat_deg", lat_deg, -90.0, 90.0) or _check_limits(
+        "not_on_earth", "lon_deg", lon_deg, -180.0, 180.0
+    )
+    if refused:
+        return refused
     frame, margin_m = fence.frame, fence.margin_m
-    x_m, y_m, _ = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m)
-    side_m = frame.grid_size * frame.cell_size_m
-    in_area = all(-margin_m <= value <= side_m + margin_m for value in (x_m, y_m))
     near = on_near_side(frame, lat_deg, lon_deg)
-    if near and not in_circle(lat_deg, lon_deg, fence):
-        assert fence.center is not None
-        middle = "({:.7f}, {:.7f})".format(*fence.center)
-        return Rejected(
-            "outside_fence",
-            f"({lat_deg:.7f}, {lon_deg:.7f}) is not allowed; within {fence.radius_m:g} m of "
-            f"{middle}, the middle of the fence",
-        )
-    if near and (in_area or _near_home(x_m, y_m, fence)):
-        return None
+    if near and fence.center and not _in_circle(lat_deg, lon_deg, fence):
+        where = f"{fence.radius_m:g} m of {_shown(*fence.center)}, the middle of the fence"
+    else:
+        where = f"{margin_m:g} m of the search area"
+        x_m, y_m, _ = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m)
+        side_m = frame.grid_size * frame.cell_size_m
+        if near and all(-margin_m <= value <= side_m + margin_m for value in (x_m, y_m)):
+            return None
     return Rejected(
-        "outside_fence",
-        f"({lat_deg:.7f}, {lon_deg:.7f}) is not allowed; within {margin_m:g} m of the search area",
+        "outside_fence", f"place must be within {where}, got {_shown(lat_deg, lon_deg)}"
     )
 
 
-def in_circle(lat_deg: float, lon_deg: float, fence: Fence) -> bool:
-    """Return whether a place is in the circle of the fence."""
-    if fence.center is None:
-        return True
+def _in_circle(lat_deg: float, lon_deg: float, fence: Fence) -> bool:
     frame = fence.frame
     place, middle = (
         geodetic_to_map(frame, *one, frame.origin_alt_m)[:2]
-        for one in ((lat_deg, lon_deg), fence.center)
+        for one in ((lat_deg, lon_deg), fence.center or (lat_deg, lon_deg))
     )
     return math.dist(place, middle) <= fence.radius_m
-
-
-def check_search(fence: Fence) -> str:
-    """Return why the search area does not lie in the circle of the fence; empty if it does."""
-    frame = fence.frame
-    side_m = frame.grid_size * frame.cell_size_m
-    for x_m in (0.0, side_m):
-        for y_m in (0.0, side_m):
-            lat_deg, lon_deg, _ = map_to_geodetic(frame, x_m, y_m, 0.0)
-            near = on_near_side(frame, *(fence.center or (lat_deg, lon_deg)))
-            if not (near and in_circle(lat_deg, lon_deg, fence)):
-                assert fence.center is not None
-                middle = "({:.7f}, {:.7f})".format(*fence.center)
-                return (
-                    f"fence_radius: {fence.radius_m:g} is not allowed; the search area reaches "
-                    f"further from the middle of the fence, {middle}"
-                )
-    return ""
 
 
 def _check_area(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None:
@@ -251,27 +223,24 @@ def _check_area(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None
         return None
     return Rejected(
         "outside_fence",
-        f"({lat_deg:.7f}, {lon_deg:.7f}), in cell {list(cell)}, is not allowed; a cell of the area "
-        "that is searched",
+        "place must be in a cell of the area that is searched, got "
+        f"{_shown(lat_deg, lon_deg)} in cell {list(cell)}",
     )
-
-
-def _near_home(x_m: float, y_m: float, fence: Fence) -> bool:
-    if fence.home is None:
-        return False
-    frame = fence.frame
-    home_x_m, home_y_m, _ = geodetic_to_map(
-        frame, fence.home.lat_deg, fence.home.lon_deg, frame.origin_alt_m
-    )
-    return math.hypot(x_m - home_x_m, y_m - home_y_m) <= fence.margin_m
 
 
 def _check_altitude(alt_m: float, lowest_m: float, fence: Fence) -> Rejected | None:
-    if not math.isfinite(alt_m):
-        return Rejected("not_finite", f"alt_m: {alt_m!r} is not allowed; a finite number")
-    if not lowest_m <= alt_m <= fence.max_alt_m:
-        return Rejected(
-            "altitude",
-            f"alt_m: {alt_m!r} is not allowed; {lowest_m:g} to {fence.max_alt_m:g} above home",
-        )
+    return _check_limits("altitude", "alt_m", alt_m, lowest_m, fence.max_alt_m, " above home")
+
+
+def _check_limits(
+    code: str, name: str, value: float, least: float, most: float, unit: str = ""
+) -> Rejected | None:
+    if not math.isfinite(value):
+        return Rejected("not_finite", f"{name} must be a finite number, got {value!r}")
+    if not least <= value <= most:
+        return Rejected(code, f"{name} must be {least:g} to {most:g}{unit}, got {value!r}")
     return None
+
+
+def _shown(lat_deg: float, lon_deg: float) -> str:
+    return f"({lat_deg:.7f}, {lon_deg:.7f})"

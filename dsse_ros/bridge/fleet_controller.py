@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 from numpy.typing import NDArray
 
@@ -19,62 +19,33 @@ from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
 from dsse_ros.bridge.flight_records import FlightRecords
-from dsse_ros.bridge.followed_search import FollowedSearch, News
+from dsse_ros.bridge.followed_search import FollowedSearch, News, SearchListener
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import Arm, SearchId, VehicleCustody
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import FlyMission
-from dsse_ros.flight.vehicle_controller import Defects, Order, Outcome, describe
-from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.mavlink.messages import StatusText
+from dsse_ros.flight.vehicle_controller import Defects, Order, describe
 from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
 
+if TYPE_CHECKING:
+    from dsse_ros.flight.vehicle import Vehicle
+
+Level = Literal["debug", "info", "warning", "error"]
 QUIET_S = 0.5
 """Wall time without a report after which the last one counts: latched reports come in a burst."""
 _DRAINED_S = 10.0
 """Wall time after which the last report counts even if more come."""
+_NEWS: tuple[tuple[Level, str], ...] = (("error", " is lost"), ("warning", ""), ("info", " waits"))
+"""How a vehicle's reasons are logged: why it is lost, refused, blocked."""
 _NOT_ENDED = ("under_way", "silent", "done", "failed")
 
-Level = Literal["debug", "info", "warning", "error"]
 Log = Callable[[Level, str], None]
 T = TypeVar("T")
 
 
-class FlownVehicle(Protocol):
-    """The part of `dsse_ros.flight.vehicle.Vehicle` that the controller needs."""
-
-    @property
-    def system_id(self) -> int:
-        """Its system id."""
-
-    @property
-    def state(self) -> VehicleState:
-        """Its reported state."""
-
-    @property
-    def outcome(self) -> Outcome:
-        """Outcome of the last order."""
-
-    @property
-    def trouble(self) -> str:
-        """What is wrong with its link."""
-
-    def adopt(self, mode: str) -> None:
-        """Take it over from an earlier program, which saw it in this mode."""
-
-    def give(self, order: Order, authority: int = 0) -> int:
-        """Give an order, which replaces any other."""
-
-    def cancel(self) -> int:
-        """Drop the order."""
-
-    def take_texts(self) -> list[StatusText]:
-        """Return its status texts since the last call."""
-
-
-class FleetController:
+class FleetController(SearchListener):
     """Follows one search after the other with the same vehicles.
 
     Args:
@@ -94,7 +65,7 @@ class FleetController:
     def __init__(
         self,
         settings: BridgeSettings,
-        vehicles: Sequence[FlownVehicle],
+        vehicles: Sequence[Vehicle],
         records: FlightRecords | None,
         log: Log,
     ) -> None:
@@ -139,32 +110,21 @@ class FleetController:
         self._idle_s: float | None = None
         self._record_trouble = ""
         self._defects = [Defects(name) for name in self.names]
-        # For each vehicle, the last logged reasons: why it is lost, refused, blocked.
+        # For each vehicle, the last logged reasons: see `_NEWS`.
         self._logged = [("", "", "")] * len(vehicles)
         for name, follower, _ in self._each():
             if follower.custody.state is not Custody.FREE:
                 log("warning", f"{name}: {_shown(follower)}, from an earlier flight")
 
-    def _each(self) -> list[tuple[str, VehicleFollower, FlownVehicle]]:
+    def _each(self) -> list[tuple[str, VehicleFollower, Vehicle]]:
         return list(zip(self.names, self.followers, self._vehicles, strict=True))
 
     # The search
 
-    def take_agents(self, info: AgentsInfo, now_s: float) -> None:
-        """Take an `agents` message: the mission and its drones."""
-        self.search.take_agents(info)
-        self._follow_search(now_s)
-
     def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
         """Take the report (N,) of a step, with its stamp."""
         self._report_s = now_s
-        self.search.take_report(stamp_ns, report)
-        self._follow_search(now_s)
-
-    def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
-        self.search.take_mission_report(stamp_ns, report)
-        self._follow_search(now_s)
+        super().take_report(stamp_ns, report, now_s)
 
     def set_publishers(self, count: int) -> bool:
         """Take the number of nodes that publish `step_report`; returns whether it has changed.
@@ -175,7 +135,7 @@ class FleetController:
         changed = count != self._publishers
         self._publishers = count
         if changed:
-            self.search.doubt()
+            self.search.require_agents()
         return changed
 
     @property
@@ -198,8 +158,8 @@ class FleetController:
                 return f"{name} is in the air for run {run_id}: another one waits until it is down"
         return ""
 
-    def _follow_search(self, now_s: float) -> None:
-        """Handle the news of the search."""
+    def handle_news(self, now_s: float) -> None:
+        """See `SearchListener`."""
         search, self._now_s = self.search, now_s
         while (news := search.next_news(now_s)) is not None:
             assert search.info is not None
@@ -298,7 +258,7 @@ class FleetController:
         self._log("warning", f"operator: {text}")
         return bool(done), text
 
-    def _call_off(self, follower: VehicleFollower, vehicle: FlownVehicle) -> None:
+    def _call_off(self, follower: VehicleFollower, vehicle: Vehicle) -> None:
         """Cancel an order that is no longer allowed."""
         custody, outcome = follower.custody.state, vehicle.outcome
         # A completed order may continue as a stream of setpoints, except on the ground.
@@ -314,7 +274,7 @@ class FleetController:
 
     def turn(self, now_s: float) -> None:
         """Give the vehicles the orders that are due."""
-        self._follow_search(now_s)
+        self.handle_news(now_s)
         if self._begun_s is not None and not self._drained:
             quiet = now_s - max(self._begun_s, self._report_s) >= QUIET_S
             self._drained = quiet or now_s - self._begun_s >= _DRAINED_S
@@ -416,7 +376,7 @@ class FleetController:
                 who = "a bridge that is started again would not know who has the vehicles"
                 self._log("warning", f"{trouble}; {who}")
 
-    def _give(self, i: int, vehicle: FlownVehicle, order: Order) -> None:
+    def _give(self, i: int, vehicle: Vehicle, order: Order) -> None:
         number = vehicle.give(order, self.followers[i].custody.authority)
         self._log("info", f"{self.names[i]}: order {number}: {shown_order(order)}")
 
@@ -460,14 +420,11 @@ class FleetController:
         name, follower = self.names[i], self.followers[i]
         if follower.custody.state is not before:
             self._log("info", f"{name}: {before.value} -> {_shown(follower)}")
-        lost, refused, blocked = self._logged[i]
-        if follower.lost and follower.lost != lost:
-            self._log("error", f"{name} is lost: {follower.lost}")
-        if follower.refused and follower.refused != refused:
-            self._log("warning", f"{name}: {follower.refused}")
-        if follower.blocked and follower.blocked != blocked:
-            self._log("info", f"{name} waits: {follower.blocked}")
-        self._logged[i] = (follower.lost, follower.refused, follower.blocked)
+        reasons = (follower.lost, follower.refused, follower.blocked)
+        for (level, what), reason, logged in zip(_NEWS, reasons, self._logged[i], strict=True):
+            if reason and reason != logged:
+                self._log(level, f"{name}{what}: {reason}")
+        self._logged[i] = reasons
         for text in self._vehicles[i].take_texts():
             self._log("info", f"{name}: STATUSTEXT {text.text}")
 

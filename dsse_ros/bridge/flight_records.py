@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from dsse_ros.bridge.custody import Custody
-from dsse_ros.bridge.vehicle_custody import FlightRecord, SearchId
+from dsse_ros.bridge.vehicle_custody import FlightRecord
+from dsse_ros.scenario.fields import FieldError
 
 UNREADABLE = FlightRecord(custody=Custody.TAKEN)
 """Record of a vehicle whose file cannot be parsed: a person has to look at it."""
@@ -38,7 +39,7 @@ class FlightRecords:
 
     Raises:
         OSError: If a file cannot be read or written.
-        InUseError: If another program has one of the vehicles.
+        FieldError: If another program has one of the vehicles.
     """
 
     def __init__(self, directory: Path, system_ids: Iterable[int]) -> None:
@@ -91,9 +92,9 @@ class FlightRecords:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InUseError(
-                f"state_directory: {str(self._directory)!r} is not allowed; another bridge has the "
-                f"vehicle of system id {system_id}"
+            raise FieldError(
+                f"state_directory must not be in use by a bridge that has system id {system_id}, "
+                f"got {str(self._directory)!r}"
             ) from None
 
     def _read(self, system_id: int) -> FlightRecord:
@@ -123,39 +124,21 @@ class FlightRecords:
                 raise
 
 
-class InUseError(ValueError):
-    """Another program has the vehicles."""
-
-
 def _parse(values: Mapping[str, Any]) -> FlightRecord:
-    return FlightRecord(
-        custody=Custody(values["custody"]),
-        search=_search(values["search"]),
-        flown=_flag(values["flown"]),
-        lost=_text(values["lost"]),
-        arm=_flag(values["arm"]),
-        modes=tuple(_text(mode) for mode in values["modes"]),
-        end=_text(values["end"]),
-        mode=_text(values["mode"]),
-        alt_m=float(values["alt_m"]),
-        arming_s=float(values["arming_s"]),
+    run_id, mission = values["search"] or (0, 0)
+    record = FlightRecord(
+        **{name: values[name] for name in asdict(FlightRecord())}
+        | {
+            "custody": Custody(values["custody"]),
+            "search": None if values["search"] is None else (int(run_id), int(mission)),
+            "modes": tuple(values["modes"]),
+            "alt_m": float(values["alt_m"]),
+            "arming_s": float(values["arming_s"]),
+        }
     )
-
-
-def _search(value: Any) -> SearchId | None:
-    if value is None:
-        return None
-    run_id, mission = (int(part) for part in value)
-    return run_id, mission
-
-
-def _flag(value: object) -> bool:
-    if not isinstance(value, bool):
-        raise TypeError(f"{value!r}")
-    return value
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r}")
-    return value
+    texts = (record.lost, record.end, record.mode, *record.modes)
+    if not all(isinstance(text, str) for text in texts):
+        raise TypeError("lost, end, mode and modes must be strings")
+    if not (isinstance(record.flown, bool) and isinstance(record.arm, bool)):
+        raise TypeError("flown and arm must be true or false")
+    return record

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum, auto
@@ -99,7 +100,7 @@ class FollowedSearch:
         """Take the report (steps + 1, N) of a finished mission, with its stamp."""
         self._look_at_tracks |= _keep(self._mission_reports, stamp_ns, report)
 
-    def doubt(self) -> None:
+    def require_agents(self) -> None:
         """Require new `agents`, because a simulation has come or gone."""
         self._other, self.foreign, self.confirmed = None, "", False
 
@@ -199,6 +200,39 @@ class FollowedSearch:
         track = self.tracks[:, drone]
         cells = np.stack([track["col"], track["row"]], axis=1).astype(np.int64)
         return cells, track["action"] == _search_action(self.info)
+
+
+class SearchListener(ABC):
+    """Takes the messages of searches, and handles the news of the one to follow.
+
+    Attributes:
+        search: The followed search.
+    """
+
+    search: FollowedSearch
+
+    @abstractmethod
+    def handle_news(self, now_s: float) -> None:
+        """Handle all news of the search."""
+
+    def take_agents(self, info: AgentsInfo, now_s: float) -> None:
+        """Take an `agents` message: the mission and its drones."""
+        self.search.take_agents(info)
+        self.handle_news(now_s)
+
+    def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
+        """Take the report (N,) of a step, with its stamp."""
+        self.search.take_report(stamp_ns, report)
+        self.handle_news(now_s)
+
+    def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
+        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
+        self.search.take_mission_report(stamp_ns, report)
+        self.handle_news(now_s)
+
+    def trouble(self, now_s: float) -> str:
+        """Return why the search cannot be flown or written; empty if it can."""
+        return self.search.trouble(now_s)
 
 
 def _identity(info: AgentsInfo) -> Identity:

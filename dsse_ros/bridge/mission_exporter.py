@@ -6,27 +6,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-
-from numpy.typing import NDArray
 
 from dsse_ros.bridge.flight_plan import layered
-from dsse_ros.bridge.followed_search import FollowedSearch, News
+from dsse_ros.bridge.followed_search import FollowedSearch, News, SearchListener
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.mission.vehicle_missions import search_missions, write_missions
 from dsse_ros.scenario.fields import FieldError
-from msg_adapters.agents import AgentsInfo
 
 
-class MissionExporter:
-    """Takes the messages of searches, like a `FleetController`.
+class MissionExporter(SearchListener):
+    """Writes the mission files of each search.
 
     Args:
         settings: Where and how to write the files.
         log: Takes log lines: a level and a line.
 
     Attributes:
-        search: The followed search.
         finished: Whether the files of the search are written.
     """
 
@@ -36,31 +31,16 @@ class MissionExporter:
         self.search = FollowedSearch(None, whole=True)
         self.finished = False
 
-    def take_agents(self, info: AgentsInfo, now_s: float) -> None:
-        """Take an `agents` message: the mission and its drones."""
-        self.search.take_agents(info)
-        self.turn(now_s)
-
-    def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (N,) of a step, with its stamp."""
-        self.search.take_report(stamp_ns, report)
-        self.turn(now_s)
-
-    def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
-        self.search.take_mission_report(stamp_ns, report)
-        self.turn(now_s)
-
     def set_publishers(self, count: int) -> bool:
         """Ignore the number of nodes that publish `step_report`; returns False."""
         return False
 
-    def trouble(self, now_s: float) -> str:
-        """Return why the files cannot be written; empty if they can."""
-        return self.search.trouble(now_s)
-
     def turn(self, now_s: float) -> None:
         """Write the files if a mission has finished."""
+        self.handle_news(now_s)
+
+    def handle_news(self, now_s: float) -> None:
+        """Write the files of each finished mission."""
         while (news := self.search.next_news(now_s)) is not None:
             if news is News.BEGUN:
                 self.finished = False

@@ -9,11 +9,6 @@ from dataclasses import dataclass
 from dsse_ros.mission.vehicle_missions import FlightSettings
 from dsse_ros.scenario.fields import FieldError, check_all, field
 
-MODES = ("guided", "mission", "export")
-"""What `mavlink_bridge` does with the steps of a search."""
-ENDS = ("return", "land", "hold")
-"""What a vehicle does when its drone's search is over."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class BridgeSettings(FlightSettings):
@@ -25,7 +20,8 @@ class BridgeSettings(FlightSettings):
 
     mode: str = field(
         "str", "Follow each step with setpoints, fly the whole search as a mission when it "
-        "is over, or only write the missions to files.", "guided", choices=MODES,
+        "is over, or only write the missions to files.", "guided",
+        choices=("guided", "mission", "export"),
     )  # fmt: skip
     num_vehicles: int | None = field(
         "int", "Number of vehicles; by default one per connection, else 1.", None,
@@ -82,8 +78,9 @@ class BridgeSettings(FlightSettings):
         low=1, high=20000, unit="m",
     )  # fmt: skip
     at_end: str = field(
-        "str", "What a vehicle does when its drone's search is over.", "return", choices=ENDS
-    )
+        "str", "What a vehicle does when its drone's search is over.", "return",
+        choices=("return", "land", "hold"),
+    )  # fmt: skip
     planner_timeout: float = field(
         "float", "Wall time after which vehicles hold if all of them wait for a step; 0 for "
         "never.", 30.0, low=0, high=1e6, unit="s",
@@ -125,26 +122,26 @@ class BridgeSettings(FlightSettings):
         for name, each in (("connections", True), ("system_ids", True), ("altitudes", False)):
             given = len(getattr(self, name))
             if given not in ({0, count} if each else {0, 1, count}):
-                raise FieldError(f"{name}: {given} are not allowed; one for each of {count}")
+                raise FieldError(f"{name} must be one for each of {count} vehicles, got {given}")
         for system_id in self.system_ids:
             # The records of the vehicles are kept by system id.
             if (number := self.system_ids.count(system_id)) > 1:
-                raise FieldError(f"system_ids: {system_id} is of {number} vehicles; one each")
+                raise FieldError(f"system_ids must differ, got {system_id} for {number} vehicles")
         if self.fence_center is not None:
             for value, limit in zip(self.fence_center, (90.0, 180.0), strict=True):
                 if abs(value) > limit:
                     raise FieldError(
-                        f"fence_center: {self.fence_center} is not allowed; latitude and longitude"
+                        f"fence_center must be latitude and longitude, got {self.fence_center}"
                     )
         if self.min_altitude > self.max_altitude:
             raise FieldError(
-                f"min_altitude: {self.min_altitude:g} is not allowed; at most max_altitude, "
-                f"{self.max_altitude:g} m"
+                f"min_altitude must be at most max_altitude, {self.max_altitude:g} m, got "
+                f"{self.min_altitude:g}"
             )
         if self.lost_timeout < self.link_timeout:
             raise FieldError(
-                f"lost_timeout: {self.lost_timeout:g} is not allowed; at least link_timeout, "
-                f"{self.link_timeout:g} s"
+                f"lost_timeout must be at least link_timeout, {self.link_timeout:g} s, got "
+                f"{self.lost_timeout:g}"
             )
 
     @property

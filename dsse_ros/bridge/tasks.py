@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
 
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission, GoTo, Search
+from dsse_ros.mission.vehicle_missions import FlightSettings
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mission_items import NAV_WAYPOINT, Mission
@@ -19,23 +19,7 @@ from msg_adapters.track_missions import Leg, acceptance_radius_m
 Task = GoTo | Search | FlyMission
 
 
-class LegSettings(Protocol):
-    """Settings for flying legs."""
-
-    @property
-    def acceptance_radius(self) -> float:
-        """Distance from the centre of a cell at which the vehicle has arrived, m."""
-
-    @property
-    def search_altitude(self) -> float:
-        """Altitude above home of a search, m."""
-
-    @property
-    def search_hold(self) -> float:
-        """Time to hold at the search altitude, s."""
-
-
-def leg_task(leg: Leg, frame: GridFrame, settings: LegSettings, fence: Fence) -> Result[Task]:
+def leg_task(leg: Leg, frame: GridFrame, settings: FlightSettings, fence: Fence) -> Result[Task]:
     """Return the task of a vehicle for a leg, or why the vehicle may not fly it.
 
     Args:

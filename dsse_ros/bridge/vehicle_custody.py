@@ -366,8 +366,11 @@ class VehicleCustody:
         if self._foreign_since_s is None:
             self._foreign_since_s = state.heard_s
         if state.heard_s - self._foreign_since_s >= FOREIGN_S:
-            self.lose(f"taken over: in {state.mode}")
-            self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
+            self._lose_to_others(state)
+
+    def _lose_to_others(self, state: VehicleState) -> None:
+        self.lose(f"taken over: in {state.mode}")
+        self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
 
     def _observe_since_record(self, state: VehicleState) -> bool:
         """Recognise that somebody else has changed the mode since an earlier program recorded it.
@@ -404,8 +407,7 @@ class VehicleCustody:
             if state.alt_m < record.alt_m - RISEN_M:
                 brought_about = frozenset()
         if state.mode not in brought_about:
-            self.lose(f"taken over: in {state.mode}")
-            self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
+            self._lose_to_others(state)
         return True
 
     @property

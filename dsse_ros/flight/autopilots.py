@@ -1,8 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What is different between the autopilots: one `Autopilot` each, registered in `AUTOPILOTS`.
+"""The differences between autopilots: one `Autopilot` each, registered in `AUTOPILOTS`.
 
-The same name in `msg_adapters.mission_items.FIRMWARES` says how missions are numbered.
+`msg_adapters.mission_items.FIRMWARES` has, by the same names, how missions are numbered.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from dsse_ros.mavlink.messages import (
     MissionCurrent,
     PositionTarget,
     SysStatus,
+    enum_name,
 )
 from msg_adapters.mission_items import FIRMWARES
 
@@ -47,7 +48,7 @@ class Autopilot:
     """How an autopilot is flown, and what its messages mean.
 
     Attributes:
-        name: As parameters and `FIRMWARES` have it.
+        name: Its name in parameters and in `FIRMWARES`.
         number: MAV_AUTOPILOT, as in HEARTBEAT.autopilot.
         modes: Names of the flight modes by the fields of HEARTBEAT.custom_mode.
         mode_shifts: Bit positions of these fields.
@@ -57,31 +58,32 @@ class Autopilot:
         mission_mode: Mode in which it flies a mission.
         take_off_mode: Mode of a commanded take-off; empty if that does not change the mode. It
             ends in `resting_mode`.
-        boot_modes: Modes that it may be in after its start without anybody having chosen them.
-        landed_modes: Modes in which it may be left on the ground after a flight for us.
+        boot_modes: Modes in which it may start without a person having chosen them.
+        landed_modes: Modes in which it may be on the ground after a flight for us.
         item_modes: Modes that mission items bring about, by their MAV_CMD.
         disarmed_modes: Modes that it enters by itself while it is disarmed.
         disarming_s: Time after disarming in which it may fall back into any mode.
-        messages: Types of the messages that are needed from it.
+        messages: Types of the messages that we need from it.
         position_is_checked: Whether its pre-arm check covers its position estimate. If not,
             EKF_STATUS_REPORT has to report a good estimate.
         texts_prove_failsafe: Whether a STATUSTEXT about a failsafe is sent only if one is active.
-        acts_when_critical: Whether it is critical only while a failsafe has it, whatever its mode.
+        acts_when_critical: Whether it reports a critical state only while a failsafe flies it, in
+            whatever mode.
         mode_is_checked: Whether the pre-arm check depends on the mode, and passes in
             `resting_mode` alone.
         streams_setpoints: Whether it needs setpoints all the time in `guided_mode`. If not, each is
             sent until POSITION_TARGET_GLOBAL_INT confirms it.
-        setpoint_loss_modes: Modes in which it may be for lack of setpoints.
-        setpoint_rate_hz: Rate of setpoints that it needs at least, in its own time.
+        setpoint_loss_modes: Modes to which it may change for lack of setpoints.
+        setpoint_rate_hz: Least rate of setpoints that it needs, in its own time.
         paced_setpoints: Whether it ignores MAV_CMD_DO_CHANGE_SPEED in `guided_mode`, so that a
             speed is flown by setpoints that move.
-        setpoints_amsl: Whether the altitude of setpoints is to be above mean sea level.
-        take_off_amsl: Whether MAV_CMD_NAV_TAKEOFF has its altitude above mean sea level.
-        unchanged: Parameter of MAV_CMD_NAV_TAKEOFF that leaves place and yaw as they are.
+        altitudes_amsl: Whether setpoints and MAV_CMD_NAV_TAKEOFF have altitudes above mean sea
+            level; if not, above home.
+        unchanged: Parameter of MAV_CMD_NAV_TAKEOFF that keeps position and yaw.
         missions_by_command: Whether MAV_CMD_MISSION_START starts a mission on the ground. If not,
             `mission_mode` does.
         keeps_item_radius: Whether it stores the acceptance radius of each waypoint.
-        parameter_tolerance: Difference between an item's parameter sent and read back.
+        parameter_tolerance: Greatest difference of an item's parameter that is read back.
         upload_can_be_cancelled: Whether MISSION_ACK with CANCELLED ends an upload.
         first_port: UDP port to which the first simulated vehicle sends.
         port_step: Difference to the port of the next one.
@@ -110,8 +112,7 @@ class Autopilot:
     setpoint_loss_modes: frozenset[str] = _NO_MODES
     setpoint_rate_hz: float = 0.0
     paced_setpoints: bool
-    setpoints_amsl: bool
-    take_off_amsl: bool
+    altitudes_amsl: bool
     unchanged: float
     missions_by_command: bool
     keeps_item_radius: bool
@@ -121,20 +122,17 @@ class Autopilot:
     port_step: int
 
     def problem(self, kind: int, autopilot: int) -> str:
-        """Return why a vehicle cannot be flown as this one, empty if it can.
+        """Return why a vehicle is not one of this autopilot; empty if it is.
 
         Args:
             kind: HEARTBEAT.type.
             autopilot: HEARTBEAT.autopilot.
         """
         if autopilot != self.number:
-            name = _enum_name("MAV_AUTOPILOT", autopilot)
-            return (
-                f"HEARTBEAT.autopilot must be {_enum_name('MAV_AUTOPILOT', self.number)} with "
-                f"autopilot:={self.name}, got {name}"
-            )
+            wanted, name = (enum_name("MAV_AUTOPILOT", one) for one in (self.number, autopilot))
+            return f"HEARTBEAT.autopilot must be {wanted} with autopilot:={self.name}, got {name}"
         if kind not in MULTICOPTERS:
-            return f"HEARTBEAT.type must be a multicopter, got {_enum_name('MAV_TYPE', kind)}"
+            return f"HEARTBEAT.type must be a multicopter, got {enum_name('MAV_TYPE', kind)}"
         return ""
 
     @property
@@ -153,7 +151,7 @@ class Autopilot:
         return int(FIRMWARES[self.name].home_first)
 
     def mode_name(self, custom_mode: int) -> str:
-        """Return the name of HEARTBEAT.custom_mode, `MODE(n)` for one that is not known."""
+        """Return the name of HEARTBEAT.custom_mode; `MODE(n)` if it is unknown."""
         fields = tuple(custom_mode >> shift & self.mode_mask for shift in self.mode_shifts)
         return self.modes.get(fields, f"MODE({'.'.join(map(str, fields))})")
 
@@ -169,18 +167,13 @@ class Autopilot:
             alt_m: Altitude above home.
             home_amsl_m: Altitude of home above mean sea level.
         """
-        altitude_m = home_amsl_m + alt_m if self.take_off_amsl else alt_m
+        altitude_m = home_amsl_m + alt_m if self.altitudes_amsl else alt_m
         return (0.0, 0.0, 0.0, self.unchanged, self.unchanged, self.unchanged, altitude_m)
 
     def connections(self, number: int) -> list[str]:
-        """Return where so many simulated vehicles send to by default."""
+        """Return the default connections of this number of simulated vehicles."""
         ports = (self.first_port + self.port_step * index for index in range(number))
         return [f"udpin:127.0.0.1:{port}" for port in ports]
-
-
-def _enum_name(enum: str, number: int) -> str:
-    entry = mavlink.enums[enum].get(number)
-    return str(number) if entry is None else entry.name.removeprefix(f"{enum}_")
 
 
 _MESSAGES = (GlobalPosition, GpsRaw, SysStatus, ExtendedSysState, MissionCurrent)
@@ -208,8 +201,7 @@ ARDUPILOT = Autopilot(
     mode_is_checked=False,
     streams_setpoints=False,
     paced_setpoints=False,
-    setpoints_amsl=False,
-    take_off_amsl=False,
+    altitudes_amsl=False,
     unchanged=0.0,
     missions_by_command=True,
     keeps_item_radius=False,
@@ -224,7 +216,7 @@ ARDUPILOT = Autopilot(
 PX4 = Autopilot(
     name="px4",
     number=mavlink.MAV_AUTOPILOT_PX4,
-    # MAVLink has no enumeration of these: px4_custom_mode.h, as QGroundControl names them.
+    # MAVLink does not enumerate these: see px4_custom_mode.h; the names are QGroundControl's.
     modes={
         (1, 0): "MANUAL",
         (2, 0): "ALTCTL",
@@ -251,7 +243,7 @@ PX4 = Autopilot(
     resting_mode="HOLD",
     mission_mode="MISSION",
     take_off_mode="TAKEOFF",
-    # Without a remote control it starts in HOLD; another one is chosen with its switches.
+    # Without a remote control it starts in HOLD; with one, the switches choose the mode.
     boot_modes=_NO_MODES,
     landed_modes=frozenset({"RTL", "LAND", "MISSION"}),
     item_modes={
@@ -273,9 +265,8 @@ PX4 = Autopilot(
     setpoint_loss_modes=frozenset({"RTL", "HOLD", "LAND", "POSCTL", "ALTCTL", "STABILIZED"}),
     setpoint_rate_hz=2.0,
     paced_setpoints=True,
-    # Above home it takes them with the wrong sign for home's height over the estimate's origin.
-    setpoints_amsl=True,
-    take_off_amsl=True,
+    # With altitudes above home it gets the sign of home's height over its origin wrong.
+    altitudes_amsl=True,
     unchanged=math.nan,
     missions_by_command=False,
     keeps_item_radius=True,

@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to a vehicle, sent again until their effect is seen.
+"""Commands to a vehicle, repeated until their effect is seen.
 
-An acknowledgement proves nothing: an autopilot may acknowledge a command and forget it, and loses
-all of them when it restarts.
+An acknowledgement proves nothing: an autopilot may acknowledge a command and forget it, and it
+forgets all commands when it restarts.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
+from dsse_ros.flight.checks import check_number
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.messages import (
@@ -24,6 +25,7 @@ from dsse_ros.mavlink.messages import (
     MissionSetCurrent,
     Outgoing,
     command_long,
+    enum_name,
 )
 
 DO_SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
@@ -31,24 +33,20 @@ DO_CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
 ARM_DISARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 MISSION_START = mavlink.MAV_CMD_MISSION_START
 
-_RESULTS = {
-    number: entry.name.removeprefix("MAV_RESULT_")
-    for number, entry in mavlink.enums["MAV_RESULT"].items()
-}
 _ACCEPTED, _IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS
 _FINAL_RESULTS = frozenset({mavlink.MAV_RESULT_UNSUPPORTED, mavlink.MAV_RESULT_COMMAND_INT_ONLY})
 """Results that are the same however often a command is sent."""
 _DENIED_TRIES = 3
 _OVERTAKEN_S = 1.5
-"""Time by which a heartbeat may come later than a reply that was sent after it."""
+"""How much later a heartbeat may arrive than a reply that was sent after it."""
 _ACCEPTED_PATIENCE = 3.0
 _GROUND_SPEED = float(mavlink.SPEED_TYPE_GROUNDSPEED)
 _THROTTLE_UNCHANGED = -1.0
 _SPEED_TRIES = 5
 EFFECT_S = 3.0
-"""Until a command shows in a heartbeat, even if it was delayed and a heartbeat lost."""
+"""Time until a heartbeat shows a command, even if it was delayed and a heartbeat was lost."""
 _TEXTS_S = 5.0
-"""Status texts that explain a refusal come that shortly before or after it."""
+"""Time before or after a refusal in which status texts explain it."""
 _PROGRESS_M = 0.5
 
 
@@ -57,16 +55,16 @@ class ControllerSettings:
     """How a vehicle is flown; times are our wall time unless stated otherwise.
 
     Attributes:
-        autopilot: Which autopilot it has, by its name in `AUTOPILOTS`.
-        speed_mps: Speed over ground to ask for, 0 for the vehicle's own.
-        alt_tolerance_m: Difference in altitude at which the vehicle is there.
+        autopilot: Name of its autopilot in `AUTOPILOTS`.
+        speed_mps: Ground speed to request, 0 for the vehicle's own.
+        alt_tolerance_m: Difference in altitude at which the vehicle has arrived.
         recovery_alt_m: Altitude above home below which a vehicle that has left its guided mode for
             lack of setpoints is left to land.
-        position_hz: How often to ask for positions, in the vehicle's time.
+        position_hz: Rate of positions to request, in the vehicle's time.
         setpoint_hz: Rate of setpoints, where they are streamed.
         link_timeout_s: Time without a heartbeat after which the vehicle is silent.
-        command_s: Time after which a command is sent again that has had no effect.
-        command_tries: How often it is sent for one order before that fails.
+        command_s: Time after which a command without an effect is sent again.
+        command_tries: How often a command is sent before its order fails.
         stall_s: How long an order may make no progress.
         transfer: Time-outs of a mission upload.
 
@@ -88,24 +86,20 @@ class ControllerSettings:
 
     def __post_init__(self) -> None:
         if self.autopilot not in AUTOPILOTS:
-            names = " or ".join(AUTOPILOTS)
-            raise ValueError(f"autopilot: {self.autopilot!r} is not allowed; {names}")
-        if not 0 <= self.speed_mps <= 100:
-            raise ValueError(f"speed_mps: {self.speed_mps!r} is not allowed; 0 to 100")
+            raise ValueError(f"autopilot must be {' or '.join(AUTOPILOTS)}, got {self.autopilot!r}")
         needed_hz = max(one.setpoint_rate_hz for one in AUTOPILOTS.values())
+        check_number("setpoint_hz", self.setpoint_hz, needed_hz, 200, exclusive=True)
         for name, least, most in (
+            ("speed_mps", 0, 100),
             ("alt_tolerance_m", 0.1, 1000),
-            ("recovery_alt_m", 0.0, 20000),
+            ("recovery_alt_m", 0, 20000),
             ("position_hz", 0.5, 50),
-            ("setpoint_hz", math.nextafter(needed_hz, math.inf), 200),
             ("link_timeout_s", 0.1, 3600),
             ("command_s", 0.01, 3600),
             ("command_tries", 1, 1000),
             ("stall_s", 0.1, 1e6),
         ):
-            value = getattr(self, name)
-            if not least <= value <= most:
-                raise ValueError(f"{name}: {value!r} is not allowed; {least:g} to {most:g}")
+            check_number(name, getattr(self, name), least, most)
 
 
 class OrderFailedError(Exception):
@@ -122,10 +116,10 @@ class OrderFailedError(Exception):
 
 
 class TakenOverError(Exception):
-    """Somebody else, or a failsafe, has the vehicle.
+    """Another person, or a failsafe, has the vehicle.
 
     Args:
-        what: What shows it; empty for a mode that we have not set.
+        what: The sign of it; empty for a mode that we have not set.
     """
 
     def __init__(self, what: str = "") -> None:
@@ -134,7 +128,7 @@ class TakenOverError(Exception):
 
 @dataclass
 class Situation:
-    """What the parts of a controller share.
+    """State that the parts of a controller share.
 
     Attributes:
         target: The vehicle's autopilot.
@@ -166,41 +160,41 @@ class Situation:
         self._texts.append((self.now, text))
 
     def recent_texts(self) -> str:
-        """Return the latest status texts in brackets, to be put behind a reason."""
+        """Return the latest status texts in brackets, to append to a reason."""
         texts = [text for time_s, text in self._texts if self.now - time_s <= _TEXTS_S]
         return f" ({'; '.join(texts)})" if texts else ""
 
     def begin_progress(self) -> None:
-        """Watch the progress of another order."""
+        """Begin to watch the progress of an order."""
         self._best = (None, math.inf)
-        self.excuse_standstill()
+        self.restart_stall_timer()
 
-    def excuse_standstill(self) -> None:
-        """Count a standstill from now on."""
+    def restart_stall_timer(self) -> None:
+        """Count the time without progress from now on."""
         self._best_since_s = self.now
 
     def expect_progress(self, stage: object, distance: float, *, patience_s: float = 0.0) -> None:
-        """Watch that a distance shrinks as long as the stage is the same.
+        """Check that a distance shrinks while the stage stays the same.
 
         Raises:
-            OrderFailedError: If it has not for too long.
+            OrderFailedError: If it has not shrunk for too long.
         """
         if stage != self._best[0] or distance < self._best[1] - _PROGRESS_M:
             self._best = (stage, distance)
-            self.excuse_standstill()
+            self.restart_stall_timer()
         elif self.now - self._best_since_s > self.settings.stall_s + patience_s:
             stalled_s = self.settings.stall_s + patience_s
             raise OrderFailedError(f"no progress for {stalled_s:g} s{self.recent_texts()}")
 
 
 class CommandSender:
-    """Sends commands again and again until they have an effect.
+    """Repeats commands until they have an effect.
 
     Args:
         situation: Of the vehicle.
 
     Attributes:
-        arms: Whether the vehicle is armed, if it is, because it was commanded to.
+        arms: Whether our command has armed the vehicle, if it is armed.
     """
 
     def __init__(self, situation: Situation) -> None:
@@ -210,6 +204,7 @@ class CommandSender:
         self._due_s = -math.inf
         self._tries: Counter[str] = Counter()
         self._answers: dict[str, tuple[int, str]] = {}
+        self._effect_s = -math.inf
         self._speed_tries = 0
         self._speed_due_s = -math.inf
         self._arming_until_s = -math.inf
@@ -228,39 +223,41 @@ class CommandSender:
         self._speed_tries = _SPEED_TRIES if self._situation.settings.speed_mps > 0 else 0
 
     def acknowledged(self, ack: CommandAck) -> None:
-        """Take a COMMAND_ACK: it may explain why there is no effect."""
+        """Handle a COMMAND_ACK, which may explain why there is no effect."""
         situation = self._situation
         if ack.command == DO_CHANGE_SPEED and ack.result in (_ACCEPTED, *_FINAL_RESULTS):
             self._speed_tries = 0
         command = self._command
         if isinstance(command, CommandLong) and command.command == ack.command:
             refusal = ""
+            self._due_s = max(self._due_s, self._effect_s)
             if ack.command == ARM_DISARM:
                 self.arms = ack.result in (_ACCEPTED, _IN_PROGRESS)
                 if ack.result == _ACCEPTED:
                     self._heartbeats_since_arming = 0
                     self._armed_s = situation.now
             if ack.result in (_ACCEPTED, _IN_PROGRESS):
-                # It takes a while until that shows.
+                # The effect takes a while to show.
                 patient_s = situation.now + _ACCEPTED_PATIENCE * situation.settings.command_s
                 self._due_s = max(self._due_s, patient_s)
             else:
-                result = _RESULTS.get(ack.result, f"result {ack.result}")
+                result = enum_name("MAV_RESULT", ack.result)
                 refusal = f": {result}{situation.recent_texts()}"
             self._answers[self._purpose] = (ack.result, refusal)
 
     def send(
         self, command: CommandLong | MissionSetCurrent, purpose: str, *, takes_s: float = 0.0
     ) -> str:
-        """Send a command if it is time, and return what is being waited for.
+        """Send a command if it is due, and return what it is waiting for.
 
         Args:
             command: The command.
-            purpose: What it is for; as long as this is the same, it is the same command.
-            takes_s: How long its effect takes at least; sent before that, it would start again.
+            purpose: What it is for; the same purpose means the same command.
+            takes_s: How long its effect takes at least; sent before that, it would start again. If
+                it is not answered, it is sent again after half of that.
 
         Raises:
-            OrderFailedError: If it was sent often enough, or the vehicle does not know it.
+            OrderFailedError: If all tries are used, or the vehicle does not support it.
         """
         situation, settings = self._situation, self._situation.settings
         if purpose != self._purpose:
@@ -277,7 +274,10 @@ class CommandSender:
             if self._tries[purpose] >= tries:
                 raise OrderFailedError(f"{purpose}: no effect after {tries} tries{refusal}")
             self._tries[purpose] += 1
-            self._due_s = situation.now + max(settings.command_s, takes_s)
+            # If no answer comes, it or the answer was lost: a vehicle that waits on the ground for
+            # its take-off disarms itself after 10 s.
+            self._due_s = situation.now + max(settings.command_s, takes_s / 2)
+            self._effect_s = situation.now + takes_s
             situation.out.append(command)
             if isinstance(command, CommandLong) and command.command in (ARM_DISARM, MISSION_START):
                 self.arms = True
@@ -290,7 +290,7 @@ class CommandSender:
         return self.send(command, purpose, takes_s=takes_s)
 
     def watch_arming(self) -> None:
-        """Take a heartbeat: is the vehicle armed?"""
+        """Handle a heartbeat, which shows whether the vehicle is armed."""
         if self._situation.state.armed:
             self._was_armed = True
             return
@@ -302,10 +302,10 @@ class CommandSender:
 
     @property
     def disarmed_again(self) -> bool:
-        """Whether it was armed during this order and is not any more.
+        """Whether it was armed during this order and no longer is.
 
-        Once it has accepted to be armed, two heartbeats without the flag show that, or one that
-        cannot be from before.
+        After it has accepted the command to arm, two heartbeats without the flag show that, or one
+        that cannot be from before.
         """
         if self._situation.state.armed:
             return False
@@ -313,11 +313,11 @@ class CommandSender:
 
     @property
     def arming(self) -> bool:
-        """Whether it was commanded to arm so lately that its heartbeat need not show it yet."""
+        """Whether it was commanded to arm so recently that its heartbeat may not show it yet."""
         return self._situation.now < self._arming_until_s
 
     def request_speed(self) -> None:
-        """Ask for the speed; that a vehicle flies faster or slower is no failure."""
+        """Request the speed; a vehicle that flies at another one has not failed."""
         situation = self._situation
         due = self._speed_tries > 0 and situation.now >= self._speed_due_s
         if due and situation.state.flying:

@@ -13,6 +13,7 @@ from collections.abc import Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.checks import check_number
 from msg_adapters.mission_items import FRAME_MISSION, NAV_LOITER_TIME, MissionItem
 
 INTEGER_FRAMES = {
@@ -46,8 +47,7 @@ def item_message(
         ("frame", item.frame, 2**8 - 1),
         ("command", item.command, 2**16 - 1),
     ):
-        if not 0 <= number <= most:
-            raise ValueError(f"{name}: {number!r} is not allowed; 0 to {most}")
+        check_number(name, number, 0, most)
     open_yaw = item.command == NAV_LOITER_TIME and math.isnan(item.param4)
     yaw = 0.0 if open_yaw else item.param4
     scale = 1 if item.frame == FRAME_MISSION else _DEGREE
@@ -77,11 +77,11 @@ def mission_messages(
 
 def _integer(name: str, value: float, scale: int) -> int:
     if not abs(value * scale) < 2**31 - 1:
-        raise ValueError(f"{name}: {value!r} is not allowed; a number that fits 32 bits")
+        raise ValueError(f"{name} must be a number that fits 32 bits, got {value!r}")
     return int(round(value * scale))
 
 
 def _float(name: str, value: float) -> float:
     if abs(value) > _MAX_FLOAT32 and not math.isinf(value):
-        raise ValueError(f"{name}: {value!r} is not allowed; a number that fits float32")
+        raise ValueError(f"{name} must be a number that fits float32, got {value!r}")
     return float(value)

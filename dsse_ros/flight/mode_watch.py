@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Which modes our orders bring about, and whether somebody else or a failsafe has set another."""
+"""Recognises modes that our orders have not set: a person or a failsafe has."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from dsse_ros.flight.vehicle_state import VehicleState
 _CONFIRMATIONS = 2
 """Heartbeats that confirm the mode after a silence or a sign of a failsafe."""
 _MODE_RESTORED_S = 5.0
-"""How long an autopilot may take to go back to its guided mode once it gets setpoints again."""
+"""How long an autopilot may take to return to its guided mode once setpoints come again."""
 
 
 class ModeWatch:
-    """Compares a vehicle's mode with those that our orders bring about.
+    """Compares a vehicle's mode with the modes that our orders set.
 
     Args:
         situation: Of the vehicle.
@@ -32,8 +32,8 @@ class ModeWatch:
         counts: Where events are counted by a short key.
 
     Attributes:
-        allowed: Modes that our orders bring about; None before the first one.
-        yielded: Whether the vehicle was left to somebody else; nothing is sent then.
+        allowed: Modes that our orders set; None before the first order, when any is allowed.
+        given_up: Whether somebody else has the vehicle; nothing is sent then.
     """
 
     def __init__(self, situation: Situation, commands: CommandSender, counts: Counter[str]) -> None:
@@ -41,8 +41,8 @@ class ModeWatch:
         self._commands = commands
         self._counts = counts
         self.allowed: frozenset[str] | None = None
-        self.yielded = False
-        # Modes that orders have brought about, in which it was found before not included.
+        self.given_up = False
+        # Modes that orders have set, without those in which the vehicle was found.
         self._ours: set[str] = set()
         self._announced: dict[str, float] = {}
         self._foreign = False
@@ -61,28 +61,29 @@ class ModeWatch:
     # What orders bring about
 
     def announce(self, mode: str) -> None:
-        """Take note that a command will make the vehicle change to a mode."""
+        """Record that a command will make the vehicle change to a mode."""
         self._announced[mode] = self._situation.now + EFFECT_S
 
     @property
     def announced(self) -> frozenset[str]:
-        """Modes that a command brings about which was sent so lately that they need not show."""
+        """Modes that a recent command sets and that may not show yet."""
         now = self._situation.now
         return frozenset(mode for mode, until_s in self._announced.items() if now < until_s)
 
     def allow(self, *modes: str) -> None:
-        """Allow these modes, and those that a command sent just now still brings about."""
+        """Allow these modes, and those that a recent command still sets."""
         self.allowed = frozenset(modes) | self.announced
         self._ours |= self.allowed
 
     def tolerate(self, mode: str) -> None:
-        """Allow a mode in which the vehicle may have been found: who has set it is not known."""
+        """Allow a mode in which the vehicle was found, without counting it as ours."""
         self.allowed = frozenset({mode}) | self.announced
 
     def expect_failsafe(self, *, to_setpoints: bool) -> None:
-        """Allow the present mode alone where a failsafe has set it, or is about to change it.
+        """Allow only the present mode if a failsafe has set it, or is about to change it.
 
-        Until the mode is confirmed nothing is sent: who changes it meanwhile is somebody else.
+        Nothing is sent until the mode is confirmed. If it changes before that, we have not changed
+        it.
 
         Args:
             to_setpoints: Whether the order has the vehicle fly to setpoints, for lack of which it
@@ -95,7 +96,7 @@ class ModeWatch:
             self.tolerate(self._mode)
 
     def adopt(self, mode: str) -> None:
-        """Take a mode for one that we have brought about, in an earlier run of the program."""
+        """Count a mode as ours, because an earlier run of the program has set it."""
         self._ours.add(mode)
 
     def allow_any(self) -> None:
@@ -103,7 +104,7 @@ class ModeWatch:
         self.allowed, self._foreign = None, False
 
     def check(self) -> None:
-        """Raise a `TakenOverError` if the mode is another than what orders bring about."""
+        """Raise a `TakenOverError` if our orders have not set the mode."""
         known = self._situation.autopilot.orderly_modes | self._ours
         if self._mode not in known or self._mode not in (self.allowed or known):
             raise TakenOverError
@@ -125,29 +126,29 @@ class ModeWatch:
 
     @property
     def resting(self) -> bool:
-        """Whether the vehicle is in the resting mode, and is not about to leave it."""
+        """Whether the vehicle is in the resting mode and stays there."""
         resting_mode = self._situation.autopilot.resting_mode
         return self._mode == resting_mode and not self.announced - {resting_mode}
 
     # Who has the vehicle
 
     def give_up(self) -> None:
-        """Leave the vehicle to those who have set its mode."""
+        """Leave the vehicle to the person or failsafe that has set its mode."""
         self.allow_any()
-        self.yielded = True
+        self.given_up = True
         self._announced.clear()
         self._ours.clear()
         self.end_setpoint_loss()
 
     def resume(self) -> None:
-        """Take the vehicle back, as a person has allowed it."""
-        self.yielded, self._unconfirmed = False, 0
+        """Take the vehicle back, because a person has allowed it."""
+        self.given_up, self._unconfirmed = False, 0
         self.allow_any()
 
     @property
     def confirmed(self) -> bool:
         """Whether the mode of the last heartbeats is one in which something may be sent."""
-        return not (self.yielded or self._foreign or self._unconfirmed)
+        return not (self.given_up or self._foreign or self._unconfirmed)
 
     @property
     def streams_unconfirmed(self) -> bool:
@@ -157,7 +158,7 @@ class ModeWatch:
         """
         autopilot = self._situation.autopilot
         guided = autopilot.streams_setpoints and self._mode == autopilot.guided_mode
-        return guided and not (self.yielded or self._foreign)
+        return guided and not (self.given_up or self._foreign)
 
     def require_confirmation(self) -> None:
         """Send nothing until heartbeats have confirmed the mode: it may be about to change."""
@@ -187,7 +188,7 @@ class ModeWatch:
         self.end_setpoint_loss()
         if before.armed and not state.armed:
             self._disarmed_s = situation.now
-        if self.yielded or self.allowed is None or mode in self.allowed:
+        if self.given_up or self.allowed is None or mode in self.allowed:
             self._foreign = False
             return
         just_disarmed = situation.now - self._disarmed_s < autopilot.disarming_s
@@ -227,7 +228,7 @@ class ModeWatch:
         missed = (
             wanted
             and (confirmed or self.lacks_setpoints)
-            and not self.yielded
+            and not self.given_up
             and state.flying
             and state.alt_m >= situation.settings.recovery_alt_m
             and state.mode in autopilot.setpoint_loss_modes
@@ -256,5 +257,5 @@ class ModeWatch:
             raise TakenOverError
 
     def end_setpoint_loss(self) -> None:
-        """Take note that setpoints are not missing, or that this cannot be known."""
+        """Record that setpoints are not missing, or that this cannot be known."""
         self._setpoint_loss_until_s = None

@@ -1,13 +1,13 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The steps that orders are made of: each yields, or returns, what is being waited for."""
+"""The steps of orders; each yields, or returns, what it is waiting for."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -16,35 +16,26 @@ from dsse_ros.flight.item_messages import mission_messages
 from dsse_ros.flight.setpoints import offset_m
 from dsse_ros.flight.transfer import Failed
 from dsse_ros.flight.upload import VerifiedUpload
-from msg_adapters.mission_items import MissionItem
+from msg_adapters.mission_items import (
+    NAV_LAND,
+    NAV_LOITER_TIME,
+    NAV_RETURN_TO_LAUNCH,
+    NAV_WAYPOINT,
+    MissionItem,
+)
 
 if TYPE_CHECKING:
+    from dsse_ros.flight.orders import FlyMission, MakeReady, TakeOff
     from dsse_ros.flight.vehicle_controller import VehicleController
 
-NAV_WAYPOINT = mavlink.MAV_CMD_NAV_WAYPOINT
-NAV_LOITER_TIME = mavlink.MAV_CMD_NAV_LOITER_TIME
-NAV_DELAY = mavlink.MAV_CMD_NAV_DELAY
-NAV_RETURN_TO_LAUNCH = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
-NAV_LAND = mavlink.MAV_CMD_NAV_LAND
+    ArmingOrder: TypeAlias = MakeReady | TakeOff | FlyMission
 
 STANDING_MPS = 1.0
 NEAR_TOP_M = 3.0
-"""How far from its end a climb may be seen to end: positions are late, and altitudes drift."""
+"""Tolerance for the end of a climb: positions are late, and altitudes drift."""
 _STAYING_M = 5.0
 _STREAM_FIRST_S = 1.0
-_HOLDING_ITEMS = (NAV_WAYPOINT, NAV_LOITER_TIME, NAV_DELAY)
-
-
-class ArmingOrder(Protocol):
-    """An order to a vehicle on the ground, see `TakeOff`."""
-
-    @property
-    def arm(self) -> bool:
-        """Whether to arm the vehicle."""
-
-    @property
-    def from_modes(self) -> tuple[str, ...]:
-        """Modes that may be changed on the ground, even if a person has set them."""
+_HOLDING_ITEMS = (NAV_WAYPOINT, NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_DELAY)
 
 
 def fly_to(
@@ -104,7 +95,7 @@ def enter_guided_mode(controller: VehicleController) -> str:
 def end_of_climb(controller: VehicleController) -> tuple[str, ...]:
     """Return the modes to which a vehicle may change by itself at the top of its take-off.
 
-    By sea level: home moves. A person's change is known as one below.
+    Altitudes are above sea level, because home moves. A change further below is a person's.
     """
     situation, autopilot = controller.situation, controller.situation.autopilot
     below_m = situation.take_off_amsl_m - controller.state.alt_amsl_m
@@ -164,7 +155,7 @@ def upload(controller: VehicleController, items: tuple[MissionItem, ...]) -> Ite
     if isinstance(exchange.result, Failed):
         changed = ", and the vehicle may hold another mission" if exchange.result.changed else ""
         raise OrderFailedError(exchange.result.reason + changed)
-    # What it has reported before was about another mission.
+    # Its earlier reports were about another mission.
     situation.state = replace(situation.state, item_current=-1, item_reached=-1, mission_over=False)
 
 
@@ -179,7 +170,7 @@ def follow_mission(controller: VehicleController, items: tuple[MissionItem, ...]
         state = controller.state
         flown = flown or state.flying
         if state.item_reached <= max(state.item_current, 0):
-            # Reports of an item may get lost, but not forever: the next one implies it.
+            # A report of an item may get lost; the report of the next item implies it.
             reached = max(reached, state.item_reached, state.item_current - 1)
         down = flown and not state.armed
         if reached >= last or (flown and state.mission_over) or (down and comes_down):
@@ -189,7 +180,7 @@ def follow_mission(controller: VehicleController, items: tuple[MissionItem, ...]
             raise OrderFailedError(f"disarmed at item {state.item_current} of {last}")
         modes = mission_modes(controller, items)
         for mode in modes:
-            # One that an item brings about may still show under the next order.
+            # A mode that an item sets may still show under the next order.
             controller.modes.announce(mode)
         controller.modes.allow(*modes)
         if flown and state.mode == controller.situation.autopilot.mission_mode:
@@ -203,7 +194,7 @@ def follow_mission(controller: VehicleController, items: tuple[MissionItem, ...]
 def mission_modes(
     controller: VehicleController, items: tuple[MissionItem, ...], *, whole: bool = False
 ) -> frozenset[str]:
-    """Return the modes that come about by flying the mission, now or to its end."""
+    """Return the modes that the mission sets now, or on its whole way."""
     autopilot, state = controller.situation.autopilot, controller.state
     first, count = (0, len(items)) if whole else (max(state.item_current, 0), 2)
     modes = {autopilot.mission_mode}
@@ -226,7 +217,7 @@ def until_position_known(controller: VehicleController) -> Iterator[str]:
 
 
 def until_lift_off_known(controller: VehicleController) -> Iterator[str]:
-    """Wait for what an earlier order may have begun; if nothing, it soon disarms itself."""
+    """Wait for a take-off that an earlier order may have begun; without one it soon disarms."""
     while not controller.state.flying and (controller.state.armed or controller.commands.arming):
         controller.situation.expect_progress("lift-off", 0.0)
         yield "waiting for lift-off or disarming"
@@ -264,7 +255,7 @@ def rest(controller: VehicleController) -> str:
 
 
 def until_take_off(controller: VehicleController, order: ArmingOrder) -> str:
-    """Bring it to where it can take off, and return what that waits for, empty if nothing."""
+    """Prepare a vehicle to take off; return what it is waiting for, empty if it can."""
     if controller.commands.disarmed_again:
         raise TakenOverError("disarmed on the ground")
     if controller.state.armed and order.arm and not controller.commands.arms:
@@ -286,12 +277,12 @@ def until_take_off(controller: VehicleController, order: ArmingOrder) -> str:
 
 
 def why_not_ready(controller: VehicleController) -> str:
-    """Return in brackets why the vehicle is not ready, as far as it reports that."""
+    """Return in brackets why the vehicle is not ready; empty if it has not reported why."""
     return f" ({controller.state.unready})" if controller.state.unready else ""
 
 
 def has_fresh_position(controller: VehicleController) -> bool:
-    """Whether the position is one of the link that is up now."""
+    """Whether the position has come recently."""
     situation = controller.situation
     return situation.now - situation.state.position_s < situation.settings.link_timeout_s
 

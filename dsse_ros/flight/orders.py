@@ -15,6 +15,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.checks import check_number
 from dsse_ros.flight.commands import MISSION_START, OrderFailedError
 from dsse_ros.flight.item_messages import mission_messages
 from dsse_ros.flight.order_steps import (
@@ -90,9 +91,7 @@ class TakeOff(Order):
     flies_to_setpoints: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        _check("alt_m", self.alt_m, 0.0, _MAX_ALT_M)
-        if self.alt_m == 0:
-            raise ValueError("alt_m: 0 is not allowed; more than 0")
+        check_number("alt_m", self.alt_m, 0, _MAX_ALT_M, exclusive=True)
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
@@ -193,8 +192,8 @@ class Search(Order):
 
     def __post_init__(self) -> None:
         _check_place(self.lat_deg, self.lon_deg, self.alt_m, self.radius_m)
-        _check("search_alt_m", self.search_alt_m, -_MAX_ALT_M, _MAX_ALT_M)
-        _check("hold_s", self.hold_s, 0.0, 3600.0)
+        check_number("search_alt_m", self.search_alt_m, -_MAX_ALT_M, _MAX_ALT_M)
+        check_number("hold_s", self.hold_s, 0, 3600)
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
@@ -277,7 +276,7 @@ class FlyMission(Order):
 
     def __post_init__(self) -> None:
         if not self.items:
-            raise ValueError("items: none is not allowed; at least one")
+            raise ValueError("items must be at least one, got none")
         mission_messages(self.items)
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
@@ -323,15 +322,8 @@ class FlyMission(Order):
         yield from follow_mission(controller, self.items)
 
 
-def _check(name: str, value: float, least: float, most: float) -> None:
-    if not (math.isfinite(value) and least <= value <= most):
-        raise ValueError(f"{name}: {value!r} is not allowed; {least:g} to {most:g}")
-
-
 def _check_place(lat_deg: float, lon_deg: float, alt_m: float, radius_m: float) -> None:
-    _check("lat_deg", lat_deg, -90.0, 90.0)
-    _check("lon_deg", lon_deg, -180.0, 180.0)
-    _check("alt_m", alt_m, -_MAX_ALT_M, _MAX_ALT_M)
-    _check("radius_m", radius_m, 0.0, 1e6)
-    if radius_m == 0:
-        raise ValueError("radius_m: 0 is not allowed; more than 0")
+    check_number("lat_deg", lat_deg, -90, 90)
+    check_number("lon_deg", lon_deg, -180, 180)
+    check_number("alt_m", alt_m, -_MAX_ALT_M, _MAX_ALT_M)
+    check_number("radius_m", radius_m, 0, 1e6, exclusive=True)

@@ -131,14 +131,14 @@ class SetpointStreamer:
         place = (state.lat_deg, state.lon_deg)
         if speed_mps > 0 and self._autopilot.paced_setpoints:
             if state.mode != self._autopilot.guided_mode:
-                # It stays where it is until it is seen to follow setpoints.
+                # Hold its position until its mode shows that it follows setpoints.
                 self._paced = None
                 target = replace(target, lat_deg=state.lat_deg, lon_deg=state.lon_deg)
             else:
                 if self._paced is None or self._paced.target != target:
                     self._paced = PacedSetpoint(target, speed_mps, place, state.boot_s)
                 target = self._paced.advance(place, state.boot_s)
-        if not self._autopilot.setpoints_amsl:
+        if not self._autopilot.altitudes_amsl:
             return target
         # PX4 moves its home by up to a metre in the first minutes of a flight: hence the mean.
         home_m = state.alt_amsl_m - state.alt_m
@@ -161,8 +161,8 @@ class PacedSetpoint:
     """
 
     _LEAD_S = 1.0
-    """Greatest lead over the vehicle: longer than the age of its position, short enough not to make
-    the vehicle accelerate."""
+    """Greatest lead: longer than the age of the position, short enough not to make the vehicle
+    accelerate."""
     _APPROACH_S = 1.0
     """Time before the end at which the setpoint is the end itself, where the vehicle stops."""
 

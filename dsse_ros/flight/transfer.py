@@ -13,21 +13,21 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import ClassVar, Protocol, get_args
+from typing import ClassVar, get_args
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.checks import check_number
 from dsse_ros.mavlink.messages import (
     MISSION_FAULTS,
-    MISSION_RESULTS,
     Address,
     MissionAck,
     MissionItemInt,
     MissionMessage,
+    enum_name,
 )
 
 _MESSAGES = get_args(MissionMessage)
-_CANCELLED = mavlink.MAV_MISSION_OPERATION_CANCELLED
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,12 @@ class Timeouts:
 
     def __post_init__(self) -> None:
         for name in ("item_s", "reply_s", "settle_s", "stall_s"):
-            value = getattr(self, name)
-            if not 0 < value <= 3600:
-                raise ValueError(f"{name}: {value!r} is not allowed; above 0 and up to 3600")
+            check_number(name, getattr(self, name), 0, 3600, exclusive=True)
         for name in ("retries", "upload_retries"):
-            value = getattr(self, name)
-            if not 0 <= value <= 1000:
-                raise ValueError(f"{name}: {value!r} is not allowed; 0 to 1000")
+            check_number(name, getattr(self, name), 0, 1000)
+
+
+DEFAULT_TIMEOUTS = Timeouts()
 
 
 @dataclass(frozen=True)
@@ -89,43 +88,13 @@ class Failed:
         code: Short snake_case key: `cancelled`, `no_reply`, `refused` and `stalled` for any;
             `early_ack`, `cancelled_by_vehicle` and `mismatch` for uploads.
         reason: One line for people.
-        ack: The vehicle's MAV_MISSION_RESULT.
         changed: Whether the vehicle may hold another mission than before, or none, or with
             ArduPilot a mixture: upload again before it flies one.
     """
 
     code: str
     reason: str
-    ack: int | None = None
     changed: bool = False
-
-
-class Exchange(Protocol):
-    """An exchange as the owner of a link drives it: one at a time for each vehicle.
-
-    Attributes:
-        result: None while the exchange is in progress.
-        counts: Messages that had no effect, and other events, by a short key.
-    """
-
-    result: Done | Failed | None
-    counts: Counter[str]
-
-    @property
-    def deadline(self) -> float | None:
-        """Time at which `tick` is due; None if it is not."""
-
-    def start(self, now: float) -> list[MissionMessage]:
-        """Start; returns the messages to send."""
-
-    def receive(self, message: object, sender: Address, now: float) -> list[MissionMessage]:
-        """Process a message from any sender, and never raise; returns the messages to send."""
-
-    def tick(self, now: float) -> list[MissionMessage]:
-        """Process the time; returns the messages to send."""
-
-    def cancel(self, now: float) -> list[MissionMessage]:
-        """Cancel in any state; returns the messages to send. The result may follow later."""
 
 
 class _State(Enum):
@@ -136,16 +105,18 @@ class _State(Enum):
 
 
 class Transfer(ABC):
-    """Base of the exchanges: addresses, retries, attempts and the end; see `Exchange`.
-
-    Attributes:
-        attempts_left: How often it may still start again.
+    """Base of the exchanges, one at a time for each vehicle: retries, attempts and the end.
 
     Args:
         target: The vehicle's autopilot; component 0 stands for all components of its system.
         source: Ourselves.
-        mission_type: MAV_MISSION_TYPE; messages about others are ignored.
         timeouts: Timeouts and retries.
+
+    Attributes:
+        attempts_left: How often it may still start again.
+        deadline: Time at which `tick` is due; None if it is not.
+        result: None while the exchange is in progress.
+        counts: Messages that had no effect, and other events, by a short key.
 
     Raises:
         ValueError: If the target is not a single system: a broadcast would reach all vehicles.
@@ -155,23 +126,16 @@ class Transfer(ABC):
     changes_vehicle: ClassVar[bool]
 
     def __init__(
-        self,
-        target: Address,
-        source: Address,
-        *,
-        mission_type: int = 0,
-        timeouts: Timeouts | None = None,
+        self, target: Address, source: Address, *, timeouts: Timeouts = DEFAULT_TIMEOUTS
     ) -> None:
-        if not 1 <= target.system <= 255:
-            raise ValueError(f"target: system {target.system!r} is not allowed; 1 to 255")
+        check_number("target.system", target.system, 1, 255)
         self.target = target
         self.source = source
-        self.mission_type = mission_type
-        self.timeouts = timeouts or Timeouts()
+        self.timeouts = timeouts
         self.attempts_left = self.timeouts.upload_retries
         self.result: Done | Failed | None = None
         self.counts: Counter[str] = Counter()
-        self._deadline: float | None = None
+        self.deadline: float | None = None
         self._state = _State.NEW
         self._pending: MissionMessage | None = None
         self._wait_s = 0.0
@@ -179,11 +143,6 @@ class Transfer(ABC):
         self._refused_since: float | None = None
         self._settled_by = 0.0
         self._conclusion: Done | Failed | None = None
-
-    @property
-    def deadline(self) -> float | None:
-        """Time at which `tick` is due; None if it is not."""
-        return self._deadline
 
     def start(self, now: float) -> list[MissionMessage]:
         """Start; returns the messages to send.
@@ -207,7 +166,7 @@ class Transfer(ABC):
         system, component = message.target_system, message.target_component
         if system not in (0, self.source.system) or component not in (0, self.source.component):
             return self._ignore("wrong_target")
-        if message.mission_type != self.mission_type:
+        if message.mission_type != mavlink.MAV_MISSION_TYPE_MISSION:
             return self._ignore("wrong_mission_type")
         if self._state is _State.SETTLING:
             return self._take_late(message, now)
@@ -215,14 +174,14 @@ class Transfer(ABC):
 
     def tick(self, now: float) -> list[MissionMessage]:
         """Process the time; returns the messages to send."""
-        if self._deadline is None or now < self._deadline:
+        if self.deadline is None or now < self.deadline:
             return []
         if self._state is _State.SETTLING:
             return self._settled(now)
         if self._retries_left == 0:
             return self._exhausted(now)
         self._retries_left -= 1
-        self._deadline = now + self._wait_s
+        self.deadline = now + self._wait_s
         assert self._pending is not None
         return [self._pending]
 
@@ -274,9 +233,9 @@ class Transfer(ABC):
         self._refused_since = None
         if pause_s > 0:
             self._retries_left += 1
-            self._deadline = now + pause_s
+            self.deadline = now + pause_s
             return []
-        self._deadline = now + wait_s
+        self.deadline = now + wait_s
         return [message]
 
     def _ignore(self, key: str) -> list[MissionMessage]:
@@ -284,7 +243,7 @@ class Transfer(ABC):
         return []
 
     def _cancellation(self) -> MissionAck:
-        return MissionAck(*self.target, _CANCELLED, self.mission_type)
+        return MissionAck(*self.target, mavlink.MAV_MISSION_OPERATION_CANCELLED)
 
     def _refused(self, ack: MissionAck, now: float) -> list[MissionMessage]:
         """Process a refusal of the first message: the vehicle may only be busy."""
@@ -296,11 +255,10 @@ class Transfer(ABC):
         return []
 
     def _refusal(self, ack: MissionAck) -> Failed:
-        result = MISSION_RESULTS.get(ack.type, "unknown")
+        result = enum_name("MAV_MISSION_RESULT", ack.type, "MAV_MISSION_")
         return Failed(
             "refused",
             f"the vehicle refused the {self.name}: {result} ({ack.type})",
-            ack=ack.type,
             changed=self._may_change(),
         )
 
@@ -338,7 +296,7 @@ class Transfer(ABC):
 
     def _extend_settling(self, now: float) -> None:
         """Wait for silence from now on, within the limit."""
-        self._deadline = min(now + self._quiet_s(), self._settled_by)
+        self.deadline = min(now + self._quiet_s(), self._settled_by)
 
     def _quiet_s(self) -> float:
         """Return how long the vehicle must send nothing before the exchange ends."""
@@ -353,7 +311,7 @@ class Transfer(ABC):
     def _end(self, result: Done | Failed) -> None:
         self._state = _State.ENDED
         self.result = result
-        self._deadline = None
+        self.deadline = None
 
     def _may_change(self) -> bool:
         return self.changes_vehicle and self._state is not _State.NEW

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.checks import check_number
 from dsse_ros.flight.item_messages import INTEGER_FRAMES
-from dsse_ros.flight.transfer import Done, Failed, Timeouts, Transfer
+from dsse_ros.flight.transfer import DEFAULT_TIMEOUTS, Done, Failed, Timeouts, Transfer
 from dsse_ros.mavlink.messages import (
     MISSION_FAULTS,
     Address,
@@ -25,13 +26,12 @@ from dsse_ros.mavlink.messages import (
     MissionRequestInt,
     MissionRequestList,
 )
+from msg_adapters.mission_items import FRAME_MISSION, NAV_RETURN_TO_LAUNCH
 
 _FINAL_RESULTS = MISSION_FAULTS | {mavlink.MAV_MISSION_OPERATION_CANCELLED}
 """Results after which a vehicle waits for no more items."""
 _RETRIED = ("mismatch", "stalled")
 """Codes of a failed verification after which the mission is uploaded again."""
-_FRAME_MISSION = mavlink.MAV_FRAME_MISSION
-_NAV_RETURN_TO_LAUNCH = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
 _MAX_DEGREES = 1
 """1e-7 degrees, which are lost when they are stored as floating point."""
 _MAX_ALTITUDE_M = 0.02
@@ -50,12 +50,11 @@ class Upload(Transfer):
         source: Ourselves.
         autopilot: Which autopilot it is. ArduPilot does not process a cancellation: after a failure
             the exchange waits until its own time-out.
-        mission_type: MAV_MISSION_TYPE, which the items must have.
         timeouts: Timeouts and retries.
 
     Raises:
-        ValueError: If items have another target or type, are not numbered from 0, or would be
-            executed at once instead of stored.
+        ValueError: If items have another target, are not of a mission, are not numbered from 0, or
+            would be executed at once instead of stored.
     """
 
     name = "upload"
@@ -68,31 +67,28 @@ class Upload(Transfer):
         source: Address,
         *,
         autopilot: Autopilot,
-        mission_type: int = 0,
-        timeouts: Timeouts | None = None,
+        timeouts: Timeouts = DEFAULT_TIMEOUTS,
     ) -> None:
-        super().__init__(target, source, mission_type=mission_type, timeouts=timeouts)
+        super().__init__(target, source, timeouts=timeouts)
         self._items = tuple(items)
         self._autopilot = autopilot
         self._requested: set[int] = set()
         self._vehicle_ended = False
         for index, item in enumerate(self._items):
-            for name, wanted in (
-                ("target_system", target.system),
-                ("target_component", target.component),
-                ("seq", index),
-                ("mission_type", mission_type),
+            for name, least, most in (
+                ("target_system", target.system, target.system),
+                ("target_component", target.component, target.component),
+                ("seq", index, index),
+                ("mission_type", 0, 0),
+                # ArduPilot takes 2 and 3 for a command to fly there.
+                ("current", 0, 1),
             ):
-                if (value := getattr(item, name)) != wanted:
-                    raise ValueError(f"items[{index}].{name}: {value} is not allowed; {wanted} is")
-            # ArduPilot takes 2 and 3 for a command to fly there.
-            if item.current not in (0, 1):
-                raise ValueError(f"items[{index}].current: {item.current} is not allowed; 0 or 1")
+                check_number(f"items[{index}].{name}", getattr(item, name), least, most)
 
     def _begin(self, now: float) -> list[MissionMessage]:
         self._requested.clear()
         self._vehicle_ended = False
-        count = MissionCount(*self.target, len(self._items), self.mission_type)
+        count = MissionCount(*self.target, len(self._items))
         return self._send(count, self.timeouts.reply_s, now)
 
     def _take(self, message: MissionMessage, now: float) -> list[MissionMessage]:
@@ -194,8 +190,7 @@ class Download(Transfer):
 
     def _begin(self, now: float) -> list[MissionMessage]:
         self._count, self._items = None, ()
-        request = MissionRequestList(*self.target, self.mission_type)
-        return self._send(request, self.timeouts.reply_s, now)
+        return self._send(MissionRequestList(*self.target), self.timeouts.reply_s, now)
 
     def _take(self, message: MissionMessage, now: float) -> list[MissionMessage]:
         if isinstance(message, MissionCount) and self._count is None:
@@ -223,22 +218,16 @@ class Download(Transfer):
     def _go_on(self, now: float) -> list[MissionMessage]:
         seq = len(self._items)
         if seq == self._count:
-            acknowledgement = MissionAck(
-                *self.target, mavlink.MAV_MISSION_ACCEPTED, self.mission_type
-            )
+            acknowledgement = MissionAck(*self.target, mavlink.MAV_MISSION_ACCEPTED)
             return self._settle(Done(self._items), now, [acknowledgement])
-        request = MissionRequestInt(*self.target, seq, self.mission_type)
-        return self._send(request, self.timeouts.item_s, now, pause_s=self._pause_s())
-
-    def _pause_s(self) -> float:
-        timeouts = self.timeouts
-        if self.attempts_left == timeouts.upload_retries:
-            return 0.0
-        return timeouts.settle_s / 2**self.attempts_left
+        timeouts, request = self.timeouts, MissionRequestInt(*self.target, seq)
+        first = self.attempts_left == timeouts.upload_retries
+        pause_s = 0.0 if first else timeouts.settle_s / 2**self.attempts_left
+        return self._send(request, timeouts.item_s, now, pause_s=pause_s)
 
 
 class VerifiedUpload:
-    """Uploads a mission, downloads it and compares, until they agree: an `Exchange`.
+    """Uploads a mission, downloads it and compares, until they agree, like a `Transfer`.
 
     Its result has the items as the vehicle holds them.
 
@@ -247,7 +236,6 @@ class VerifiedUpload:
         target: The vehicle's autopilot.
         source: Ourselves.
         autopilot: Which autopilot it is.
-        mission_type: MAV_MISSION_TYPE, which the items must have.
         timeouts: Timeouts and retries; the number of uploads is 1 + `upload_retries`.
 
     Raises:
@@ -261,17 +249,15 @@ class VerifiedUpload:
         source: Address,
         *,
         autopilot: Autopilot,
-        mission_type: int = 0,
-        timeouts: Timeouts | None = None,
+        timeouts: Timeouts = DEFAULT_TIMEOUTS,
     ) -> None:
         self.result: Done | Failed | None = None
         self.counts: Counter[str] = Counter()
         self._items = tuple(items)
         self._address = target, source
         self._autopilot = autopilot
-        self._mission_type = mission_type
-        self._timeouts = timeouts or Timeouts()
-        self._attempts_left = self._timeouts.upload_retries
+        self._timeouts = timeouts
+        self._attempts_left = timeouts.upload_retries
         self._stage: Upload | Download = self._upload()
 
     @property
@@ -304,14 +290,13 @@ class VerifiedUpload:
             self._items,
             *self._address,
             autopilot=self._autopilot,
-            mission_type=self._mission_type,
             timeouts=dataclasses.replace(self._timeouts, upload_retries=self._attempts_left),
         )
         stage.counts = self.counts
         return stage
 
     def _download(self) -> Download:
-        stage = Download(*self._address, mission_type=self._mission_type, timeouts=self._timeouts)
+        stage = Download(*self._address, timeouts=self._timeouts)
         stage.counts = self.counts
         return stage
 
@@ -365,32 +350,23 @@ def difference(
     if len(sent) != len(read):
         return f"{len(sent)} items were sent, {len(read)} read back"
     for wanted, item in list(zip(sent, read, strict=True))[autopilot.first_item :]:
-        for name, value, other, most in _pairs(wanted, item, autopilot):
+        for name, most in _tolerances(wanted, autopilot).items():
+            value, other = getattr(wanted, name), getattr(item, name)
+            if name == "frame":
+                # Autopilots return either of two equivalent frames.
+                value, other = (INTEGER_FRAMES.get(frame, frame) for frame in (value, other))
             # A NaN that comes back instead of a number is a difference.
             if not abs(value - other) <= most:
                 return f"item {wanted.seq}: {name} {value} was sent, {other} read back"
     return None
 
 
-def _pairs(
-    sent: MissionItemInt, read: MissionItemInt, autopilot: Autopilot
-) -> list[tuple[str, float, float, float]]:
-    """Return name, value sent, value read and greatest difference of the fields to compare."""
-    pairs: list[tuple[str, float, float, float]] = [
-        ("seq", sent.seq, read.seq, 0),
-        ("command", sent.command, read.command, 0),
-    ]
+def _tolerances(sent: MissionItemInt, autopilot: Autopilot) -> dict[str, float]:
+    """Return the fields of an item to compare, and how far what is read back may differ."""
+    tolerances: dict[str, float] = {"seq": 0, "command": 0}
     for name in ("param1", "param2", "param3", "param4"):
-        value = getattr(sent, name)
-        if not math.isnan(value):
-            pairs.append((name, value, getattr(read, name), autopilot.parameter_tolerance))
-    if sent.frame != _FRAME_MISSION and sent.command != _NAV_RETURN_TO_LAUNCH:
-        # Autopilots return either of two equivalent frames.
-        frames = (INTEGER_FRAMES.get(frame, frame) for frame in (sent.frame, read.frame))
-        pairs += [
-            ("frame", *frames, 0),
-            ("x", sent.x, read.x, _MAX_DEGREES),
-            ("y", sent.y, read.y, _MAX_DEGREES),
-            ("z", sent.z, read.z, _MAX_ALTITUDE_M),
-        ]
-    return pairs
+        if not math.isnan(getattr(sent, name)):
+            tolerances[name] = autopilot.parameter_tolerance
+    if sent.frame != FRAME_MISSION and sent.command != NAV_RETURN_TO_LAUNCH:
+        tolerances |= {"frame": 0, "x": _MAX_DEGREES, "y": _MAX_DEGREES, "z": _MAX_ALTITUDE_M}
+    return tolerances

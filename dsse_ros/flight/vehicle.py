@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Vehicles, each with a link, a controller and the thread that runs both."""
+"""Vehicles, each with a link, a controller and a thread that runs both."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ import socket
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.checks import check_number
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.vehicle_controller import (
@@ -56,9 +57,7 @@ class VehicleSettings(ControllerSettings):
     Attributes:
         connection: As pymavlink has it: see `link.parse_connection`.
         system_id: The vehicle's.
-        component_id: Its autopilot's.
         own_system_id: Ours.
-        own_component_id: Ours; 191 is an on-board computer.
         signing_key_file: 32 bytes or 64 hexadecimal digits that nobody else can read; empty to
             leave messages unsigned. The time of the last signature is kept beside it.
 
@@ -68,20 +67,16 @@ class VehicleSettings(ControllerSettings):
 
     connection: str
     system_id: int = 1
-    component_id: int = 1
     own_system_id: int = 245
-    own_component_id: int = 191
     signing_key_file: str = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         parse_connection(self.connection)
-        for name in ("system_id", "component_id", "own_system_id", "own_component_id"):
-            value = getattr(self, name)
-            if not 1 <= value <= 255:
-                raise ValueError(f"{name}: {value!r} is not allowed; 1 to 255")
+        check_number("system_id", self.system_id, 1, 255)
+        check_number("own_system_id", self.own_system_id, 1, 255)
         if self.system_id == self.own_system_id:
-            raise ValueError(f"own_system_id: {self.own_system_id} is the vehicle's")
+            raise ValueError(f"own_system_id must not be the vehicle's, got {self.own_system_id}")
 
 
 @dataclass(frozen=True)
@@ -90,9 +85,9 @@ class VehicleSnapshot:
 
     Attributes:
         state: What the vehicle reports.
-        outcome: What has become of the latest order that its controller has.
+        outcome: Outcome of the latest order that its controller has.
         trouble: What is wrong with the link, or with signatures; empty if nothing.
-        counts: How often what happened; see `Vehicle.counts`.
+        counts: Number of events; see `Vehicle.counts`.
     """
 
     state: VehicleState
@@ -108,7 +103,7 @@ class Vehicle:
     and read the snapshot that it publishes.
 
     Args:
-        settings: See there.
+        settings: How to reach the vehicle and how to fly it.
 
     Raises:
         ValueError: If there is no key in the key file.
@@ -116,8 +111,8 @@ class Vehicle:
 
     def __init__(self, settings: VehicleSettings) -> None:
         self.settings = settings
-        target = Address(settings.system_id, settings.component_id)
-        source = Address(settings.own_system_id, settings.own_component_id)
+        target = Address(settings.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
+        source = Address(settings.own_system_id, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
         key, clock = None, None
         if settings.signing_key_file:
             file = Path(settings.signing_key_file)
@@ -209,7 +204,7 @@ class Vehicle:
 
     @property
     def outcome(self) -> Outcome:
-        """What has become of the order given last."""
+        """Outcome of the latest order."""
         outcome, given = self._snapshot.outcome, self._given
         return given if given.number > outcome.number else outcome
 
@@ -220,7 +215,7 @@ class Vehicle:
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """How often what happened, by a short key; 0 for one that is not there.
+        """Number of events, by a short key; 0 for a missing one.
 
         Of what came: `accepted`, `bad_data`, `invalid`, `wrong_sender`, `wrong_address`,
         `not_needed`, `unsigned` and `forged`. Of us: `heartbeats` sent, `heartbeats_missed`,
@@ -289,7 +284,7 @@ class Vehicle:
         except OSError as error:
             self._drop(error)
         except Exception as error:
-            # A vehicle whose messages are not understood still needs its heartbeats.
+            # The vehicle needs heartbeats even if we fail on its messages.
             self._counts["errors"] += 1
             self._defects.log(error)
             time.sleep(_AFTER_ERROR_S)
@@ -300,12 +295,12 @@ class Vehicle:
         state = self._controller.state
         trouble = self._trouble or (self._clock.trouble if self._clock else "")
         if not trouble and not (self._clock and state.connected):
-            # Bad signatures of others do no harm as long as the vehicle's own are good.
+            # Bad signatures of others are harmless while the vehicle's own are good.
             trouble = self._codec.trouble
         return VehicleSnapshot(state, self._controller.outcome, trouble, MappingProxyType(counts))
 
     def _turn(self) -> None:
-        """Wait for what comes next, and deal with it."""
+        """Wait for the next event, and handle it."""
         now = time.monotonic()
         if not self._up and now >= self._reopen_s:
             self._reopen_s = now + _REOPEN_S
@@ -317,7 +312,7 @@ class Vehicle:
         ready = self._wait(max(0.0, due_s - now) if not self._outbox else 0.0)
         now = time.monotonic()
         if now >= self._heartbeat_s:
-            # At an even pace, but not one for each that was missed.
+            # Keep an even pace without catching up on missed ones.
             if self._counts["heartbeats"]:
                 late_s = now - self._heartbeat_s
                 self._counts["heartbeats_missed"] += int(late_s / _HEARTBEAT_S)
@@ -378,8 +373,8 @@ class Vehicle:
         self._outbox.clear()
 
 
-class Fleet:
-    """Vehicles by index, which start and close together; one that fails does not stop others.
+class Fleet(list[Vehicle]):
+    """Vehicles, which start and close together; one that fails does not stop others.
 
     Args:
         settings: One for each vehicle.
@@ -389,37 +384,22 @@ class Fleet:
     """
 
     def __init__(self, settings: Sequence[VehicleSettings]) -> None:
-        links = Counter(one.connection for one in settings)
-        for connection, number in links.items():
+        for connection, number in Counter(one.connection for one in settings).items():
             if number > 1:
-                raise ValueError(f"connection: {connection!r} is of {number} vehicles; one each")
-        self._vehicles = [Vehicle(one) for one in settings]
-
-    def __len__(self) -> int:
-        return len(self._vehicles)
-
-    def __getitem__(self, index: int) -> Vehicle:
-        return self._vehicles[index]
-
-    def __iter__(self) -> Iterator[Vehicle]:
-        return iter(self._vehicles)
+                raise ValueError(
+                    f"connection must differ, got {connection!r} for {number} vehicles"
+                )
+        super().__init__(Vehicle(one) for one in settings)
 
     def start(self) -> None:
         """Start them all."""
-        for vehicle in self._vehicles:
+        for vehicle in self:
             vehicle.start()
 
     def close(self) -> None:
         """Close them all, in the time of one."""
-        for vehicle in self._vehicles:
+        for vehicle in self:
             vehicle.stop()
         end_s = time.monotonic() + CLOSE_S
-        for vehicle in self._vehicles:
+        for vehicle in self:
             vehicle.join(max(0.0, end_s - time.monotonic()))
-
-    def __enter__(self) -> Fleet:
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Carries out the orders to one vehicle, without a link and a clock: both are its caller's."""
+"""Carries out the orders to one vehicle; the caller has the link and the clock."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from typing import ClassVar, Literal, get_args
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.flight.checks import check_number
 from dsse_ros.flight.commands import (
     CommandSender,
     ControllerSettings,
@@ -24,7 +25,7 @@ from dsse_ros.flight.commands import (
 )
 from dsse_ros.flight.mode_watch import ModeWatch
 from dsse_ros.flight.setpoints import SetpointStreamer
-from dsse_ros.flight.transfer import Exchange
+from dsse_ros.flight.upload import VerifiedUpload
 from dsse_ros.flight.vehicle_state import MessageRequests, VehicleState, observe, without_link
 from dsse_ros.mavlink.messages import (
     Address,
@@ -42,12 +43,12 @@ Status = Literal["idle", "under_way", "done", "failed", "taken_over", "failsafe"
 _MISSION_MESSAGES = get_args(MissionMessage)
 _TICK_S = 0.2
 _CONCERNING = mavlink.MAV_SEVERITY_NOTICE
-"""The mere information of other texts says nothing about why something went wrong."""
+"""Texts that are less severe do not explain failures."""
 _logger = logging.getLogger(__name__)
 
 
 class Order(ABC):
-    """What a vehicle can be ordered to do: see `orders`.
+    """An order to a vehicle: see `orders`.
 
     Attributes:
         finishes_alone: Whether an autopilot in its guided mode finishes it without us.
@@ -69,7 +70,7 @@ class Order(ABC):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What has become of the latest order.
+    """The outcome of the latest order.
 
     Attributes:
         order: The order, None if there was none.
@@ -90,7 +91,7 @@ class Outcome:
 
 
 class VehicleController:
-    """Flies one vehicle, one order at a time, of which the latest counts.
+    """Flies one vehicle, one order at a time; a new order replaces the last one.
 
     Its caller passes only messages of the vehicle, and sends the heartbeats. No defect of ours
     makes it raise: the order fails, with the reason.
@@ -114,15 +115,14 @@ class VehicleController:
     """
 
     def __init__(self, target: Address, source: Address, settings: ControllerSettings) -> None:
-        if not 1 <= target.system <= 255:
-            raise ValueError(f"target: system {target.system!r} is not allowed; 1 to 255")
+        check_number("target.system", target.system, 1, 255)
         self.counts: Counter[str] = Counter()
         self.source = source
         self.situation = Situation(target, settings)
         self.commands = CommandSender(self.situation)
         self.setpoints = SetpointStreamer(self.situation)
         self.modes = ModeWatch(self.situation, self.commands, self.counts)
-        self.exchange: Exchange | None = None
+        self.exchange: VerifiedUpload | None = None
         self._requests = MessageRequests(target, self.situation.autopilot, settings.position_hz)
         self._steps: Iterator[str] | None = None
         self._outcome = Outcome()
@@ -139,7 +139,7 @@ class VehicleController:
 
     @property
     def outcome(self) -> Outcome:
-        """What has become of the latest order."""
+        """The outcome of the latest order."""
         if self._silent:
             silence = f"no heartbeat for {self.situation.settings.link_timeout_s:g} s"
             return replace(self._outcome, status="silent", reason=silence)
@@ -175,7 +175,7 @@ class VehicleController:
             self._outcome = replace(self._outcome, status=lost, reason=self._elsewhere())
             return
         self._authority = authority
-        if self.modes.yielded:
+        if self.modes.given_up:
             self.modes.resume()
         self._drop_order()
         to_setpoints = order.flies_to_setpoints
@@ -217,7 +217,7 @@ class VehicleController:
                 if was_silent:
                     self.counts["link_found"] += 1
                     self.modes.require_confirmation()
-                    situation.excuse_standstill()
+                    situation.restart_stall_timer()
                 self.commands.watch_arming()
                 self.modes.watch(before)
             case StatusText(severity, text) if severity <= _CONCERNING:
@@ -246,8 +246,10 @@ class VehicleController:
             has_setpoint = self.setpoints.target is not None
             state = situation.state
             waits = self._steps is not None
-            reticent = waits and not (state.ready or state.armed or state.unready)
-            situation.out += self._requests.due(now, has_setpoint=has_setpoint, reticent=reticent)
+            unexplained = waits and not (state.ready or state.armed or state.unready)
+            situation.out += self._requests.due(
+                now, has_setpoint=has_setpoint, unexplained=unexplained
+            )
 
     def hand_over(self, hold: Order, now: float) -> list[Outgoing]:
         """Have a vehicle that flies to our setpoints hold by itself; returns what to send.
@@ -272,7 +274,7 @@ class VehicleController:
 
     @property
     def handing_over(self) -> bool:
-        """Whether it is still to be seen that the vehicle holds, after `hand_over`."""
+        """Whether, after `hand_over`, the vehicle does not hold yet."""
         if not (self._handing_over and self._may_act and self._outcome.status == "under_way"):
             return False
         streams = self.situation.autopilot.streams_setpoints
@@ -287,11 +289,11 @@ class VehicleController:
     def _silent(self) -> bool:
         return bool(self.state.mode) and not self.state.connected
 
-    def _guarded(self, now: float, happen: Callable[[], None]) -> list[Outgoing]:
-        """Let something happen, go on with the order, and return what is to be sent."""
+    def _guarded(self, now: float, handle: Callable[[], None]) -> list[Outgoing]:
+        """Handle an event, continue the order, and return what to send."""
         self.situation.now = now
         try:
-            happen()
+            handle()
             if self._may_act:
                 self._advance()
         except OrderFailedError as error:
@@ -364,7 +366,7 @@ class VehicleController:
             self.setpoints.fly_to(state.lat_deg, state.lon_deg, state.alt_m)
         self.modes.await_guided_mode()
         if self._steps is not None:
-            situation.excuse_standstill()
+            situation.restart_stall_timer()
             self._wait(f"setpoints are missing: waiting for {situation.autopilot.guided_mode}")
         self.setpoints.send(under_way=self._steps is not None)
 

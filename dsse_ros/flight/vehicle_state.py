@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle reports, put together from its messages, and the requests for these."""
+"""The state that a vehicle reports in its messages, and the requests for these."""
 
 from __future__ import annotations
 
@@ -31,12 +31,7 @@ from dsse_ros.mavlink.messages import (
 )
 from dsse_ros.mavlink.px4_events import SUMMARY, EventMessage, failed_check
 
-_ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-_STATE_ACTIVE = mavlink.MAV_STATE_ACTIVE
 _CRITICAL = frozenset({mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY})
-_POSITION_GOOD = mavlink.EKF_POS_HORIZ_ABS
-_POSITION_CONSTANT = mavlink.EKF_CONST_POS_MODE
-_PREARM_CHECK = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _LANDED_UNKNOWN = mavlink.MAV_LANDED_STATE_UNDEFINED
 _AIRBORNE = frozenset(
     {
@@ -50,7 +45,6 @@ _GLOBAL_FRAMES = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_I
 _RELATIVE_FRAMES = frozenset(
     {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
 )
-_FENCE = mavlink.MAV_SYS_STATUS_GEOFENCE
 _BATTERY_FAILSAFE = frozenset(
     {
         mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL,
@@ -64,7 +58,7 @@ _SENSORS = {
     mavlink.MAV_SYS_STATUS_SENSOR_GPS: "gps",
     mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS: "motors",
 }
-"""What may be the cause of a failsafe, by the bit of SYS_STATUS that reports it unhealthy."""
+"""Possible causes of a failsafe, by the bit of SYS_STATUS that reports them unhealthy."""
 _NO_FIX = mavlink.GPS_FIX_TYPE_2D_FIX
 """GPS_FIX_TYPE up to which no altitude is known."""
 _FAILSAFE_TEXTS = (
@@ -82,16 +76,12 @@ _CHECKS = ("prearm:", "arm:", "preflight:", "preflight fail:")
 _REPEATED_S = 35.0
 """They are repeated as long as they are true: by ArduPilot every 30 s."""
 _UNTIL_THE_NEXT_REPORT = math.inf
-_MISSION_COMPLETE = mavlink.MISSION_STATE_COMPLETE
 
-SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-REQUEST_MESSAGE = mavlink.MAV_CMD_REQUEST_MESSAGE
 _RATE_HZ = 1.0
 _MISSED = 3
 _GRACE_S = 1.0
 _REQUEST_AGAIN_S = 2.0
 _ASK_AGAIN_S = 10.0
-RUN_PREARM_CHECKS = mavlink.MAV_CMD_RUN_PREARM_CHECKS
 
 
 @dataclass(frozen=True)
@@ -155,7 +145,7 @@ class VehicleState:
     boot_s: float = math.nan
     heard_s: float = -math.inf
     position_s: float = -math.inf
-    # What some of the above is derived from.
+    # Reports from which some of the above is derived.
     _position_good: bool = False
     _checks_passed: bool = False
     _landed_state: int = _LANDED_UNKNOWN
@@ -201,7 +191,9 @@ def observe(
         case BatteryStatus(charge_state=charge):
             return _failsafe(replace(state, _battery_low=charge in _BATTERY_FAILSAFE))
         case EkfStatus(flags=flags):
-            good = bool(flags & _POSITION_GOOD) and not flags & _POSITION_CONSTANT
+            good = (
+                bool(flags & mavlink.EKF_POS_HORIZ_ABS) and not flags & mavlink.EKF_CONST_POS_MODE
+            )
             return _ready(replace(state, _position_good=good), good and state._checks_passed)
         case ExtendedSysState(landed_state=landed):
             return _flying(replace(state, _landed_state=landed))
@@ -210,7 +202,11 @@ def observe(
         case PositionTarget():
             return replace(state, target=_target(state, message), target_s=now)
         case MissionCurrent(seq=seq, mission_state=mission_state):
-            return replace(state, item_current=seq, mission_over=mission_state == _MISSION_COMPLETE)
+            return replace(
+                state,
+                item_current=seq,
+                mission_over=mission_state == mavlink.MISSION_STATE_COMPLETE,
+            )
         case MissionItemReached(seq=seq):
             return replace(state, item_reached=seq)
         case StatusText(_, text):
@@ -227,14 +223,14 @@ def without_link(state: VehicleState) -> VehicleState:
 
 def _sys_status(state: VehicleState, message: SysStatus, autopilot: Autopilot) -> VehicleState:
     health, remaining = message.onboard_control_sensors_health, message.battery_remaining
-    passed = bool(health & _PREARM_CHECK)
+    passed = bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
     placed = state.has_position if autopilot.position_is_checked else state._position_good
     missing = message.onboard_control_sensors_enabled & ~health
     state = _failsafe(
         replace(
             state,
             battery=remaining / 100 if 0 <= remaining <= 100 else math.nan,
-            fenced=bool(message.onboard_control_sensors_enabled & _FENCE),
+            fenced=bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE),
             _checks_passed=passed,
             _unwell=next((name for bit, name in _SENSORS.items() if missing & bit), ""),
         )
@@ -260,7 +256,7 @@ def _heartbeat(
     critical = message.system_status in _CRITICAL
     alarm = state._alarm if critical or now - state._alarm_s < _ALARM_S else ""
     proven = alarm if autopilot.texts_prove_failsafe else ""
-    armed = bool(message.base_mode & _ARMED)
+    armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
     known = replace(
         state,
         connected=True,
@@ -275,8 +271,8 @@ def _heartbeat(
     )
     known = _failsafe(known)
     if state._landed_state == _LANDED_UNKNOWN:
-        # It has not reported more exactly yet.
-        return replace(known, flying=armed and message.system_status >= _STATE_ACTIVE)
+        # It has not reported its landed state yet.
+        return replace(known, flying=armed and message.system_status >= mavlink.MAV_STATE_ACTIVE)
     return _flying(known)
 
 
@@ -288,7 +284,7 @@ def _flying(state: VehicleState) -> VehicleState:
 
 def _position(state: VehicleState, message: GlobalPosition, now: float) -> VehicleState:
     if message.lat == 0 and message.lon == 0:
-        # This is sent as long as it is not known.
+        # Autopilots send this while the position is unknown.
         return state
     heading_deg = message.hdg / 100 if message.hdg <= _MAX_HEADING else math.nan
     return replace(
@@ -373,21 +369,23 @@ class MessageRequests:
         elif kind is HomePosition:
             self._has_home = True
 
-    def due(self, now: float, *, has_setpoint: bool, reticent: bool = False) -> list[CommandLong]:
+    def due(
+        self, now: float, *, has_setpoint: bool, unexplained: bool = False
+    ) -> list[CommandLong]:
         """Return the requests to send now.
 
         Args:
             now: Our time in seconds.
             has_setpoint: Whether it flies to a setpoint, and should report it.
-            reticent: Whether it cannot be armed and has not reported why. PX4 reports its checks
+            unexplained: Whether it cannot be armed and has not reported why. PX4 reports its checks
                 when they change, and when it is asked.
         """
         requests = []
-        if not (reticent and math.isfinite(self._asked_s)):
+        if not (unexplained and math.isfinite(self._asked_s)):
             self._asked_s = now
         elif now - self._asked_s > _ASK_AGAIN_S:
             self._asked_s = now
-            requests.append(command_long(self._target, RUN_PREARM_CHECKS))
+            requests.append(command_long(self._target, mavlink.MAV_CMD_RUN_PREARM_CHECKS))
         for kind in self._kinds:
             rate_hz = self._rates_hz[kind]
             late = now - self._received_s[kind] > _MISSED / rate_hz + _GRACE_S
@@ -397,8 +395,12 @@ class MessageRequests:
             if late and wanted and now - self._requested_s[kind] > _REQUEST_AGAIN_S:
                 self._requested_s[kind] = now
                 parameters = (float(kind.id), round(1e6 / rate_hz))
-                requests.append(command_long(self._target, SET_MESSAGE_INTERVAL, *parameters))
+                requests.append(
+                    command_long(self._target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, *parameters)
+                )
         if not self._has_home and now - self._requested_s[HomePosition] > _REQUEST_AGAIN_S:
             self._requested_s[HomePosition] = now
-            requests.append(command_long(self._target, REQUEST_MESSAGE, float(HomePosition.id)))
+            requests.append(
+                command_long(self._target, mavlink.MAV_CMD_REQUEST_MESSAGE, float(HomePosition.id))
+            )
         return requests

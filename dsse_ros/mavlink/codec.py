@@ -35,7 +35,6 @@ _SIGNATURE = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN
 _SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 _STALE_S = 0.5
 mavlink.mavlink_map[EventMessage.id] = EventMessage
-_STATUS_TEXT = mavlink.MAVLink_statustext_message
 _INCOMING_NUMBERS = frozenset(kind.id for kind in INCOMING)
 
 _CHUNK_LENGTH = 50
@@ -128,7 +127,7 @@ class Codec:
             good = 0 < length <= end - at and _is_frame(buffer, at, length)
             if good:
                 message = self._take(buffer[at : at + length])
-                if isinstance(message, _STATUS_TEXT):
+                if isinstance(message, mavlink.MAVLink_statustext_message):
                     messages += self._texts.take(message, now)
                 elif message is not None:
                     messages.append(message)

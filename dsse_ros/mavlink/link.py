@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import re
 import socket
@@ -17,6 +18,7 @@ import termios
 import tty
 from abc import ABC, abstractmethod
 from collections import Counter
+from typing import Any
 
 Peer = tuple[str, int] | None
 
@@ -34,18 +36,25 @@ _RATES = sorted((found[1] for found in map(_B.fullmatch, dir(termios)) if found)
 class Link(ABC):
     """A connection; when it is down it raises OSError, and can be opened again.
 
+    Args:
+        name: The connection string.
+
     Attributes:
         name: The connection string.
         datagram: Whether bytes come in whole frames.
+        connecting: Whether a connection is being made; it may still be refused.
         counts: `wrong_address`: datagrams dropped because another address is the vehicle's;
             `unsent`: frames dropped because there was no peer, or no room to send them.
     """
 
     datagram = False
+    connecting = False
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.counts: Counter[str] = Counter()
+        # A socket, or the file of a serial line.
+        self._file: Any = None
 
     @abstractmethod
     def open(self) -> None:
@@ -55,22 +64,25 @@ class Link(ABC):
             OSError: If that is not possible now.
         """
 
-    @abstractmethod
     def close(self) -> None:
         """Close it; it may be closed already."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
 
-    @abstractmethod
     def fileno(self) -> int:
-        """Return the file descriptor to poll."""
+        """Return the file descriptor to poll.
+
+        Raises:
+            OSError: If it is not open.
+        """
+        if self._file is None:
+            raise OSError(errno.ENOTCONN, os.strerror(errno.ENOTCONN))
+        return int(self._file.fileno())
 
     @property
     def waits_to_send(self) -> bool:
         """Whether to poll for writing too."""
-        return False
-
-    @property
-    def connecting(self) -> bool:
-        """Whether a connection is being made; it may still be refused."""
         return False
 
     @abstractmethod
@@ -109,132 +121,84 @@ def parse_connection(name: str) -> Link:
     if match:
         kind, address = match[1], (match[2] or "127.0.0.1", int(match[3]))
         if not 0 < address[1] < 1 << 16:
-            raise ValueError(f"connection: {name!r} is not allowed; a port from 1 to 65535")
-        if kind in ("udpin", "udp"):
-            return _UdpInLink(name, address)
-        if kind == "udpout":
-            return _UdpOutLink(name, address)
+            raise ValueError(f"connection must have a port from 1 to 65535, got {name!r}")
+        if kind.startswith("udp"):
+            return _UdpLink(name, address, listens=kind != "udpout")
         return _TcpLink(name, address) if kind == "tcp" else _TcpInLink(name, address)
     path, _, baud = name.removeprefix("serial:").partition(",")
     if path.startswith("/"):
         if baud and baud not in _RATES:
-            raise ValueError(f"connection: {name!r} is not allowed; a rate of {', '.join(_RATES)}")
+            raise ValueError(f"connection must have a rate of {', '.join(_RATES)}, got {name!r}")
         return _SerialLink(name, path, int(baud or _DEFAULT_BAUD))
     raise ValueError(
-        f"connection: {name!r} is not allowed; udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, "
-        "tcpin:HOST:PORT or /dev/DEVICE,BAUD"
+        "connection must be udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or "
+        f"/dev/DEVICE,BAUD, got {name!r}"
     )
 
 
-class _SocketLink(Link):
-    """A link over one socket."""
+class _UdpLink(Link):
+    """UDP to one address, or UDP that listens.
 
-    def __init__(self, name: str, address: tuple[str, int]) -> None:
-        super().__init__(name)
-        self._address = address
-        self._socket: socket.socket | None = None
-
-    @property
-    def _open(self) -> socket.socket:
-        if self._socket is None:
-            raise OSError(errno.ENOTCONN, os.strerror(errno.ENOTCONN))
-        return self._socket
-
-    def close(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
-    def fileno(self) -> int:
-        return self._open.fileno()
-
-
-class _UdpLink(_SocketLink):
-    """A link of datagrams."""
+    A link that listens sends to the confirmed peer, and drops other senders for as long as that one
+    is heard. Otherwise the socket drops them.
+    """
 
     datagram = True
 
-    def open(self) -> None:
-        self.close()
-        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            made.setblocking(False)
-            self._attach(made)
-        except OSError:
-            made.close()
-            raise
-        self._socket = made
-
-    @abstractmethod
-    def _attach(self, made: socket.socket) -> None:
-        """Bind or connect a socket."""
-
-
-class _UdpInLink(_UdpLink):
-    """UDP that listens.
-
-    It sends to the confirmed peer, and drops other senders for as long as that one is heard.
-    """
-
-    def __init__(self, name: str, address: tuple[str, int]) -> None:
-        super().__init__(name, address)
+    def __init__(self, name: str, address: tuple[str, int], *, listens: bool) -> None:
+        super().__init__(name)
+        self._address = address
+        self._listens = listens
         self._peer: Peer = None
         self._peer_s = 0.0
 
-    def _attach(self, made: socket.socket) -> None:
-        made.bind(self._address)
+    def open(self) -> None:
+        self.close()
+        self._file = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._file.setblocking(False)
+        try:
+            if self._listens:
+                self._file.bind(self._address)
+            else:
+                self._file.connect(self._address)
+                self._peer = self._file.getpeername()
+        except OSError:
+            self.close()
+            raise
 
     def receive(self, now: float) -> list[tuple[bytes, Peer]]:
         came: list[tuple[bytes, Peer]] = []
         for _ in range(_MAX_READS):
             try:
-                data, peer = self._open.recvfrom(_MAX_DATAGRAM)
+                data, peer = self._file.recvfrom(_MAX_DATAGRAM)
             except BlockingIOError:
                 break
             except ConnectionError:
-                # The peer has closed its port.
+                # The peer has not opened its port, or has closed it.
                 continue
-            if peer == self._peer or self._peer is None or now - self._peer_s > _PEER_SILENT_S:
+            if self._may_be_peer(peer, now):
                 came.append((data, peer))
             else:
                 self.counts["wrong_address"] += 1
         return came
 
     def confirm_peer(self, peer: Peer, now: float) -> None:
-        if peer == self._peer or now - self._peer_s > _PEER_SILENT_S or self._peer is None:
+        if self._may_be_peer(peer, now):
             self._peer, self._peer_s = peer, now
 
+    def _may_be_peer(self, peer: Peer, now: float) -> bool:
+        return self._peer in (None, peer) or now - self._peer_s > _PEER_SILENT_S
+
     def send(self, data: bytes) -> None:
         if not data:
             return
-        if self._peer is None:
+        try:
+            if self._peer is None:
+                raise ConnectionError
+            self._file.sendto(data, self._peer)
+        except (BlockingIOError, ConnectionError):
+            # There is no peer yet, or no buffer space; whatever matters is sent again.
             self.counts["unsent"] += 1
-            return
-        _send_datagram(self._open, data, self._peer, self.counts)
-
-
-class _UdpOutLink(_UdpLink):
-    """UDP to one address; the socket drops other senders."""
-
-    def _attach(self, made: socket.socket) -> None:
-        made.connect(self._address)
-
-    def receive(self, now: float) -> list[tuple[bytes, Peer]]:
-        came: list[tuple[bytes, Peer]] = []
-        for _ in range(_MAX_READS):
-            try:
-                came.append((self._open.recv(_MAX_DATAGRAM), self._address))
-            except BlockingIOError:
-                break
-            except ConnectionError:
-                # The peer has not opened its port, or has closed it.
-                continue
-        return came
-
-    def send(self, data: bytes) -> None:
-        if not data:
-            return
-        _send_datagram(self._open, data, None, self.counts)
 
 
 class _StreamLink(Link):
@@ -244,21 +208,23 @@ class _StreamLink(Link):
         super().__init__(name)
         self._unsent = bytearray()
 
+    def close(self) -> None:
+        self._unsent.clear()
+        super().close()
+
     @property
     def waits_to_send(self) -> bool:
-        return bool(self._unsent)
+        return self.connecting or bool(self._unsent)
 
-    @abstractmethod
-    def _read(self) -> bytes:
-        """Return some bytes, none if the peer has closed the connection."""
-
-    @abstractmethod
-    def _write(self, data: bytearray) -> int:
-        """Send some of the bytes and return how many."""
+    def _is_connected(self) -> bool:
+        """Return whether there is a peer."""
+        return True
 
     def receive(self, now: float) -> list[tuple[bytes, Peer]]:
         try:
-            data = self._read()
+            if not self._is_connected():
+                return []
+            data = os.read(self.fileno(), _MAX_STREAM_READ)
         except BlockingIOError:
             return []
         if not data:
@@ -272,104 +238,72 @@ class _StreamLink(Link):
             data = b""
         self._unsent += data
         with contextlib.suppress(BlockingIOError):
-            while self._unsent:
-                del self._unsent[: self._write(self._unsent)]
+            while self._unsent and self._is_connected():
+                del self._unsent[: os.write(self.fileno(), self._unsent)]
 
 
-class _TcpLink(_StreamLink, _SocketLink):
+class _TcpLink(_StreamLink):
     """A TCP client."""
 
     def __init__(self, name: str, address: tuple[str, int]) -> None:
-        _SocketLink.__init__(self, name, address)
-        self._unsent = bytearray()
-        self._connecting = False
+        super().__init__(name)
+        self._address = address
 
     def open(self) -> None:
         self.close()
-        made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        made.setblocking(False)
-        made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket, self._connecting = made, True
-        result = made.connect_ex(self._address)
+        self._file = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._file.setblocking(False)
+        self._file.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.connecting = True
+        result = self._file.connect_ex(self._address)
         if result not in (0, errno.EINPROGRESS):
             self.close()
             raise OSError(result, os.strerror(result))
 
-    def close(self) -> None:
-        self._unsent.clear()
-        super().close()
-
-    @property
-    def waits_to_send(self) -> bool:
-        return self._connecting or bool(self._unsent)
-
-    @property
-    def connecting(self) -> bool:
-        return self._connecting
-
-    def _connected(self) -> bool:
-        if self._connecting:
-            result = self._open.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+    def _is_connected(self) -> bool:
+        if self.connecting:
+            result = self._file.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if result:
                 raise OSError(result, os.strerror(result))
-            try:
-                self._open.getpeername()
-            except OSError:
-                return False
-            self._connecting = False
-        return True
-
-    def _read(self) -> bytes:
-        if not self._connected():
-            raise BlockingIOError
-        return self._open.recv(_MAX_STREAM_READ)
-
-    def _write(self, data: bytearray) -> int:
-        if not self._connected():
-            raise BlockingIOError
-        return self._open.send(data)
+            with contextlib.suppress(OSError):
+                self._file.getpeername()
+                self.connecting = False
+        return not self.connecting
 
 
-class _TcpInLink(_StreamLink, _SocketLink):
+class _TcpInLink(_StreamLink):
     """A TCP server of one client; the next one waits until that one disconnects."""
 
     def __init__(self, name: str, address: tuple[str, int]) -> None:
-        _SocketLink.__init__(self, name, address)
-        self._unsent = bytearray()
-        self._client: socket.socket | None = None
+        super().__init__(name)
+        self._address = address
+        self._server: socket.socket | None = None
 
     def open(self) -> None:
         self.close()
-        self._socket = socket.create_server(self._address, backlog=1)
-        self._socket.setblocking(False)
+        self._file = self._server = socket.create_server(self._address, backlog=1)
+        self._file.setblocking(False)
 
     def close(self) -> None:
-        self._unsent.clear()
-        if self._client is not None:
-            self._client.close()
-            self._client = None
         super().close()
+        if self._server is not None:
+            self._server.close()
 
-    def fileno(self) -> int:
-        return self._client.fileno() if self._client is not None else self._open.fileno()
+    def receive(self, now: float) -> list[tuple[bytes, Peer]]:
+        if self._is_connected():
+            return super().receive(now)
+        with contextlib.suppress(BlockingIOError):
+            self._file, _ = self._file.accept()
+            self._file.setblocking(False)
+            self._file.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return []
 
-    @property
-    def waits_to_send(self) -> bool:
-        return self._client is not None and bool(self._unsent)
+    def _is_connected(self) -> bool:
+        return self._file is not self._server
 
-    def _read(self) -> bytes:
-        if self._client is None:
-            self._client = self._open.accept()[0]
-            self._client.setblocking(False)
-            self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            raise BlockingIOError
-        return self._client.recv(_MAX_STREAM_READ)
-
-    def _write(self, data: bytearray) -> int:
-        if self._client is None:
-            data.clear()
-            return 0
-        return self._client.send(data)
+    def send(self, data: bytes) -> None:
+        if self._is_connected():
+            super().send(data)
 
 
 class _SerialLink(_StreamLink):
@@ -379,46 +313,17 @@ class _SerialLink(_StreamLink):
         super().__init__(name)
         self._path = path
         self._speed = getattr(termios, f"B{baud}")
-        self._file: int | None = None
 
     def open(self) -> None:
         self.close()
-        file = os.open(self._path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        descriptor = os.open(self._path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self._file = io.FileIO(descriptor, "r+")
         try:
-            tty.setraw(file)
-            attributes = termios.tcgetattr(file)
+            tty.setraw(descriptor)
+            attributes = termios.tcgetattr(descriptor)
             attributes[2] = attributes[2] & ~termios.CRTSCTS | termios.CLOCAL | termios.CREAD
             attributes[4] = attributes[5] = self._speed
-            termios.tcsetattr(file, termios.TCSANOW, attributes)
+            termios.tcsetattr(descriptor, termios.TCSANOW, attributes)
         except termios.error as error:
-            os.close(file)
+            self.close()
             raise OSError(error.args[0], f"no serial line: {self._path}") from error
-        self._file = file
-
-    def close(self) -> None:
-        self._unsent.clear()
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
-
-    def fileno(self) -> int:
-        if self._file is None:
-            raise OSError(errno.ENOTCONN, os.strerror(errno.ENOTCONN))
-        return self._file
-
-    def _read(self) -> bytes:
-        return os.read(self.fileno(), _MAX_STREAM_READ)
-
-    def _write(self, data: bytearray) -> int:
-        return os.write(self.fileno(), data)
-
-
-def _send_datagram(through: socket.socket, data: bytes, peer: Peer, counts: Counter[str]) -> None:
-    try:
-        if peer is None:
-            through.send(data)
-        else:
-            through.sendto(data, peer)
-    except (BlockingIOError, ConnectionError):
-        # There is no peer yet, or no buffer space; whatever matters is sent again.
-        counts["unsent"] += 1

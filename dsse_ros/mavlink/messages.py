@@ -8,7 +8,7 @@ Names and units of the fields are MAVLink's: https://mavlink.io/en/messages/comm
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -22,12 +22,6 @@ NO_POSITION = (
 """Bits of PositionTarget.type_mask for a target without a position."""
 MAX_ALT_M = 100_000.0
 """Greatest valid altitude, and depth, relative to the sea or home."""
-MISSION_RESULTS: dict[int, str] = {
-    number: entry.name.removeprefix("MAV_MISSION_")
-    for number, entry in mavlink.enums["MAV_MISSION_RESULT"].items()
-    if not entry.name.endswith("_ENUM_END")
-}
-"""Names of MissionAck.type."""
 MISSION_FAULTS = frozenset(
     range(mavlink.MAV_MISSION_UNSUPPORTED_FRAME, mavlink.MAV_MISSION_INVALID_PARAM7 + 1)
 )
@@ -138,12 +132,7 @@ INCOMING: tuple[Any, ...] = (
     mavlink.MAVLink_statustext_message,
     EventMessage,
     CommandAck,
-    MissionRequestList,
-    MissionCount,
-    MissionRequestInt,
-    MissionRequest,
-    MissionItemInt,
-    MissionAck,
+    *get_args(MissionMessage),
 )
 """Types of the messages from a vehicle; no other needs to be decoded."""
 Incoming = mavlink.MAVLink_message | StatusText
@@ -166,12 +155,25 @@ _POSITION = (
     | mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 )
-_PARAMETERS = 7
+
+
+def enum_name(enum: str, number: int, prefix: str = "") -> str:
+    """Return the name of a MAVLink enumeration's entry, or the number if it has none.
+
+    Args:
+        enum: Name of the enumeration.
+        number: The entry.
+        prefix: What the names of its entries begin with, if not the name of the enumeration.
+    """
+    entry = mavlink.enums[enum].get(number)
+    if entry is None or entry.name.endswith("_ENUM_END"):
+        return str(number)
+    return entry.name.removeprefix(prefix or f"{enum}_")
 
 
 def command_long(target: Address, command: int, *parameters: float) -> mavlink.MAVLink_message:
     """Return a COMMAND_LONG; parameters that are not given are 0."""
-    missing = (0.0,) * (_PARAMETERS - len(parameters))
+    missing = (0.0,) * (7 - len(parameters))
     return CommandLong(*target, command, 0, *parameters, *missing)
 
 
@@ -194,5 +196,5 @@ def _is_position(lat_e7: int, lon_e7: int, alt_m: float) -> bool:
 
 def _degrees_e7(name: str, degrees: float) -> int:
     if not abs(degrees) <= 180:
-        raise ValueError(f"{name}: {degrees!r} is not allowed; -180 to 180")
+        raise ValueError(f"{name} must be -180 to 180, got {degrees!r}")
     return round(degrees * 1e7)

@@ -32,7 +32,9 @@ def read_key(path: str | Path) -> bytes:
         with contextlib.suppress(ValueError):
             return bytes.fromhex(text.decode("ascii"))
     if len(data) != KEY_BYTES:
-        raise ValueError(f"{path}: {len(data)} bytes are not allowed; {KEY_BYTES}, or 64 digits")
+        raise ValueError(
+            f"{path} must have {KEY_BYTES} bytes or 64 hexadecimal digits, got {len(data)} bytes"
+        )
     return data
 
 

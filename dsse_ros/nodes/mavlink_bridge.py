@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from dsse_ros.bridge.fleet_controller import FleetController
-from dsse_ros.bridge.flight_records import FlightRecords, InUseError, default_directory
+from dsse_ros.bridge.flight_records import FlightRecords, default_directory
 from dsse_ros.bridge.mission_exporter import MissionExporter
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.flight.autopilots import AUTOPILOTS
@@ -123,11 +123,9 @@ class BridgeNode(AlarmNode):
         directory = Path(self.settings.state_directory or default_directory())
         try:
             records = FlightRecords(directory, [one.system_id for one in vehicles])
-        except InUseError as error:
-            raise FieldError(str(error)) from None
         except OSError as error:
             raise FieldError(
-                f"state_directory: {str(error.filename)!r} is not allowed; {error.strerror}"
+                f"state_directory must be writable, got {str(error.filename)!r}: {error.strerror}"
             ) from None
         for path in records.unreadable:
             self.get_logger().error(
@@ -258,7 +256,7 @@ def _fleet(settings: BridgeSettings) -> Fleet | None:
         )
     except (OSError, ValueError) as error:
         # A vehicle has one connection, but the parameter has those of all vehicles.
-        text = re.sub("^connection: ", "connections: ", str(error))
+        text = re.sub("^connection ", "connections ", str(error))
         raise FieldError(text) from None
 
 

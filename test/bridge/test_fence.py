@@ -167,22 +167,6 @@ def test_what_is_accepted_can_be_flown_and_what_can_be_flown_is_accepted(
     assert (code(near) is None) == (command == 20 or (lowest_m <= alt_m <= 120.0 and frame == 3))
 
 
-@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
-def test_home_may_be_elsewhere_with_the_same_margin(x_m, y_m):
-    assume(abs(math.hypot(x_m, y_m) - MARGIN_M) > 0.1)
-    home = Home(*map_to_geodetic(FRAME, -9000.0, 4000.0, 0.0))
-    fence = dataclasses.replace(FENCE, home=home)
-    item = waypoint(-9000.0 + x_m, 4000.0 + y_m)
-    assert code(item) == "outside_fence"
-    assert (code(item, fence) is None) == (math.hypot(x_m, y_m) < MARGIN_M)
-
-
-def test_without_a_margin_home_itself_is_inside():
-    home = Home(*map_to_geodetic(FRAME, -9000.0, 4000.0, 0.0))
-    fence = dataclasses.replace(FENCE, margin_m=0.0, home=home)
-    assert code(waypoint(lat_deg=home.lat_deg, lon_deg=home.lon_deg), fence) is None
-
-
 def test_a_mission_is_refused_by_its_first_bad_item():
     mission = track_mission(FRAME, [(0, 0), (1, 0)])
     items = [*mission.numbered("ardupilot"), waypoint(9000.0), waypoint(alt_m=500.0)]
@@ -195,7 +179,7 @@ def test_home_is_checked_where_ardupilot_has_it_and_nowhere_else():
     items = track_mission(FRAME, [(0, 0)]).numbered("ardupilot")
     assert check_mission(items, FENCE, "ardupilot") == Accepted(tuple(items))
     as_px4 = check_mission(items, FENCE, "px4")
-    assert isinstance(as_px4, Rejected) and as_px4.reason.startswith("item 0: frame: 0")
+    assert isinstance(as_px4, Rejected) and as_px4.reason.startswith("item 0: frame must be 3")
     far = Mission(Home(0.0, 0.0, 0.0), tuple(items[1:])).numbered("ardupilot")
     for spoilt, wanted in (
         (far, "outside_fence"),
@@ -217,19 +201,19 @@ NOWHERE = dataclasses.replace(FENCE, area=("0" * 20,) * 20)
         (
             waypoint(command=17, param4=0.0),
             "unknown_command",
-            "command: 17 is not allowed; take-off, waypoint, hold, land or return",
+            "command must be take-off, waypoint, hold, land or return, got 17",
         ),
-        (waypoint(frame=0), "unknown_frame", "frame: 0 is not allowed; 3, above home, is"),
-        (waypoint(param1=math.nan), "not_finite", "param1: nan is not allowed; a finite number"),
-        (waypoint(param2=2e6), "bad_parameter", "param2: 2000000.0 is not allowed; up to 1e+06"),
-        (waypoint(lat_deg=math.inf), "not_finite", "lat_deg: inf is not allowed; a finite number"),
-        (waypoint(lat_deg=91.0), "not_on_earth", "lat_deg: 91.0 is not allowed; -90 to 90"),
-        (waypoint(lon_deg=180.5), "not_on_earth", "lon_deg: 180.5 is not allowed; -180 to 180"),
-        (waypoint(alt_m=121.0), "altitude", "alt_m: 121.0 is not allowed; 10 to 120 above home"),
+        (waypoint(frame=0), "unknown_frame", "frame must be 3, above home, got 0"),
+        (waypoint(param1=math.nan), "not_finite", "param1 must be a finite number, got nan"),
+        (waypoint(param2=2e6), "bad_parameter", "param2 must be -1e+06 to 1e+06, got 2000000.0"),
+        (waypoint(lat_deg=math.inf), "not_finite", "lat_deg must be a finite number, got inf"),
+        (waypoint(lat_deg=91.0), "not_on_earth", "lat_deg must be -90 to 90, got 91.0"),
+        (waypoint(lon_deg=180.5), "not_on_earth", "lon_deg must be -180 to 180, got 180.5"),
+        (waypoint(alt_m=121.0), "altitude", "alt_m must be 10 to 120 above home, got 121.0"),
         (
             waypoint(lat_deg=0.0, lon_deg=0.0),
             "outside_fence",
-            "(0.0000000, 0.0000000) is not allowed; within 200 m of the search area",
+            "place must be within 200 m of the search area, got (0.0000000, 0.0000000)",
         ),
     ],
 )
@@ -241,8 +225,8 @@ def test_a_cell_outside_the_area_is_refused_by_its_place_and_its_column_and_row(
     item = waypoint(1235.0, 1235.0)
     assert check_item(item, NOWHERE) == Rejected(
         "outside_fence",
-        f"({item.lat_deg:.7f}, {item.lon_deg:.7f}), in cell [9, 10], is not allowed; a cell of the "
-        "area that is searched",
+        "place must be in a cell of the area that is searched, got "
+        f"({item.lat_deg:.7f}, {item.lon_deg:.7f}) in cell [9, 10]",
     )
 
 
@@ -252,7 +236,7 @@ def test_a_place_that_is_not_finite_is_refused_by_its_field(index, value):
     place = [waypoint().lat_deg, waypoint().lon_deg, 120.0]
     place[index] = value
     name = ("lat_deg", "lon_deg", "alt_m")[index]
-    refused = Rejected("not_finite", f"{name}: {value!r} is not allowed; a finite number")
+    refused = Rejected("not_finite", f"{name} must be a finite number, got {value!r}")
     assert check_place(*place, FENCE) == check_take_off(*place, FENCE) == refused
 
 
@@ -272,11 +256,10 @@ def test_a_fence_may_be_as_small_and_as_large_as_it_says(values):
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
-        ((1e6 + 0.5, 0.0, 120.0), "margin_m: 1000000.5 is not allowed; 0 to 1e6"),
+        ((1e6 + 0.5, 0.0, 120.0), "margin_m must be 0 to 1e+06, got 1000000.5"),
         (
             (0.0, 0.0, 1e5 + 0.5),
-            "min_alt_m, max_alt_m: 0.0, 100000.5 is not allowed; "
-            "0 <= min_alt_m <= max_alt_m <= 1e5",
+            "max_alt_m must be 0 to 100000, got 100000.5",
         ),
     ],
 )
@@ -290,7 +273,7 @@ def test_a_fence_that_is_too_large_is_refused_by_its_field(values, reason):
     "values", [(-1.0, 0.0, 120.0), (math.nan, 0.0, 120.0), (0.0, 50.0, 40.0), (0.0, -1.0, 120.0)]
 )
 def test_a_fence_that_holds_nothing_is_refused(values):
-    with pytest.raises(ValueError, match="is not allowed"):
+    with pytest.raises(ValueError, match=" must be "):
         Fence(FRAME, *values)
 
 
@@ -311,8 +294,8 @@ def test_no_place_beyond_the_circle_is_allowed_whatever_the_search_is(
 
 @pytest.mark.parametrize(
     ("origin", "why"),
-    [((-24.04, -46.17), ""), ((-24.045, -46.17), ""), ((-24.1, -46.17), "reaches further"),
-     ((-22.99, -43.99), "reaches further"), ((24.04, 133.83), "reaches further")],
+    [((-24.04, -46.17), ""), ((-24.045, -46.17), ""), ((-24.1, -46.17), "got 2500"),
+     ((-22.99, -43.99), "got 2500"), ((24.04, 133.83), "got 2500")],
 )  # fmt: skip
 def test_a_search_must_lie_in_the_circle_with_all_of_its_corners(
     origin: tuple[float, float], why: str
@@ -321,4 +304,4 @@ def test_a_search_must_lie_in_the_circle_with_all_of_its_corners(
     frame = dataclasses.replace(FRAME, origin_lat_deg=origin[0], origin_lon_deg=origin[1])
     trouble = check_search(Fence(frame, 500.0, 10.0, 120.0, center=middle, radius_m=2500.0))
     assert bool(trouble) == bool(why) and why in trouble
-    assert not trouble or trouble.startswith("fence_radius: 2500 is not allowed")
+    assert not trouble or trouble.startswith("fence_radius must ")

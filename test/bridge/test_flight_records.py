@@ -17,10 +17,10 @@ from dsse_ros.bridge.custody import Custody
 from dsse_ros.bridge.flight_records import (
     UNREADABLE,
     FlightRecords,
-    InUseError,
     default_directory,
 )
 from dsse_ros.bridge.vehicle_custody import FlightRecord
+from dsse_ros.scenario.fields import FieldError
 
 IDS = range(1, 6)
 NUMBERS = st.integers(0, 2**32 - 1)
@@ -71,7 +71,7 @@ def test_a_vehicle_whose_file_makes_no_sense_stays_on_the_ground_until_a_person_
 
 def test_two_bridges_do_not_have_one_vehicle(tmp_path: Path) -> None:
     first = FlightRecords(tmp_path, [1, 2])
-    with pytest.raises(InUseError, match="system id 2"):
+    with pytest.raises(FieldError, match="system id 2"):
         FlightRecords(tmp_path, [2, 3])
     FlightRecords(tmp_path, [3]).close()
     first.close()

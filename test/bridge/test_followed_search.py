@@ -120,7 +120,7 @@ def test_agents_in_another_number_are_named_and_the_search_goes_on() -> None:
     assert search.trouble(0.0) == "2 vehicles for 3 drones: nothing is flown"
     search.take_report(13, report(1))
     assert news(search) == [News.STEP]
-    search.doubt()
+    search.require_agents()
     assert search.trouble(0.0) == ""
 
 
@@ -154,7 +154,7 @@ def test_a_simulation_that_is_gone_is_not_followed_later() -> None:
     search._refuse = lambda info: "2 nodes publish step_report"
     search.take_agents(agents(run_id=8))
     assert news(search) == []
-    search.doubt()
+    search.require_agents()
     search._refuse = lambda info: ""
     assert news(search) == [] and search.info == agents()
 

@@ -119,7 +119,7 @@ def follower(**changes: Any) -> VehicleFollower:
     return led
 
 
-def aloft(led: VehicleFollower | None = None, **changes: Any) -> Vehicle:
+def in_the_air(led: VehicleFollower | None = None, **changes: Any) -> Vehicle:
     """Return a vehicle that is in the air for the search."""
     return Vehicle(led or follower(record=FLOWN, **changes), FLYING)
 
@@ -155,7 +155,7 @@ def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
 
 
 def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     for stamp in (13, 26):
         follow(vehicle.follower, stamp, 2, 2, searched=True)
         vehicle.turn()
@@ -170,7 +170,7 @@ def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
 def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
     moves: list[tuple[int, int]],
 ) -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     col = row = 5
     wanted = []
@@ -196,7 +196,7 @@ def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
     ("at_end", "order"), [("return", Return()), ("land", Land()), ("hold", Hold())]
 )
 def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: Order) -> None:
-    vehicle = aloft(at_end=at_end)
+    vehicle = in_the_air(at_end=at_end)
     led = vehicle.follower
     follow(led, 0, 1, 1)
     vehicle.turn()
@@ -212,7 +212,7 @@ def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: O
 
 
 def test_on_its_way_home_it_goes_there_in_its_layer_first_if_others_fly() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     home = GoTo(-23.999, -45.999, 120.0, 10.0)
     vehicle.clearance = Clearance(home=home)
     follow(vehicle.follower, 13, 1, 1, over=True, crashed=True)
@@ -229,7 +229,7 @@ def test_on_its_way_home_it_goes_there_in_its_layer_first_if_others_fly() -> Non
 def test_what_comes_down_already_is_not_sent_home_by_a_bridge_that_is_started_anew(
     mode: str,
 ) -> None:
-    vehicle = aloft(follower(record=replace(FLOWN, custody=Custody.ENDING, mode=mode)))
+    vehicle = in_the_air(follower(record=replace(FLOWN, custody=Custody.ENDING, mode=mode)))
     vehicle.state = replace(FLYING, mode=mode)
     vehicle.clearance = Clearance(home=GoTo(-23.999, -45.999, 120.0, 10.0))
     follow(vehicle.follower, 13, 1, 1, over=True)
@@ -237,7 +237,7 @@ def test_what_comes_down_already_is_not_sent_home_by_a_bridge_that_is_started_an
 
 
 def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
     follow(vehicle.follower, 13, 1, 1, searched=True)
     assert vehicle.turn() is None
@@ -251,7 +251,7 @@ def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
 
 @pytest.mark.parametrize("over", [False, True], ids=["going on", "over"])
 def test_who_is_recalled_waits_for_nobody(over: bool) -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     follow(vehicle.follower, 13, 1, 1, over=over)
     vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
     vehicle.turn()
@@ -260,13 +260,13 @@ def test_who_is_recalled_waits_for_nobody(over: bool) -> None:
 
 
 def test_nobody_is_sent_where_two_drones_have_crashed() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     follow(vehicle.follower, 13, 1, 1, over=True, crashed=True)
     assert vehicle.turn() == Return()
 
 
 def test_a_step_that_is_reported_again_changes_nothing_but_its_end() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -278,7 +278,7 @@ def test_a_step_that_is_reported_again_changes_nothing_but_its_end() -> None:
 
 
 def test_a_silent_vehicle_goes_on_when_it_is_connected_again_in_time() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     assert isinstance(vehicle.turn(), GoTo)
@@ -290,7 +290,7 @@ def test_a_silent_vehicle_goes_on_when_it_is_connected_again_in_time() -> None:
 
 
 def test_a_vehicle_silent_for_too_long_is_lost_returns_when_connected_and_stays_lost() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -461,7 +461,7 @@ def test_what_somebody_else_arms_while_it_waits_is_theirs() -> None:
 
 
 def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -482,7 +482,7 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
 
 
 def test_a_mode_that_is_set_at_disarming_releases_nothing() -> None:
-    vehicle = aloft(autopilot=PX4)
+    vehicle = in_the_air(autopilot=PX4)
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -501,7 +501,7 @@ def test_a_mode_that_is_set_at_disarming_releases_nothing() -> None:
 
 @pytest.mark.parametrize("failsafe", ["battery", "gps", "ekf", "fence", "motors"])
 def test_a_failsafe_that_leaves_the_mode_takes_the_vehicle_out_and_home(failsafe: str) -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -521,7 +521,7 @@ def test_a_bridge_started_again_leaves_what_a_named_failsafe_of_px4_has() -> Non
 
 @pytest.mark.parametrize("failsafe", ["radio", "gcs", "offboard"])
 def test_after_which_failsafes_an_autopilot_goes_on(failsafe: str) -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -530,7 +530,7 @@ def test_after_which_failsafes_an_autopilot_goes_on(failsafe: str) -> None:
 
 
 def test_a_failsafe_that_has_the_vehicle_is_left_alone_and_named_even_late() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -543,7 +543,7 @@ def test_a_failsafe_that_has_the_vehicle_is_left_alone_and_named_even_late() -> 
 
 
 def test_who_is_critical_without_a_reason_may_be_well_again_in_time() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -561,7 +561,7 @@ OPERATIONS = {"hold": Hold(), "return": Return(), "land": Land()}
 
 @pytest.mark.parametrize("what", OPERATIONS)
 def test_an_operator_is_obeyed_whatever_the_search_does_until_a_clearance(what: str) -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -605,7 +605,7 @@ def test_on_the_ground_an_operator_keeps_it_there_also_with_arm_always() -> None
 def test_an_operator_at_the_bridge_does_not_take_what_a_person_or_a_failsafe_has(
     custody: Custody, what: str
 ) -> None:
-    vehicle = aloft(replace_record(custody))
+    vehicle = in_the_air(replace_record(custody))
     follow(vehicle.follower, 13, 1, 1)
     vehicle.turn()
     assert " has " in vehicle.follower.custody.operate(what)
@@ -771,7 +771,7 @@ def test_a_take_off_that_has_not_begun_is_called_off_once_it_is_not_wanted() -> 
 
 
 def test_a_leg_with_the_same_stamp_but_another_cell_is_of_another_search() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 0, 1, 1)
     vehicle.turn()
@@ -782,7 +782,7 @@ def test_a_leg_with_the_same_stamp_but_another_cell_is_of_another_search() -> No
 
 
 def test_an_order_that_fails_is_given_again_and_then_the_vehicle_is_lost() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -814,7 +814,7 @@ def test_another_kind_of_vehicle_is_lost_at_once_and_gets_no_order() -> None:
     follow(led, 0, 1, 1)
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
     assert problem in (led.lost, led.blocked) and led.custody.clear() == problem
-    airborne = aloft()
+    airborne = in_the_air()
     airborne.state = replace(FLYING, problem=problem)
     follow(airborne.follower, 0, 1, 1)
     airborne.turn()
@@ -839,8 +839,8 @@ def test_what_is_wrong_with_the_link_is_reported_of_who_is_lost() -> None:
         (replace(ON_GROUND, ready=False), "not ready within 3 s: PreArm: Compass not healthy"),
         (
             replace(ON_GROUND, lat_deg=-35.0),
-            "no take-off within 3 s: take-off: (-35.0000000, -45.9990000) is not allowed; "
-            "within 500 m of the search area",
+            "no take-off within 3 s: take-off: place must be within 500 m of the search area, got "
+            "(-35.0000000, -45.9990000)",
         ),
     ],
 )
@@ -874,7 +874,7 @@ def test_somebody_who_may_arm_later_has_all_the_time_in_the_world() -> None:
 
 
 def test_a_held_vehicle_goes_on_with_the_next_step() -> None:
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -897,7 +897,7 @@ def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
     leg = Leg(13, cell)
     task = leg_task(leg, frame, SETTINGS, FENCE)
     assert isinstance(task, Rejected) and task.code == code
-    vehicle = aloft()
+    vehicle = in_the_air()
     led = vehicle.follower
     led.follow(leg, task)
     assert vehicle.turn() == Hold()

@@ -11,10 +11,12 @@ from itertools import count
 
 from mission_vehicle import VEHICLE, MissionVehicle
 
-from dsse_ros.flight.transfer import Done, Exchange, Failed
+from dsse_ros.flight.transfer import Done, Failed, Transfer
+from dsse_ros.flight.upload import VerifiedUpload
 from dsse_ros.mavlink.messages import Address, MissionMessage
 
 OURSELVES = Address(245, 191)
+Exchange = Transfer | VerifiedUpload
 
 
 @dataclass(frozen=True)

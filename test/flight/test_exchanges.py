@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
-from lossy_world import OURSELVES
+from lossy_world import OURSELVES, Exchange
 from message_values import changed
 from mission_vehicle import VEHICLE, addressed
 from sample_missions import mission
 
 from dsse_ros.flight.autopilots import ARDUPILOT, PX4
-from dsse_ros.flight.transfer import Exchange, Timeouts
+from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.upload import Download, Upload, VerifiedUpload
 from dsse_ros.mavlink.messages import (
     Address,

@@ -41,7 +41,9 @@ def flying_fleet(number: int, **options: Any) -> Iterator[tuple[Fleet, list[Runn
             VehicleSettings(connection=autopilot.connection, system_id=index + 1, **options)
             for index, autopilot in enumerate(autopilots)
         ]
-        yield stack.enter_context(Fleet(settings)), autopilots
+        fleet = stack.enter_context(contextlib.closing(Fleet(settings)))
+        fleet.start()
+        yield fleet, autopilots
 
 
 def until_all(fleet: Fleet, status: str, leave_out: tuple[int, ...] = ()) -> None:

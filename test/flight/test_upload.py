@@ -119,7 +119,7 @@ def test_a_fault_of_the_mission_ends_the_upload_at_once(result):
     exchange.receive(request(0), VEHICLE, 0.1)
     exchange.receive(ack(result), VEHICLE, 0.2)
     exchange.tick(0.2 + TIMEOUTS.settle_s)
-    assert exchange.result.code == "refused" and exchange.result.ack == result
+    assert exchange.result.code == "refused" and f"({result})" in exchange.result.reason
     assert exchange.result.changed
 
 
@@ -127,7 +127,7 @@ def test_a_bad_latitude_is_refused_by_the_vehicle_with_its_reason():
     bad = changed(ITEMS[1], x=100 * 10**7)
     world = World(ArduPilot(), Channel(), seed=0)
     result = world.run(upload((ITEMS[0], bad, ITEMS[2])))
-    assert result.ack == mavlink.MAV_MISSION_INVALID_PARAM5_X
+    assert f"({mavlink.MAV_MISSION_INVALID_PARAM5_X})" in result.reason
     assert "INVALID_PARAM5_X (10)" in result.reason
 
 
@@ -156,7 +156,7 @@ def test_the_count_is_sent_to_a_busy_vehicle_until_its_own_timeout():
             exchange.receive(ack(DENIED), VEHICLE, now)
         now = exchange.deadline
         sent = exchange.tick(now)
-    assert exchange.result.code == "refused" and exchange.result.ack == DENIED
+    assert exchange.result.code == "refused" and f"({DENIED})" in exchange.result.reason
     assert now > TIMEOUTS.stall_s
 
 
@@ -227,15 +227,14 @@ def test_a_nack_before_the_last_item_does_not_shorten_the_wait():
     assert now > TIMEOUTS.stall_s
 
 
-def test_every_message_of_an_upload_is_of_its_type_of_mission():
-    items = tuple(changed(item, mission_type=1) for item in ITEMS)
-    exchange = upload(items, autopilot="px4", mission_type=1, timeouts=Timeouts(settle_s=0.5))
-    assert exchange.start(0.0) == [MissionCount(*VEHICLE, 3, 1)]
-    asked = MissionRequest(*OURSELVES, 0, 1)
-    assert exchange.receive(asked, VEHICLE, 0.1) == [items[0]]
-    assert exchange.receive(MissionCount(*OURSELVES, 3, 1), VEHICLE, 0.1) == []
+def test_an_upload_asks_and_is_cancelled_as_a_mission():
+    exchange = upload(ITEMS, autopilot="px4", timeouts=Timeouts(settle_s=0.5))
+    assert exchange.start(0.0) == [MissionCount(*VEHICLE, 3)]
+    asked = MissionRequest(*OURSELVES, 0)
+    assert exchange.receive(asked, VEHICLE, 0.1) == [ITEMS[0]]
+    assert exchange.receive(MissionCount(*OURSELVES, 3), VEHICLE, 0.1) == []
     assert exchange.counts["unexpected"] == 1
-    cancelled = MissionAck(*VEHICLE, mavlink.MAV_MISSION_OPERATION_CANCELLED, 1)
+    cancelled = MissionAck(*VEHICLE, mavlink.MAV_MISSION_OPERATION_CANCELLED)
     assert exchange.cancel(0.2) == [cancelled]
     assert exchange.deadline == 0.2 + 2 * 0.5
 
@@ -340,13 +339,13 @@ def test_an_upload_starts_once():
     ],
 )
 def test_items_that_would_not_be_stored_as_meant_are_refused(items, field):
-    with pytest.raises(ValueError, match=f"^{field}: .* is not allowed"):
+    with pytest.raises(ValueError, match=f"^{field} must be .*, got "):
         upload(items)
 
 
 @pytest.mark.parametrize("system", [0, -1, 256])
 def test_an_upload_is_never_a_broadcast(system):
-    with pytest.raises(ValueError, match="^target: "):
+    with pytest.raises(ValueError, match="^target.system must be "):
         Upload(ITEMS, Address(system, 1), OURSELVES, autopilot=PX4)
 
 
@@ -355,5 +354,5 @@ def test_an_upload_is_never_a_broadcast(system):
     [{"item_s": 0.0}, {"reply_s": float("nan")}, {"retries": -1}, {"upload_retries": 1001}],
 )
 def test_timeouts_that_would_never_end_are_refused(options):
-    with pytest.raises(ValueError, match=f"^{next(iter(options))}: .* is not allowed"):
+    with pytest.raises(ValueError, match=f"^{next(iter(options))} must be .*, got "):
         Timeouts(**options)

@@ -231,15 +231,14 @@ def test_frames_are_the_same_in_either_form():
     assert difference(SENT, floats, ARDUPILOT) is None
 
 
-def test_what_is_read_back_is_asked_for_in_the_same_type_and_with_the_same_timeouts():
-    items = tuple(changed(item, mission_type=1) for item in mission(1, 2))
+def test_what_is_read_back_is_asked_for_with_the_same_timeouts():
     timeouts = Timeouts(reply_s=2.5, settle_s=0.5)
-    exchange = verified(items, "px4", mission_type=1, timeouts=timeouts)
-    assert exchange.start(0.0) == [MissionCount(*VEHICLE, 2, 1)]
+    exchange = verified(mission(1, 2), "px4", timeouts=timeouts)
+    assert exchange.start(0.0) == [MissionCount(*VEHICLE, 2)]
     for seq in range(2):
-        exchange.receive(MissionRequest(*OURSELVES, seq, 1), VEHICLE, 0.1)
-    exchange.receive(MissionAck(*OURSELVES, 0, 1), VEHICLE, 0.2)
-    assert exchange.tick(0.7) == [MissionRequestList(*VEHICLE, 1)]
+        exchange.receive(MissionRequest(*OURSELVES, seq), VEHICLE, 0.1)
+    exchange.receive(MissionAck(*OURSELVES, 0), VEHICLE, 0.2)
+    assert exchange.tick(0.7) == [MissionRequestList(*VEHICLE)]
     assert exchange.deadline == 0.7 + 2.5
 
 

@@ -280,7 +280,7 @@ def test_a_message_is_encoded_with_its_fields(
 def test_a_setpoint_that_is_not_allowed_is_refused_by_name(
     lat_deg: float, lon_deg: float, name: str
 ) -> None:
-    with pytest.raises(ValueError, match=f"^{name}_deg: .* is not allowed; -180 to 180"):
+    with pytest.raises(ValueError, match=f"^{name}_deg must be -180 to 180, got "):
         codec().encode(SetPositionTarget(VEHICLE, lat_deg, lon_deg, 10.0))
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.vehicle_controller import VehicleController
 from dsse_ros.mavlink.codec import Codec
-from dsse_ros.mavlink.messages import MISSION_RESULTS, Address
+from dsse_ros.mavlink.messages import Address, enum_name
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 ONLY_POSITION, NO_POSITION = 0x0DF8, 0x0DFF
@@ -98,6 +98,8 @@ def test_a_target_without_a_position_is_valid_with_any_coordinates() -> None:
 
 
 def test_results_of_a_transfer_have_the_names_of_the_protocol() -> None:
-    assert (MISSION_RESULTS[0], MISSION_RESULTS[14]) == ("ACCEPTED", "DENIED")
-    # The last number of the enumeration is a mark.
-    assert mavlink.MAV_MISSION_RESULT_ENUM_END not in MISSION_RESULTS
+    numbers = (0, 14, 99, mavlink.MAV_MISSION_RESULT_ENUM_END)
+    names = [enum_name("MAV_MISSION_RESULT", number, "MAV_MISSION_") for number in numbers]
+    # The last number of the enumeration only marks its end.
+    assert names == ["ACCEPTED", "DENIED", "99", str(mavlink.MAV_MISSION_RESULT_ENUM_END)]
+    assert enum_name("MAV_RESULT", mavlink.MAV_RESULT_DENIED) == "DENIED"

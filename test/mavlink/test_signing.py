@@ -120,7 +120,7 @@ def test_a_key_is_32_bytes_or_64_digits(tmp_path: Path, data: bytes) -> None:
 
 @pytest.mark.parametrize("data", [b"", KEY[:31], KEY + b"\n", b"g" * 64, KEY.hex().encode()[:-1]])
 def test_anything_else_is_no_key(tmp_path: Path, data: bytes) -> None:
-    with pytest.raises(ValueError, match="bytes are not allowed; 32, or 64 digits"):
+    with pytest.raises(ValueError, match="must have 32 bytes or 64 hexadecimal digits, got"):
         read_key(key_file(tmp_path / "key", data))
 
 

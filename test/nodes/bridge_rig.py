@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
@@ -125,6 +126,11 @@ def fly(sim: Sim, *actions: int) -> None:
     seen = len(sim.reports)
     sim.joint(*actions)
     sim.next_report(seen)
+
+
+def arming_orders(bridge: Bridge) -> int:
+    """Return the number of take-offs that arm the vehicle; the others wait for somebody to."""
+    return len(re.findall(r": TakeOff\(.*arm=True", bridge.process.output))
 
 
 def take_off_orders(*bridges: Bridge) -> int:

@@ -151,7 +151,6 @@ def test_a_foreign_simulation_stops_nothing_but_the_take_offs(rig: Rig) -> None:
         bridge = Bridge(rig, vehicles)
         sim.joint(UP)
         bridge.until(0, arrived="true", cell="0 4")
-        before = take_off_orders(bridge)
         foreign = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5, 3, 5]})
         trouble = "2 nodes publish step_report: no other search is followed"
         rig.until(lambda: trouble in bridge.state(0)["message"], trouble)
@@ -161,7 +160,7 @@ def test_a_foreign_simulation_stops_nothing_but_the_take_offs(rig: Rig) -> None:
         foreign.process.stop()
         sim.joint(UP, step=1)
         state = bridge.until(0, arrived="true", cell="0 3", refused="")
-        assert state["flying"] == "true" and take_off_orders(bridge) == before
+        assert state["flying"] == "true" and take_off_orders(bridge) == 1
 
 
 def test_a_mission_that_was_flown_is_not_flown_again_by_a_bridge_started_again(rig: Rig) -> None:

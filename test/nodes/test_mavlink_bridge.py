@@ -19,6 +19,7 @@ from bridge_rig import (
     SEARCHED,
     UP,
     Bridge,
+    arming_orders,
     autopilots,
     away_m,
     detour_m,
@@ -263,7 +264,6 @@ def test_an_operator_holds_recalls_and_clears_vehicles(rig: Rig) -> None:
         bridge.until(0, custody="cleared", ready="true")
         assert call(rig, SetBool, "drone0/arm", data=True)[0]
         bridge.until(0, arrived="true", cell="0 4")
-        before = take_off_orders(bridge)
         assert call(rig, Trigger, "dsse_bridge/hold") == (True, "ordered to hold: drone0")
         bridge.until(0, custody="held", order="Hold()", status="done")
         sim.joint(UP)
@@ -275,7 +275,7 @@ def test_an_operator_holds_recalls_and_clears_vehicles(rig: Rig) -> None:
         assert state["lost"] == "recalled by the operator: land"
         rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
         assert not call(rig, Trigger, "dsse_bridge/return")[0]
-        assert take_off_orders(bridge) == before
+        assert arming_orders(bridge) == 1
 
 
 def test_without_a_planner_the_vehicles_hold_until_it_goes_on(rig: Rig) -> None:
@@ -455,18 +455,18 @@ def test_vehicles_for_another_number_of_drones_stay_where_they_are(rig: Rig) -> 
     ("parameters", "line"),
     [
         ({"mode": "auto"}, "mode: 'auto' is not allowed; one of guided, mission, export"),
-        ({"connections": ["udp:here"]}, "connections: 'udp:here' is not allowed; "),
-        ({"connections": ["/dev/ttyS99,RKINT"]}, "connections: '/dev/ttyS99,RKINT' is not allowed"),
-        ({"connections": ["tcp::5760"] * 2}, "connections: 'tcp::5760' is of 2 vehicles; one each"),
-        ({"num_vehicles": 2, "system_ids": [1]}, "system_ids: 1 are not allowed"),
+        ({"connections": ["udp:here"]}, "connections must be udpin:HOST:PORT, "),
+        ({"connections": ["/dev/ttyS99,RKINT"]}, "connections must have a rate of "),
+        ({"connections": ["tcp::5760"] * 2}, "connections must differ, got 'tcp::5760' for 2"),
+        ({"num_vehicles": 2, "system_ids": [1]}, "system_ids must be one for each of 2 vehicles"),
         ({"num_vehicles": 2, "system_ids": [1, 300]}, "system_ids: "),
-        ({"num_vehicles": 2, "system_ids": [7, 7]}, "system_ids: 7 is of 2 vehicles; one each"),
-        ({"min_altitude": 200.0}, "min_altitude: 200 is not allowed"),
-        ({"lost_timeout": 2.0}, "lost_timeout: 2 is not allowed; at least link_timeout, 5 s"),
+        ({"num_vehicles": 2, "system_ids": [7, 7]}, "system_ids must differ, got 7 for 2 vehicles"),
+        ({"min_altitude": 200.0}, "min_altitude must be at most max_altitude, 150 m, got 200"),
+        ({"lost_timeout": 2.0}, "lost_timeout must be at least link_timeout, 5 s, got 2"),
         ({"signing_key_file": "/nonexistent"}, "signing_key_file: /nonexistent: No such file"),
         ({"own_system_id": 1}, "own_system_id"),
         ({"arm": "maybe"}, "arm: 'maybe' is not allowed; one of false, true, always"),
-        ({"fence_center": [91.0, 0.0]}, "fence_center: (91.0, 0.0) is not allowed"),
+        ({"fence_center": [91.0, 0.0]}, "fence_center must be latitude and longitude, got"),
         ({"conections": ["x"]}, "did you mean connections?"),
     ],
 )
