@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dsse_ros.flight.checks import check_number
+from dsse_ros.checks import check_number
 from msg_adapters.frames import GridFrame, map_to_cell
 from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic, on_near_side
 from msg_adapters.mission_items import (

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.checks import check_number
 from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
-from dsse_ros.flight.checks import check_number
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.messages import (

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.checks import check_number
+from dsse_ros.checks import check_number
 from msg_adapters.mission_items import FRAME_MISSION, NAV_LOITER_TIME, MissionItem
 
 INTEGER_FRAMES = {

@@ -15,7 +15,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.checks import check_number
+from dsse_ros.checks import check_number
 from dsse_ros.flight.commands import MISSION_START, OrderFailedError
 from dsse_ros.flight.item_messages import mission_messages
 from dsse_ros.flight.order_steps import (

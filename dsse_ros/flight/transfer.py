@@ -17,7 +17,7 @@ from typing import ClassVar, get_args
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.checks import check_number
+from dsse_ros.checks import check_number
 from dsse_ros.mavlink.messages import (
     MISSION_FAULTS,
     Address,

@@ -18,7 +18,7 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.checks import check_number
+from dsse_ros.checks import check_number
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.vehicle_controller import (

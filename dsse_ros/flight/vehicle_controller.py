@@ -15,7 +15,7 @@ from typing import ClassVar, Literal, get_args
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.checks import check_number
+from dsse_ros.checks import check_number
 from dsse_ros.flight.commands import (
     CommandSender,
     ControllerSettings,

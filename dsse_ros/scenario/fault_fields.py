@@ -62,7 +62,7 @@ class FaultFields(BatteryFields):
         unit="cells",
     )
     wind_speed: float = field(
-        "float", "Speed of the wind; must be below the drones' airspeed, drone_speed.", 0.0,
+        "float", "Wind speed, below the drones' airspeed; the airspeed is drone_speed.", 0.0,
         low=0, high=1000, unit="m/s",
     )  # fmt: skip
     wind_toward: float = field(
@@ -87,8 +87,8 @@ class FaultFields(BatteryFields):
             )
         if self.wind_speed >= drone_speed:
             raise FieldError(
-                f"wind_speed: {self.wind_speed:g} is not allowed; below the drones' "
-                f"{drone_speed:g} m/s, or they would not hold their cells"
+                f"wind_speed must be below drone_speed, {drone_speed:g} m/s, or drones would not "
+                f"hold their cells, got {self.wind_speed:g}"
             )
         return self.resolved_battery()
 

@@ -29,6 +29,7 @@ WORLD = {
 """What simulates a search, and shows it."""
 LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros": (set(), {"ros", "messages", "mavlink"}),
+    "dsse_ros.checks": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.extras": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.progress": ({"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
@@ -141,7 +142,13 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     ),
     "dsse_ros.mavlink": ({"dsse_ros.mavlink", "dsse_ros.private_files"}, {"ros", "messages"}),
     "dsse_ros.flight": (
-        {"dsse_ros.flight", "dsse_ros.mavlink", "dsse_ros.private_files", "msg_adapters"},
+        {
+            "dsse_ros.flight",
+            "dsse_ros.mavlink",
+            "dsse_ros.checks",
+            "dsse_ros.private_files",
+            "msg_adapters",
+        },
         {"ros", "messages"},
     ),
     "dsse_ros.bridge": (
@@ -151,6 +158,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.flight",
             "dsse_ros.mavlink",
             "dsse_ros.mission",
+            "dsse_ros.checks",
             "dsse_ros.private_files",
             "msg_adapters",
         },
