@@ -241,7 +241,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             joint[i] = self._number_of(agent, actions)
         live = self._live
         _, mission, number = self._last.step_id
-        message = joint_action_message(number, joint, mission)
+        message = joint_action_message(mission, number, joint)
         self._publisher.publish(message)
         deadline_s = time.monotonic() + self.timeout_s
         what = f"step_report and probability of step {number + 1} of mission {mission}"

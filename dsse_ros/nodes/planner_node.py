@@ -139,7 +139,7 @@ class PlannerNode(AlarmNode):
                     if last is None or step[:2] != last[:2] or step[2] < last[2]:
                         self._planner, self._late = self._make_planner(observed.info), None
                     actions = self._decide(observed)
-                answer = joint_action_message(step[2], actions, mission=step[1])
+                answer = joint_action_message(step[1], step[2], actions)
             except Exception as error:
                 # Third-party planners may raise anything.
                 self._report_failure(step, error)

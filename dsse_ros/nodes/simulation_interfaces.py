@@ -7,12 +7,13 @@ Gazebo and Isaac Sim follow this standard. There is no ROS 2 wheel of it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from dsse_ros.nodes.operated import Operated
+if TYPE_CHECKING:
+    from dsse_ros.nodes.sim_node import SimNode
 
 
-def serve(node: Operated) -> bool:
+def serve(node: SimNode) -> bool:
     """Offer reset, step, state and features; returns whether the package is installed."""
     try:
         from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
