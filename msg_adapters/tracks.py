@@ -42,9 +42,7 @@ def stops(
     track = np.asarray(cells).reshape(-1, 2)
     flags = np.asarray(searched, dtype=bool)
     if flags.shape != (len(track),):
-        raise ValueError(
-            f"searched: shape {flags.shape} is not allowed; ({len(track)},), one flag per cell, is"
-        )
+        raise ValueError(f"searched must be one flag per cell, ({len(track)},), got {flags.shape}")
     arrived = _arrivals(track)
     visit = np.cumsum(arrived) - 1
     searches = np.bincount(visit, weights=flags, minlength=int(arrived.sum())).astype(np.int64)

@@ -124,11 +124,10 @@ class Mission:
         self.result = self._result(nothing, nothing, nobody, np.zeros(count))
         return self.result
 
-    def restart_time(self) -> StepResult:
+    def restart_time(self) -> None:
         """Restart mission time; the last step becomes its first."""
         self._stamp_ns = self._step_ns
         self.result = replace(self.result, stamp_ns=self._stamp_ns)
-        return self.result
 
     @property
     def done(self) -> bool:
@@ -240,10 +239,9 @@ class Mission:
         out_of_reach = self.commands.out_of_reach((col, row), goals)
         if not out_of_reach:
             return None
-        return Rejected(
-            "outside_area",
-            f"cell {list(out_of_reach[0])} is not allowed; one that moves in the area lead to",
-        )
+        goal = list(out_of_reach[0])
+        reason = f"cell must be one that moves in the area lead to, got {goal}"
+        return Rejected("outside_area", reason)
 
     def command_all(self, actions: Sequence[int]) -> None:
         """Set the next action of every drone in flight."""

@@ -130,8 +130,8 @@ def layers(
         step_m = min(ALTITUDE_STEP_M, room_m)
     elif step_m > room_m and vehicles > 1:
         raise FieldError(
-            f"altitude_step: {step_m:g} is not allowed; {vehicles} vehicles from {frame.alt_m:g} m "
-            f"down to {lowest_m:g} m have room for {math.floor(100 * room_m) / 100:g} m"
+            f"altitude_step must be at most {math.floor(100 * room_m) / 100:g} m for {vehicles} "
+            f"vehicles from {frame.alt_m:g} m down to {lowest_m:g} m, got {step_m:g}"
         )
     return [replace(frame, alt_m=frame.alt_m - i * step_m) for i in range(vehicles)]
 

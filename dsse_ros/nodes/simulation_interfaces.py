@@ -51,7 +51,7 @@ def serve(node: SimNode) -> bool:
             return answer(
                 response,
                 Result.RESULT_FEATURE_UNSUPPORTED,
-                f"scope: {scope} is not allowed; {'time, ' if has_time else ''}state or all: "
+                f"scope must be {'time, ' if has_time else ''}state or all, got {scope}: "
                 "nothing can be spawned",
             )
         return answer(response)
@@ -84,7 +84,7 @@ def serve(node: SimNode) -> bool:
             return answer(
                 response,
                 Result.RESULT_FEATURE_UNSUPPORTED,
-                f"state: {wanted} is not allowed; stopped, playing or paused",
+                f"state must be stopped, playing or paused, got {wanted}",
             )
         if wanted == state():
             return answer(response, SetSimulationState.Response.ALREADY_IN_TARGET_STATE)

@@ -43,7 +43,7 @@ def test_a_merged_track_is_the_same_line_with_the_same_searches(steps):
 
 
 def test_one_flag_per_cell_is_wanted():
-    with pytest.raises(ValueError, match=r"^searched: shape \(1,\) is not allowed; \(2,\)"):
+    with pytest.raises(ValueError, match=r"^searched must be one .* \(2,\), got \(1,\)"):
         stops([(0, 0), (0, 1)], [True], merge_legs=False)
 
 

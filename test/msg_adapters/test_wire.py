@@ -8,7 +8,6 @@ import sys
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
 
 from msg_adapters import (
@@ -75,7 +74,7 @@ def info():
 
 def all_messages():
     fix = geodesy.cell_fix(FRAME, 1, 2)
-    yield stamps.clock_message(np.int64(13))
+    yield stamps.to_stamp(np.int64(13))
     yield occupancy.occupancy_grid(FRAME, MATRIX, STAMP)
     yield images.probability_image(FRAME, MATRIX, STAMP)
     yield poses.pose_stamped(FRAME, CELLS[0], STAMP)
@@ -106,8 +105,7 @@ def all_messages():
     yield diagnostics.diagnostic_array(
         STAMP,
         name="dsse_sim",
-        hardware_id="",
-        level=DiagnosticStatus.OK,
+        level="ok",
         message="",
         values={"step": np.int64(1)},
     )

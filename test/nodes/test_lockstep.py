@@ -20,9 +20,11 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.agents import agents_from_message
+from msg_adapters.commands import parse_goal
 from msg_adapters.images import image_to_probability
 from msg_adapters.occupancy import probability_to_occupancy
-from msg_adapters.poses import path, pose_cell, pose_stamped
+from msg_adapters.poses import path, pose_stamped
+from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_from_message
 
@@ -195,7 +197,7 @@ def test_a_late_joiner_gets_everything_about_the_last_step(sim: Sim) -> None:
         assert np.array_equal(occupancy(grid), expected[::-1])
         drones = listener.first(PoseArray, "drones")
         poses = [listener.first(PoseStamped, f"drone{i}/pose") for i in range(3)]
-        assert [pose_cell(info.frame, pose) for pose in poses] == here
+        assert [parse_goal(pose, info.frame) for pose in poses] == [Accepted(cell) for cell in here]
         assert list(drones.poses) == [pose.pose for pose in poses]
         for message in (cloud, grid, image, drones, *poses):
             assert stamp_ns(message) == stamp_ns(cloud)

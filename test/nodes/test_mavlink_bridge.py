@@ -184,7 +184,7 @@ def test_layers_that_do_not_fit_between_the_altitudes_are_not_flown(rig: Rig) ->
     with autopilots((), ()) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5]})
         bridge = Bridge(rig, vehicles, altitude_step=30.0, min_altitude=100.0)
-        trouble = "altitude_step: 30 is not allowed; 2 vehicles from 120 m down to 100 m have room"
+        trouble = "altitude_step must be at most 20 m for 2 vehicles from 120 m down to 100 m"
         rig.until(lambda: trouble in bridge.state(0).get("message", ""), trouble)
         assert take_off_orders(bridge) == 0
 
