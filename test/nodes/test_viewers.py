@@ -182,7 +182,7 @@ def test_a_goal_of_a_client_is_flown_to(mission: Mission, style: str) -> None:
         ("/drone0/cmd_action", "std_msgs/msg/Int8", "ros1", b"\1", "got 'ros1'"),
         ("/drone0/cmd_action", "std_msgs/msg/String", "json", {}, "got 'std_msgs/msg/String'"),
         ("/drone9/cmd_action", "std_msgs/msg/Int8", "json", {"data": 1}, "nobody obeys"),
-        ("/agents", "std_msgs/msg/String", "json", {"data": ""}, "topic: '/agents'"),
+        ("/agents", "std_msgs/msg/String", "json", {"data": ""}, "got '/agents'"),
     ],
 )  # fmt: skip
 def test_bad_input_of_a_client_gets_one_line_and_changes_nothing(
