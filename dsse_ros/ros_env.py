@@ -91,7 +91,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         domain_id: int | None = None,
     ) -> None:
         if not timeout_s > 0:
-            raise FieldError(f"timeout_s: {shown(timeout_s)} is not allowed; above 0")
+            raise FieldError(f"timeout_s must be above 0, got {shown(timeout_s)}")
         self.timeout_s = timeout_s
         self.agents: list[str] = []
         self._live: list[int] = []
@@ -144,7 +144,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         answer = self._call(get, GetParameters.Request(names=list(_NEEDED)), deadline_s)
         for (name, needed), value in zip(_NEEDED.items(), answer.values, strict=True):
             if (found := parameter_value_to_python(value)) != needed:
-                raise FieldError(f"{name}: {found!r} of {node_name} is not allowed; {needed!r} is")
+                raise FieldError(f"{name} of {node_name} must be {needed!r}, got {found!r}")
         self.info = self._wait(self._newest_info, "agents", deadline_s)
         definition = self.info.definition
         if definition is None:
@@ -175,13 +175,11 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         """
         for name in {} if options is None else options:
             if name != IGNORED_OPTION:
-                raise FieldError(
-                    f"options: {shown(name)} is not allowed over ROS; start the node with it"
-                )
+                raise FieldError(f"options must be empty over ROS, got {shown(name)}")
         if seed is not None:
             seed = check_seed(seed)
             if seed > _MAX_SEED:
-                raise FieldError(f"seed: {seed} is not allowed over ROS; 0 to {_MAX_SEED}")
+                raise FieldError(f"seed must be 0 to {_MAX_SEED} over ROS, got {seed}")
             self._draws = np.random.default_rng(seed)
         else:
             seed = int(self._draws.integers(_MAX_SEED))
@@ -241,7 +239,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             joint[i] = self._number_of(agent, actions)
         live = self._live
         _, mission, number = self._last.step_id
-        message = joint_action_message(number, joint, mission)
+        message = joint_action_message(mission, number, joint)
         self._publisher.publish(message)
         deadline_s = time.monotonic() + self.timeout_s
         what = f"step_report and probability of step {number + 1} of mission {mission}"
@@ -287,7 +285,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             FieldError: If there is none, or it is not allowed.
         """
         if not isinstance(actions, Mapping):
-            raise FieldError(f"actions: {shown(actions)} is not allowed; one number per live agent")
+            raise FieldError(f"actions must be one number per live agent, got {shown(actions)}")
         if agent not in actions:
             raise FieldError(f"actions: {agent} is missing; one action per live agent")
         names = self.info.actions
@@ -296,7 +294,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         except (TypeError, ValueError):
             known = ", ".join(f"{number} {name}" for number, name in enumerate(names))
             raise FieldError(
-                f"{agent}: action {shown(actions[agent])} is not allowed; {known}"
+                f"action of {agent} must be one of {known}, got {shown(actions[agent])}"
             ) from None
 
     # What the node says

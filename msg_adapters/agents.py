@@ -166,7 +166,7 @@ def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> Searc
             ("num_drones", drones, num_drones),
         ):
             if value is not None and stated != value:
-                raise ValueError(f"{name}: {stated} is not allowed; {value}, as agents has it")
+                raise ValueError(f"{name} must be {value}, as agents has it, got {stated}")
         return SearchDefinition(rules, scenario.resolve(rules))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{keys.where}: {error}") from None

@@ -52,8 +52,7 @@ def parse_action_name(message: String, actions: Sequence[str]) -> Result[int]:
     names = list(actions)
     if message.data not in names:
         return Rejected(
-            "unknown_action",
-            f"data: {shown(message.data)} is not allowed; one of {', '.join(names)}",
+            "unknown_action", f"data must be one of {', '.join(names)}, got {shown(message.data)}"
         )
     return Accepted(names.index(message.data))
 
@@ -88,9 +87,9 @@ def parse_path(message: Path, frame: GridFrame) -> Result[tuple[Cell, ...]]:
         return _foreign_frame("header.frame_id", message.header.frame_id, frame)
     count = len(message.poses)
     if count == 0:
-        return Rejected("empty_path", f"poses: 0 poses are not allowed; 1 to {MAX_GOALS}")
+        return Rejected("empty_path", f"poses must be 1 to {MAX_GOALS} poses, got 0")
     if count > MAX_GOALS:
-        return Rejected("path_too_long", f"poses: {count} poses are not allowed; 1 to {MAX_GOALS}")
+        return Rejected("path_too_long", f"poses must be 1 to {MAX_GOALS} poses, got {count}")
     cells = []
     for index, stamped in enumerate(message.poses):
         if stamped.header.frame_id not in ("", frame.map_frame):
@@ -114,8 +113,7 @@ def parse_joint_action(
     """Return the actions of a `joint_action`, for all drones or for none.
 
     Args:
-        message: Its data are [mission, step, a0, a1, ...] or [step, a0, a1, ...]: their
-            length decides.
+        message: Its data are [mission, step, a0, a1, ...].
         mission: Number of the mission.
         step: Number of the step that the actions must be for: that of the last report.
         num_drones: Number of drones, N.
@@ -127,21 +125,17 @@ def parse_joint_action(
         `stale_step` or `unknown_action`.
     """
     data = message.data
-    head = len(data) - num_drones
-    if head not in (1, 2):
+    if len(data) != 2 + num_drones:
         return Rejected(
             "wrong_size",
-            f"data: {len(data)} numbers are not allowed; {1 + num_drones} or {2 + num_drones}: "
-            f"the mission, which may be left out, the step and {num_drones} actions",
+            f"data must be mission, step and {num_drones} actions, got {len(data)} numbers",
         )
-    if head == 2 and data[0] != mission:
-        return Rejected("stale_mission", f"data[0]: mission {data[0]} is not allowed; {mission} is")
-    if data[head - 1] != step:
-        return Rejected(
-            "stale_step", f"data[{head - 1}]: step {data[head - 1]} is not allowed; {step} is"
-        )
+    if data[0] != mission:
+        return Rejected("stale_mission", f"data[0] must be mission {mission}, got {data[0]}")
+    if data[1] != step:
+        return Rejected("stale_step", f"data[1] must be step {step}, got {data[1]}")
     chosen = []
-    for index, (action, takes_part) in enumerate(zip(data[head:], live, strict=True), start=head):
+    for index, (action, takes_part) in enumerate(zip(data[2:], live, strict=True), start=2):
         if not takes_part:
             chosen.append(NO_ACTION)
         elif 0 <= action < len(actions):
@@ -151,18 +145,16 @@ def parse_joint_action(
     return Accepted(tuple(chosen))
 
 
-def joint_action_message(
-    step: int, actions: Sequence[int], mission: int | None = None
-) -> Int32MultiArray:
-    """Return a `joint_action`: [mission, step, a0, a1, ...], or [step, a0, a1, ...].
+def joint_action_message(mission: int, step: int, actions: Sequence[int]) -> Int32MultiArray:
+    """Return a `joint_action`: [mission, step, a0, a1, ...].
 
     Args:
+        mission: Number of the mission.
         step: Number of the step that the actions are for.
         actions: N action numbers in the order of the agents; any for a drone that is not live.
-        mission: Number of the mission; without it the actions fit that step of any mission.
     """
-    head = [step] if mission is None else [mission, step]
-    return Int32MultiArray(data=array.array("i", [int(number) for number in (*head, *actions)]))
+    numbers = [int(number) for number in (mission, step, *actions)]
+    return Int32MultiArray(data=array.array("i", numbers))
 
 
 def _goal_cell(field: str, pose: Pose, frame: GridFrame) -> Result[Cell]:
@@ -171,27 +163,23 @@ def _goal_cell(field: str, pose: Pose, frame: GridFrame) -> Result[Cell]:
         for axis in "xyz" if part == "position" else "xyzw":
             value = getattr(vector, axis)
             if not math.isfinite(value):
-                return Rejected(
-                    "not_finite",
-                    f"{field}.{part}.{axis}: {value!r} is not allowed; a finite number",
-                )
+                reason = f"{field}.{part}.{axis} must be a finite number, got {value!r}"
+                return Rejected("not_finite", reason)
     cell = map_to_cell(frame, pose.position.x, pose.position.y)
     if cell is None:
         side_m = frame.grid_size * frame.cell_size_m
         return Rejected(
             "outside_grid",
-            f"{field}.position: ({pose.position.x:.6g}, {pose.position.y:.6g}) is not allowed; "
-            f"0 <= x, y < {side_m:.6g} m",
+            f"{field}.position must be 0 <= x, y < {side_m:.6g} m, "
+            f"got ({pose.position.x:.6g}, {pose.position.y:.6g})",
         )
     return Accepted(cell)
 
 
 def _foreign_frame(field: str, frame_id: str, frame: GridFrame) -> Rejected:
-    return Rejected(
-        "foreign_frame", f"{field}: {shown(frame_id)} is not allowed; {frame.map_frame!r} is"
-    )
+    return Rejected("foreign_frame", f"{field} must be {frame.map_frame!r}, got {shown(frame_id)}")
 
 
 def _unknown_action(field: str, action: int, actions: Sequence[str]) -> Rejected:
     known = ", ".join(f"{number} {name}" for number, name in enumerate(actions))
-    return Rejected("unknown_action", f"{field}: action {action} is not allowed; {known}")
+    return Rejected("unknown_action", f"{field} must be one of {known}, got {action}")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 
 S = TypeVar("S", bound=np.generic)
+F = TypeVar("F", float, NDArray[Any])
+"""Numbers or arrays of them."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,9 @@ class GridFrame:
             object.__setattr__(self, name, float(getattr(self, name)))
         object.__setattr__(self, "alts_m", tuple(float(alt_m) for alt_m in self.alts_m))
         if self.grid_size < 1:
-            raise ValueError(f"grid_size: {self.grid_size!r} is not allowed; at least 1")
+            raise ValueError(f"grid_size must be at least 1, got {self.grid_size!r}")
         if not (math.isfinite(self.cell_size_m) and self.cell_size_m > 0):
-            raise ValueError(f"cell_size_m: {self.cell_size_m!r} is not allowed; above 0")
+            raise ValueError(f"cell_size_m must be above 0, got {self.cell_size_m!r}")
         for name, limit, value in (
             ("origin_lat_deg", 90.0, self.origin_lat_deg),
             ("origin_lon_deg", 360.0, self.origin_lon_deg),
@@ -70,9 +72,9 @@ class GridFrame:
             *(("alt_m", 1e6, alt_m) for alt_m in (self.alt_m, *self.alts_m)),
         ):
             if not abs(value) <= limit:
-                raise ValueError(f"{name}: {value!r} is not allowed; from {-limit} to {limit}")
+                raise ValueError(f"{name} must be {-limit} to {limit}, got {value!r}")
         if not self.map_frame:
-            raise ValueError("map_frame: '' is not allowed; a name")
+            raise ValueError("map_frame must be a name, got ''")
 
     def altitudes_m(self, drones: int) -> list[float]:
         """Return the flight altitude of each of N drones.
@@ -81,7 +83,7 @@ class GridFrame:
             ValueError: If they differ, and there are other than N.
         """
         if self.alts_m and len(self.alts_m) != drones:
-            raise ValueError(f"drones: {drones} is not allowed; {len(self.alts_m)}")
+            raise ValueError(f"drones must be {len(self.alts_m)}, got {drones}")
         return list(self.alts_m) or [self.alt_m] * drones
 
     def of_drone(self, drone: int) -> GridFrame:
@@ -118,13 +120,7 @@ def scenario_frame(
     )
 
 
-@overload
-def cell_to_map(frame: GridFrame, col: float, row: float) -> tuple[float, float]: ...
-@overload
-def cell_to_map(
-    frame: GridFrame, col: NDArray[Any], row: NDArray[Any]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
-def cell_to_map(frame: GridFrame, col: Any, row: Any) -> tuple[Any, Any]:
+def cell_to_map(frame: GridFrame, col: F, row: F) -> tuple[F, F]:
     """Return the centre of a cell in metres in the map frame, x east and y north.
 
     Args:

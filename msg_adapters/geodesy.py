@@ -10,30 +10,19 @@ plane at the origin is 196 m above the ellipsoid 50 km away.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 import pymap3d
-from numpy.typing import NDArray
 
 from dsse_ros.scenario.geodesy import Origin, surface_to_geodetic, through_ecef
-from msg_adapters.frames import GridFrame, cell_to_map
-
-Floats = NDArray[np.float64]
+from msg_adapters.frames import F, GridFrame, cell_to_map
 
 _NEAR_SIDE_M = -6e6
 """Seen from the origin, the far side of the Earth has the same x and y once more."""
 
 
-@overload
-def map_to_geodetic(
-    frame: GridFrame, x_m: float, y_m: float, z_m: float
-) -> tuple[float, float, float]: ...
-@overload
-def map_to_geodetic(
-    frame: GridFrame, x_m: NDArray[Any], y_m: NDArray[Any], z_m: float | NDArray[Any]
-) -> tuple[Floats, Floats, Floats]: ...
-def map_to_geodetic(frame: GridFrame, x_m: Any, y_m: Any, z_m: Any) -> tuple[Any, Any, Any]:
+def map_to_geodetic(frame: GridFrame, x_m: F, y_m: F, z_m: float | F) -> tuple[F, F, F]:
     """Return latitude and longitude in degrees and height above the ellipsoid in metres.
 
     Args:
@@ -42,23 +31,12 @@ def map_to_geodetic(frame: GridFrame, x_m: Any, y_m: Any, z_m: Any) -> tuple[Any
         y_m: Metres north.
         z_m: Metres above the surface that is as high above the ellipsoid as the origin.
     """
-    x_m, y_m, z_m = np.broadcast_arrays(x_m, y_m, np.asarray(z_m, dtype=np.float64))
-    lat_deg, lon_deg = surface_to_geodetic(_origin(frame), x_m, y_m)
-    height_m = frame.origin_alt_m + z_m
-    return lat_deg, lon_deg, height_m if height_m.ndim else float(height_m)
+    x, y, z = np.broadcast_arrays(x_m, y_m, np.asarray(z_m, dtype=np.float64))
+    lat_deg, lon_deg = surface_to_geodetic(_origin(frame), x, y)
+    return lat_deg, lon_deg, _number(frame.origin_alt_m + z)
 
 
-@overload
-def geodetic_to_map(
-    frame: GridFrame, lat_deg: float, lon_deg: float, alt_m: float
-) -> tuple[float, float, float]: ...
-@overload
-def geodetic_to_map(
-    frame: GridFrame, lat_deg: NDArray[Any], lon_deg: NDArray[Any], alt_m: float | NDArray[Any]
-) -> tuple[Floats, Floats, Floats]: ...
-def geodetic_to_map(
-    frame: GridFrame, lat_deg: Any, lon_deg: Any, alt_m: Any
-) -> tuple[Any, Any, Any]:
+def geodetic_to_map(frame: GridFrame, lat_deg: F, lon_deg: F, alt_m: float | F) -> tuple[F, F, F]:
     """Return x, y, z in metres in the map frame: the inverse of `map_to_geodetic`.
 
     Args:
@@ -69,7 +47,7 @@ def geodetic_to_map(
     """
     x_m, y_m, _ = _surface_point(frame, lat_deg, lon_deg)
     z_m = np.asarray(alt_m, dtype=np.float64) - frame.origin_alt_m + np.zeros_like(x_m)
-    return x_m, y_m, z_m if z_m.ndim else float(z_m)
+    return x_m, y_m, _number(z_m)
 
 
 def on_near_side(frame: GridFrame, lat_deg: float, lon_deg: float) -> bool:
@@ -88,15 +66,7 @@ def _surface_point(frame: GridFrame, lat_deg: Any, lon_deg: Any) -> tuple[Any, A
     return through_ecef(pymap3d.geodetic2enu, _origin(frame), lat_deg, lon_deg, frame.origin_alt_m)
 
 
-@overload
-def cell_to_geodetic(
-    frame: GridFrame, col: float, row: float, z_m: float
-) -> tuple[float, float, float]: ...
-@overload
-def cell_to_geodetic(
-    frame: GridFrame, col: NDArray[Any], row: NDArray[Any], z_m: float | NDArray[Any]
-) -> tuple[Floats, Floats, Floats]: ...
-def cell_to_geodetic(frame: GridFrame, col: Any, row: Any, z_m: Any) -> tuple[Any, Any, Any]:
+def cell_to_geodetic(frame: GridFrame, col: F, row: F, z_m: float | F) -> tuple[F, F, F]:
     """Return latitude, longitude (degrees) and ellipsoidal height (m) over the centre of a cell.
 
     Args:
@@ -113,6 +83,11 @@ def cell_to_geodetic(frame: GridFrame, col: Any, row: Any, z_m: Any) -> tuple[An
 def cell_fix(frame: GridFrame, col: int, row: int) -> tuple[float, float, float]:
     """Return `cell_to_geodetic` at flight altitude, remembered: drones revisit few cells."""
     return map_to_geodetic(frame, *cell_to_map(frame, col, row), frame.alt_m)
+
+
+def _number(array: Any) -> Any:
+    """Return an array, or its number if it has no dimensions."""
+    return array if array.ndim else float(array)
 
 
 def _origin(frame: GridFrame) -> Origin:

@@ -34,7 +34,7 @@ def probability_image(
     """
     size = frame.grid_size
     if probability.shape != (size, size):
-        raise ValueError(f"probability: shape {probability.shape} is not ({size}, {size})")
+        raise ValueError(f"probability must be ({size}, {size}), got {probability.shape}")
     pixels = np.ascontiguousarray(probability, dtype="<f4")
     data = array.array("B")
     data.frombytes(pixels.data.cast("B"))
@@ -56,15 +56,14 @@ def image_to_probability(message: Image) -> NDArray[np.float32]:
     """
     size = message.width
     if message.encoding != ENCODING:
-        raise ValueError(f"encoding: {shown(message.encoding)} is not allowed; '{ENCODING}' is")
+        raise ValueError(f"encoding must be '{ENCODING}', got {shown(message.encoding)}")
     if size < 1 or message.height != size:
-        raise ValueError(f"width x height: {size} x {message.height} is not allowed; a square is")
+        raise ValueError(f"width x height must be a square, got {size} x {message.height}")
     if message.step < 4 * size:
-        raise ValueError(f"step: {message.step} is not allowed; at least 4 x width, {4 * size}")
+        raise ValueError(f"step must be at least 4 x width, {4 * size}, got {message.step}")
     if len(message.data) != message.step * size:
         raise ValueError(
-            f"data: {len(message.data)} bytes are not allowed; "
-            f"step x height, {message.step * size}, are"
+            f"data must be step x height, {message.step * size} bytes, got {len(message.data)}"
         )
     rows = np.frombuffer(message.data, dtype=np.uint8).reshape(size, message.step)
     pixels = rows[:, : 4 * size].view(">f4" if message.is_bigendian else "<f4")

@@ -37,7 +37,7 @@ class Keys:
 
     def __init__(self, document: Any, where: str) -> None:
         if not isinstance(document, dict):
-            raise ValueError(f"{where}: {shown(document)} is not allowed; an object")
+            raise ValueError(f"{where} must be an object, got {shown(document)}")
         self._document = document
         self.where = where
 
@@ -68,14 +68,11 @@ class Keys:
     def names(self, key: str) -> tuple[str, ...]:
         """Return different texts that are not empty, at least one."""
         value = self.value(key)
-        wanted = "a list of different names"
-        if not isinstance(value, list) or not value:
-            self.refuse(key, wanted)
-        if not all(isinstance(name, str) and name for name in value):
-            self.refuse(key, wanted)
-        if len(set(value)) != len(value):
-            self.refuse(key, wanted)
-        return tuple(value)
+        names = value if isinstance(value, list) else []
+        are_names = all(isinstance(name, str) and name for name in names)
+        if not names or not are_names or len(set(names)) != len(names):
+            self.refuse(key, "a list of different names")
+        return tuple(names)
 
     def integer(self, key: str, least: int | None, most: int | None = None) -> int:
         """Return a whole number within these limits."""
@@ -105,7 +102,7 @@ class Keys:
     def refuse(self, key: str, wanted: str) -> NoReturn:
         """Raise the error that says what was wanted instead of the value of a key."""
         value = shown(self._document[key])
-        raise ValueError(f"{self.where}.{key}: {value} is not allowed; {wanted}")
+        raise ValueError(f"{self.where}.{key} must be {wanted}, got {value}")
 
 
 def _is_finite(value: Any) -> bool:

@@ -7,6 +7,7 @@ Commands and frames: https://mavlink.io/en/messages/common.html.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,6 +24,8 @@ FRAME_MISSION = 2
 """No place: the fields of the place are mere numbers. PX4 takes a return in no other frame."""
 FRAME_GLOBAL_RELATIVE_ALT = 3
 """Altitude above home."""
+
+_LIMITS = {"latitude": 90.0, "longitude": 180.0, "altitude": 1e6}
 
 
 class Firmware(NamedTuple):
@@ -78,6 +81,15 @@ class MissionItem:
     lon_deg: float = 0.0
     alt_m: float = 0.0
 
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The seven numbers of the command by name, in their order."""
+        return {
+            "param1": self.param1, "param2": self.param2, "param3": self.param3,
+            "param4": self.param4, "latitude": self.lat_deg, "longitude": self.lon_deg,
+            "altitude": self.alt_m,
+        }  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Mission:
@@ -102,14 +114,16 @@ class Mission:
         return [home, *self.items]
 
 
-def check_place(item: MissionItem, where: str) -> None:
-    """Raise a ValueError that starts with `where` if an item's place is not on the Earth."""
-    if item.frame == FRAME_MISSION:
-        return
-    for name, value, limit in (
-        ("latitude", item.lat_deg, 90.0),
-        ("longitude", item.lon_deg, 180.0),
-        ("altitude", item.alt_m, 1e6),
-    ):
-        if not abs(value) <= limit:
-            raise ValueError(f"{where}: {name} {value!r} is not allowed; {-limit:g} to {limit:g}")
+def check_item(item: MissionItem, where: str) -> None:
+    """Raise if an item's place is not on the Earth, or another of its numbers is infinite.
+
+    Raises:
+        ValueError: One line that starts with `where`.
+    """
+    limits = {} if item.frame == FRAME_MISSION else _LIMITS
+    for name, value in item.numbers.items():
+        if name in limits and not abs(value) <= limits[name]:
+            limit = limits[name]
+            raise ValueError(f"{where}: {name} must be {-limit:g} to {limit:g}, got {value!r}")
+        if math.isinf(value):
+            raise ValueError(f"{where}: {name} must be a number, got {value!r}")

@@ -63,8 +63,8 @@ def mission_report_message(frame: GridFrame, report: NDArray[Any], stamp: Time) 
     """
     if report.dtype != MISSION_REPORT_DTYPE or report.ndim != 2:
         raise ValueError(
-            f"report: {shown(report.dtype)} {report.shape} is not allowed; "
-            "(K, N) of MISSION_REPORT_DTYPE is"
+            "report must be (K, N) of MISSION_REPORT_DTYPE, "
+            f"got {report.shape} of {shown(report.dtype)}"
         )
     return cloud_message(frame.map_frame, report, stamp)
 

@@ -48,7 +48,7 @@ def probability_to_occupancy(
         ValueError: If the scaling is unknown.
     """
     if scaling not in SCALINGS:
-        raise ValueError(f"scaling: {scaling!r} is not allowed; one of {', '.join(SCALINGS)}")
+        raise ValueError(f"scaling must be one of {', '.join(SCALINGS)}, got {scaling!r}")
     occupancy = np.empty(probability.shape, dtype=np.int8)
     largest = float(probability.max(initial=0.0))
     if not math.isfinite(largest):
@@ -84,7 +84,7 @@ def occupancy_grid(
     """
     size = frame.grid_size
     if probability.shape != (size, size):
-        raise ValueError(f"probability: shape {probability.shape} is not ({size}, {size})")
+        raise ValueError(f"probability must be ({size}, {size}), got {probability.shape}")
     data = array.array("b", [0]) * (size * size)
     rows = np.frombuffer(data, dtype=np.int8).reshape(size, size)
     rows[...] = matrix_to_map_rows(probability_to_occupancy(probability, scaling))
@@ -109,7 +109,7 @@ def occupancy_to_array(message: OccupancyGrid) -> NDArray[np.int8]:
     width, height = message.info.width, message.info.height
     if len(message.data) != width * height:
         raise ValueError(
-            f"data: {len(message.data)} cells are not allowed; width {width} x height {height}"
+            f"data must be width {width} x height {height} cells, got {len(message.data)}"
         )
     rows = np.frombuffer(message.data, dtype=np.int8).reshape(height, width)
     return matrix_to_map_rows(rows).copy()

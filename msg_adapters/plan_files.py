@@ -11,10 +11,12 @@ import json
 import math
 from typing import Any
 
-from msg_adapters.mission_items import FIRMWARES, Home, Mission, MissionItem, check_place
+from msg_adapters.mission_items import FIRMWARES, Mission, MissionItem, check_item
 
 MAV_TYPE_QUADROTOR = 2
 
+_SPEED_MPS = 10.0
+"""For QGroundControl's estimates."""
 _ALTITUDE_ABOVE_HOME = 1
 _PLAN_VERSION = 1
 _MISSION_VERSION = 2
@@ -22,35 +24,28 @@ _FENCE_VERSION = 2
 _RALLY_VERSION = 2
 
 
-def plan_text(
-    mission: Mission,
-    *,
-    firmware: str = "ardupilot",
-    cruise_speed_mps: float = 10.0,
-    hover_speed_mps: float = 10.0,
-) -> str:
+def plan_text(mission: Mission, firmware: str = "ardupilot") -> str:
     """Return the text of a `.plan` file, whose numbers are exact; NaN is written as null.
 
     Args:
         mission: The mission.
         firmware: One of `FIRMWARES`.
-        cruise_speed_mps: Speed of winged vehicles, for estimates.
-        hover_speed_mps: Speed of the others, for estimates.
 
     Raises:
         ValueError: If an item or home has a place that is not finite or not on the Earth, or a
             number is infinite.
     """
-    _check_home(mission.home, "home")
+    lat_deg, lon_deg, alt_m = mission.home
+    check_item(MissionItem(0, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m), "home")
     document = {
         "fileType": "Plan",
         "geoFence": {"circles": [], "polygons": [], "version": _FENCE_VERSION},
         "groundStation": "QGroundControl",
         "mission": {
-            "cruiseSpeed": cruise_speed_mps,
+            "cruiseSpeed": _SPEED_MPS,
             "firmwareType": FIRMWARES[firmware].mav_autopilot,
             "globalPlanAltitudeMode": _ALTITUDE_ABOVE_HOME,
-            "hoverSpeed": hover_speed_mps,
+            "hoverSpeed": _SPEED_MPS,
             "items": [_simple_item(number, item) for number, item in enumerate(mission.items, 1)],
             "plannedHomePosition": list(mission.home),
             "vehicleType": MAV_TYPE_QUADROTOR,
@@ -64,27 +59,12 @@ def plan_text(
 
 def _simple_item(number: int, item: MissionItem) -> dict[str, Any]:
     # Items are numbered from 1: 0 is home, which is kept apart.
-    check_place(item, f"item {number}")
-    numbers = (
-        item.param1,
-        item.param2,
-        item.param3,
-        item.param4,
-        item.lat_deg,
-        item.lon_deg,
-        item.alt_m,
-    )
-    if any(math.isinf(value) for value in numbers):
-        raise ValueError(f"item {number}: an infinite parameter is not allowed; a number")
+    check_item(item, f"item {number}")
     return {
         "autoContinue": True,
         "command": item.command,
         "doJumpId": number,
         "frame": item.frame,
-        "params": [None if math.isnan(value) else value for value in numbers],
+        "params": [None if math.isnan(value) else value for value in item.numbers.values()],
         "type": "SimpleItem",
     }
-
-
-def _check_home(home: Home, where: str) -> None:
-    check_place(MissionItem(0, lat_deg=home.lat_deg, lon_deg=home.lon_deg, alt_m=home.alt_m), where)

@@ -66,8 +66,8 @@ def points_from_message(message: PointCloud2, dtype: np.dtype[Any]) -> NDArray[A
     row_step = message.row_step
     if row_step != width * point_step or len(message.data) != height * row_step:
         raise ValueError(
-            f"data: {len(message.data)} bytes in {height} rows of {row_step} are not allowed; "
-            f"rows of width {width} x point_step {point_step} are"
+            f"data must be {height} rows of width {width} x point_step {point_step} bytes, "
+            f"got {len(message.data)} bytes in rows of {row_step}"
         )
     fields = _fields_by_name(message, dtype)
     names = dtype.names or ()
@@ -75,8 +75,8 @@ def points_from_message(message: PointCloud2, dtype: np.dtype[Any]) -> NDArray[A
         offset, size = fields[name].offset, dtype[name].itemsize
         if offset + size > point_step:
             raise ValueError(
-                f"fields: offset {offset} of {name} is not allowed; "
-                f"its {size} bytes must fit the point_step {point_step}"
+                f"fields: {name} must be {size} bytes within the point_step {point_step}, "
+                f"got offset {offset}"
             )
     points = np.zeros((height, width), dtype=dtype)
     if points.size:
@@ -111,7 +111,7 @@ def _fields_by_name(message: PointCloud2, dtype: np.dtype[Any]) -> dict[str, Poi
     for field in message.fields:
         if field.name in names:
             if field.name in found:
-                raise ValueError(f"fields: two of the name {field.name} are not allowed")
+                raise ValueError(f"fields must be of different names, got two of {field.name}")
             found[field.name] = field
     for name in names:
         if name not in found:
@@ -122,5 +122,5 @@ def _fields_by_name(message: PointCloud2, dtype: np.dtype[Any]) -> dict[str, Poi
             ("count", field.count, _count(dtype[name])),
         ):
             if value != wanted:
-                raise ValueError(f"fields: {what} {value} of {name} is not allowed; {wanted} is")
+                raise ValueError(f"fields: {what} of {name} must be {wanted}, got {value}")
     return found

@@ -33,8 +33,8 @@ def pos_from_message(message: Float64MultiArray) -> tuple[int, int, int, float]:
     values = message.data
     if len(values) != 4 or not all(map(math.isfinite, values)):
         raise ValueError(
-            f"data: {shown(list(values))} is not allowed; four finite numbers "
-            "[run_id, mission, step, pos] are"
+            "data must be four finite numbers [run_id, mission, step, pos], "
+            f"got {shown(list(values))}"
         )
     run_id, mission, step, pos = values
     return int(run_id), int(mission), int(step), float(pos)

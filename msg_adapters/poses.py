@@ -21,7 +21,7 @@ from nav_msgs.msg import Odometry, Path
 from numpy.typing import ArrayLike
 from sensor_msgs.msg import NavSatFix, NavSatStatus
 
-from msg_adapters.frames import GridFrame, cell_to_map, map_to_cell
+from msg_adapters.frames import GridFrame, cell_to_map
 
 
 def base_link(drone_name: str, frame_prefix: str = "") -> str:
@@ -47,13 +47,6 @@ def pose_stamped(
     _stamp(message, frame, stamp)
     _place(message.pose, frame, cell)
     return message
-
-
-def pose_cell(frame: GridFrame, message: PoseStamped) -> tuple[int, int] | None:
-    """Return the cell (col, row) of a pose; None in a foreign frame or outside the grid."""
-    if message.header.frame_id != frame.map_frame:
-        return None
-    return map_to_cell(frame, message.pose.position.x, message.pose.position.y)
 
 
 def odometry(
@@ -194,26 +187,6 @@ def transforms(
         _turn(message.transform.rotation, yaw)
         messages.append(message)
     return messages
-
-
-def tf_message(
-    frame: GridFrame,
-    cells: ArrayLike,
-    names: Sequence[str],
-    stamp: Time,
-    yaws_rad: Sequence[float] | None = None,
-) -> Any:
-    """Return `transforms` as tf2_msgs/TFMessage for `/tf`.
-
-    Raises:
-        ImportError: If tf2_msgs is missing.
-        ValueError: As `transforms`.
-    """
-    try:
-        from tf2_msgs.msg import TFMessage
-    except ImportError as error:
-        raise ImportError("tf2_msgs is not installed: /tf needs a full ROS 2") from error
-    return TFMessage(transforms=transforms(frame, cells, names, stamp, yaws_rad))
 
 
 def _stamp(message: Any, frame: GridFrame, stamp: Time) -> None:

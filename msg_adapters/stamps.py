@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from builtin_interfaces.msg import Time
-from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
 _SECOND = 1_000_000_000
@@ -19,22 +18,13 @@ def to_stamp(nanoseconds: int) -> Time:
     """
     seconds, rest = divmod(int(nanoseconds), _SECOND)
     if not 0 <= seconds < 2**31:
-        raise ValueError(f"nanoseconds: {nanoseconds!r} is not allowed; 0 to 2**31 s")
+        raise ValueError(f"nanoseconds must be 0 to 2**31 s, got {nanoseconds!r}")
     return Time(sec=seconds, nanosec=rest)
 
 
 def to_nanoseconds(stamp: Time) -> int:
     """Return a stamp in nanoseconds: the inverse of `to_stamp`."""
     return int(stamp.sec) * _SECOND + int(stamp.nanosec)
-
-
-def clock_message(nanoseconds: int) -> Clock:
-    """Return the message for `/clock`.
-
-    Raises:
-        ValueError: As `to_stamp`.
-    """
-    return Clock(clock=to_stamp(nanoseconds))
 
 
 def header(frame_id: str, stamp: Time) -> Header:

@@ -75,7 +75,7 @@ def step_report_dtype(
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
     """
     if not 1 <= num_actions <= MAX_ACTIONS:
-        raise ValueError(f"num_actions: {num_actions!r} is not allowed; 1 to {MAX_ACTIONS}")
+        raise ValueError(f"num_actions must be 1 to {MAX_ACTIONS}, got {num_actions!r}")
     mask = (_MASK, "u1", (int(num_actions),))
     further = (
         *(_COVERAGE if coverage else ()),
@@ -147,7 +147,7 @@ def make_step_report(
     cell = np.asarray(cells).reshape(-1, 2)
     mask = np.asarray(action_mask)
     if mask.ndim != 2:
-        raise ValueError(f"action_mask: shape {mask.shape} is not allowed; (N, A) is")
+        raise ValueError(f"action_mask must be of shape (N, A), got {mask.shape}")
     dtype = step_report_dtype(
         mask.shape[-1],
         coverage=coverage is not None,
@@ -199,32 +199,21 @@ def step_report_message(
     names = dtype.names or ()
     mask = dtype[_MASK] if _MASK in names else dtype
     if len(mask.shape) != 1 or dtype != _dtype_of(mask.shape[0], names):
-        raise ValueError(f"report: {shown(dtype)} is not allowed; a step_report_dtype is")
+        raise ValueError(f"report must be of a step_report_dtype, got {shown(dtype)}")
     return cloud_message(frame.map_frame, report[np.newaxis], stamp, into)
 
 
 def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     """Return the report in a cloud: the inverse of `step_report_message`.
 
-    `all_found` is 0 where the cloud does not have it: reports were without it once.
-
     Raises:
         ValueError: If the cloud is not a report.
     """
     if message.height != 1:
-        raise ValueError(f"height: {message.height} is not allowed; 1 is")
+        raise ValueError(f"height must be 1, got {message.height}")
     num_actions = next((field.count for field in message.fields if field.name == _MASK), 1)
     names = {field.name for field in message.fields}
-    dtype = _dtype_of(num_actions, names)
-    if _ALL_FOUND in names:
-        report: NDArray[Any] = points_from_message(message, dtype)[0]
-        if "status" in names and len(report) and report["status"].max() >= len(STATUSES):
-            raise ValueError(
-                f"status: {report['status'].max()} is not allowed; 0 to {len(STATUSES) - 1} is"
-            )
-        return report
-    read = points_from_message(message, np.dtype([*POINT, (_MASK, dtype[_MASK])]))[0]
-    report = np.zeros(len(read), dtype)
-    for name in read.dtype.names or ():
-        report[name] = read[name]
+    report: NDArray[Any] = points_from_message(message, _dtype_of(num_actions, names))[0]
+    if "status" in names and len(report) and report["status"].max() >= len(STATUSES):
+        raise ValueError(f"status must be 0 to {len(STATUSES) - 1}, got {report['status'].max()}")
     return report

@@ -51,7 +51,6 @@ def track_mission(
     *,
     home: Home | None = None,
     merge_legs: bool = False,
-    hold_s: float = 0.0,
     acceptance_radius_m: float = 0.0,
     search_alt_m: float = 30.0,
     search_hold_s: float = 5.0,
@@ -73,7 +72,6 @@ def track_mission(
             it, and not by moving there. None for no search.
         home: Where the vehicle takes off; if not given, below the first cell of the track.
         merge_legs: Whether a straight leg is flown in one, without a waypoint in each cell.
-        hold_s: Time to stay at each waypoint.
         acceptance_radius_m: Distance at which a waypoint is reached; 0 for the autopilot's own.
         search_alt_m: Altitude of a search, not above the frame's.
         search_hold_s: Time that one search holds there.
@@ -86,16 +84,15 @@ def track_mission(
     """
     track = np.asarray(cells).reshape(-1, 2)
     if len(track) == 0:
-        raise ValueError("cells: an empty track is not allowed; at least one cell")
+        raise ValueError("cells must be at least one cell, got an empty track")
     for name, value, most in (
-        ("hold_s", hold_s, 3600.0),
         ("acceptance_radius_m", acceptance_radius_m, 255.0),
         ("search_alt_m", search_alt_m, frame.alt_m),
         ("search_hold_s", search_hold_s, 3600.0),
         ("home_hold_s", home_hold_s, 3600.0),
     ):
         if not 0 <= value <= most:
-            raise ValueError(f"{name}: {value!r} is not allowed; 0 to {most:g}")
+            raise ValueError(f"{name} must be 0 to {most:g}, got {value!r}")
     flags = np.zeros(len(track), dtype=bool) if searched is None else searched
     if home is None:
         col, row = track[0].tolist()
@@ -121,7 +118,7 @@ def track_mission(
         visits = zip(visited.tolist(), lats.tolist(), lons.tolist(), searches.tolist(), strict=True)
         for cell, lat, lon, times in visits:
             level = times > 0 and tuple(cell) in level_cells
-            yield waypoint(lat, lon, alt_m, hold_s + (times * search_hold_s if level else 0.0))
+            yield waypoint(lat, lon, alt_m, times * search_hold_s if level else 0.0)
             if times and not level:
                 yield waypoint(lat, lon, search_alt_m, times * search_hold_s)
                 yield waypoint(lat, lon, alt_m, 0.0)

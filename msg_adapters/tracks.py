@@ -42,9 +42,7 @@ def stops(
     track = np.asarray(cells).reshape(-1, 2)
     flags = np.asarray(searched, dtype=bool)
     if flags.shape != (len(track),):
-        raise ValueError(
-            f"searched: shape {flags.shape} is not allowed; ({len(track)},), one flag per cell, is"
-        )
+        raise ValueError(f"searched must be one flag per cell, ({len(track)},), got {flags.shape}")
     arrived = _arrivals(track)
     visit = np.cumsum(arrived) - 1
     searches = np.bincount(visit, weights=flags, minlength=int(arrived.sum())).astype(np.int64)
@@ -53,31 +51,6 @@ def stops(
         keep = _turns(track) | (searches > 0)
         track, searches = track[keep], searches[keep]
     return track, searches
-
-
-def steps(cells: ArrayLike, searches: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return cells and flags for `stops` of a track without repeats: its inverse.
-
-    Args:
-        cells: (M, 2) of (col, row).
-        searches: (M,) numbers of searches in them.
-
-    Returns:
-        (K, 2) cells and (K,) flags.
-
-    Raises:
-        ValueError: If the shapes do not match.
-    """
-    track = np.asarray(cells).reshape(-1, 2)
-    times = np.asarray(searches, dtype=np.int64)
-    if times.shape != (len(track),):
-        raise ValueError(
-            f"searches: shape {times.shape} is not allowed; ({len(track)},), one per cell, is"
-        )
-    repeated = np.repeat(np.arange(len(track)), 1 + times)
-    flags = np.zeros(len(repeated), dtype=bool)
-    flags[1:] = repeated[1:] == repeated[:-1]
-    return track[repeated], flags
 
 
 def _arrivals(track: NDArray[Any]) -> NDArray[np.bool_]:

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from sensor_msgs.msg import NavSatFix, NavSatStatus
+from sensor_msgs.msg import NavSatFix
 
-from msg_adapters.diagnostics import diagnostic_array
+from msg_adapters.diagnostics import Level, diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import geodetic_to_map
-from msg_adapters.poses import base_link
+from msg_adapters.poses import nav_sat_fix
 from msg_adapters.result import Accepted, Rejected, Result, shown
 from msg_adapters.stamps import header
 
@@ -87,11 +87,7 @@ def vehicle_fix(
         alt_m: Height above the WGS84 ellipsoid; NaN if it is not known.
         stamp: Time of the fix.
     """
-    message = NavSatFix(header=header(base_link(drone_name, frame.frame_prefix), stamp))
-    message.status.status = NavSatStatus.STATUS_FIX
-    message.status.service = NavSatStatus.SERVICE_GPS
-    message.latitude, message.longitude = float(lat_deg), float(lon_deg)
-    message.altitude = float(alt_m)
+    message = nav_sat_fix(frame, lat_deg, lon_deg, alt_m, stamp, drone_name)
     message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_UNKNOWN
     return message
 
@@ -102,7 +98,7 @@ def vehicle_state_message(
     stamp: Time,
     progress: Progress,
     *,
-    level: bytes,
+    level: Level,
     message: str,
     values: Mapping[str, object],
 ) -> DiagnosticArray:
@@ -113,7 +109,7 @@ def vehicle_state_message(
         hardware_id: Which vehicle it is.
         stamp: Time of the state.
         progress: How far it has come.
-        level: As in DiagnosticStatus.
+        level: Level of the state.
         message: One line for people.
         values: Whatever else is known.
     """
@@ -146,9 +142,8 @@ def progress_from_message(message: DiagnosticArray, drone_name: str) -> Result[P
         values = {pair.key: pair.value for pair in status.values}
         report_ns, arrived_ns = (_integer(values.get(key, "")) for key in (REPORT, ARRIVED))
         if report_ns is None or arrived_ns is None or LOST not in values:
-            return Rejected(
-                "bad_state", f"{REPORT}, {ARRIVED}, {LOST}: {shown(values)} is not allowed"
-            )
+            needed = f"{REPORT} and {ARRIVED} as integers, and {LOST}"
+            return Rejected("bad_state", f"values must be {needed}, got {shown(values)}")
         battery = _share(values.get(BATTERY, ""))
         run_id = _integer(values.get(RUN_ID, "")) or 0
         return Accepted(Progress(report_ns, arrived_ns, values[LOST], battery, run_id))
@@ -164,12 +159,11 @@ def place_from_pose(message: PoseStamped, frame: GridFrame) -> Result[tuple[floa
     if message.header.frame_id != frame.map_frame:
         return Rejected(
             "foreign_frame",
-            f"header.frame_id: {shown(message.header.frame_id)} is not allowed; "
-            f"{frame.map_frame!r} is",
+            f"header.frame_id must be {frame.map_frame!r}, got {shown(message.header.frame_id)}",
         )
     x_m, y_m = message.pose.position.x, message.pose.position.y
     if not (math.isfinite(x_m) and math.isfinite(y_m)):
-        return Rejected("not_finite", f"pose.position: ({x_m!r}, {y_m!r}) is not allowed")
+        return Rejected("not_finite", f"pose.position must be finite, got ({x_m!r}, {y_m!r})")
     return Accepted((x_m, y_m))
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from msg_adapters.mission_items import MissionItem, check_place
+from msg_adapters.mission_items import MissionItem, check_item
 
 _HEADER = "QGC WPL 110"
 
@@ -24,25 +24,13 @@ def qgc_wpl(items: Iterable[MissionItem]) -> str:
     """
     lines = [_HEADER]
     for index, item in enumerate(items):
-        where = f"item {index}"
-        check_place(item, where)
-        numbers = {
-            "param1": item.param1,
-            "param2": item.param2,
-            "param3": item.param3,
-            "param4": item.param4,
-            "latitude": item.lat_deg,
-            "longitude": item.lon_deg,
-            "altitude": item.alt_m,
-        }
+        check_item(item, f"item {index}")
         fields = [str(index), str(int(index == 0)), str(item.frame), str(item.command)]
-        fields += [_number_text(where, name, number) for name, number in numbers.items()]
+        fields += [_number_text(number) for number in item.numbers.values()]
         lines.append("\t".join([*fields, "1"]))
     return "\n".join(lines) + "\n"
 
 
-def _number_text(where: str, name: str, number: float) -> str:
-    if math.isinf(number):
-        raise ValueError(f"{where}: {name} {number!r} is not allowed; a number")
+def _number_text(number: float) -> str:
     # Spelt as .NET reads it, which Mission Planner is written for; C and Python read any case.
     return "NaN" if math.isnan(number) else f"{number:.8f}"

@@ -115,7 +115,7 @@ def _commands() -> tuple[Take, list[bytes]]:
     pose.header.frame_id = "map"
     path = PathMessage(poses=[pose])
     path.header.frame_id = "map"
-    joint = commands.joint_action_message(0, [1, 2, 3])
+    joint = commands.joint_action_message(1, 0, [1, 2, 3])
     messages = [Int8(data=3), String(data="left"), pose, path, joint]
     return take, [bytes([i]) + serialize_message(one) for i, one in enumerate(messages)]
 
@@ -230,7 +230,6 @@ def _snapshots() -> tuple[Take, list[bytes]]:
             _on_one_line(error)
             assert state(twin) == before, "what was refused has changed the mission"
         else:
-            twin.commands.route(0, (0, 0))
             assert len(twin.history) == twin.result.step + 1
             twin.snapshot().to_bytes()
             if not twin.done:

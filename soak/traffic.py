@@ -9,9 +9,10 @@ import time
 from typing import Any
 
 import numpy as np
-from std_msgs.msg import Int8, Int32MultiArray
+from std_msgs.msg import Int32MultiArray, String
 
 from benchmarks import lockstep
+from dsse_ros.search import profile
 from msg_adapters.step_report import step_report_from_message
 from soak.rigs import Rig, domain
 from soak.row import Figures, Goal, Row, Run, zero
@@ -36,8 +37,8 @@ def load(run: Run) -> Figures:
     commands = np.random.default_rng(1).integers(0, ACTIONS, (steps, drones), np.int8)
     with domain(run.folder) as rig:
         sim = rig.sim(SEARCHED | {"grid_size": 40, "num_drones": drones})
-        publishers = [sim.talk(Int8, f"drone{i}/cmd_action") for i in range(drones)]
-        messages = [Int8(data=action) for action in range(ACTIONS)]
+        publishers = [sim.talk(String, f"drone{i}/cmd_action_name") for i in range(drones)]
+        messages = [String(data=name) for name in profile("v2").actions]
         took_s = []
         begin_s = time.monotonic()
         for step in run.each(range(steps), "steps"):

@@ -29,6 +29,7 @@ from msg_adapters.step_report import step_report_dtype
 REPORT = "/step_report"
 STEP_AT: int = step_report_dtype(1).fields["step"][1]  # type: ignore[index]
 """Offset of the first drone's step in the bytes of a report."""
+MISSION_AT: int = step_report_dtype(1).fields["mission"][1]  # type: ignore[index]
 
 NOT_OF_THE_NODE = ("/rosout", "/parameter_events")
 DISCOVERY_S = 60.0
@@ -124,6 +125,7 @@ class Peer(Node):
         self._raw = raw
         self._on_message = on_message
         self._step = 0
+        self._mission = 1
         self._publisher = self.create_publisher(Int32MultiArray, "joint_action", RELIABLE)
         for topic, (kind, *policies) in self.topics.items():
             callback = partial(self._on_report if topic == REPORT else self._on, topic)
@@ -141,6 +143,7 @@ class Peer(Node):
         self._on(topic, message)
         report = deserialize_message(message, PointCloud2) if self._raw else message
         (step,) = struct.unpack_from("<I", report.data, STEP_AT)
+        (self._mission,) = struct.unpack_from("<I", report.data, MISSION_AT)
         # The last report of a mission is soon replaced by the first of the next one.
         last = len(self._walk)
         self.steps += step - self._step if step >= self._step else last - self._step + step
@@ -150,7 +153,7 @@ class Peer(Node):
     def answer(self) -> None:
         """Answer the last report, if it has an answer."""
         if self._step < len(self._walk):
-            action = joint_action_message(self._step, self._walk[self._step])
+            action = joint_action_message(self._mission, self._step, self._walk[self._step])
             self._publisher.publish(action)
 
 

@@ -60,7 +60,7 @@ class PingPong(Node):
         self._publish(0)
 
     def _on_action(self, message: Int32MultiArray) -> None:
-        if message.data[0] != self._step:
+        if message.data[1] != self._step:
             return
         self._publish(self._step + 1)
         if self._step == self._steps:

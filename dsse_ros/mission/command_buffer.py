@@ -93,20 +93,6 @@ class CommandBuffer:
         self._actions.clear()
         return joint
 
-    def route(self, drone: int, start: Cell) -> list[Cell]:
-        """Return the cells from `start`, included, to the last goal of the drone.
-
-        The route ends before a goal that moves cannot reach.
-        """
-        cells = [start]
-        for goal in self._goals.get(drone, ()):
-            while cells[-1] != goal:
-                ahead = self._action_set.towards(cells[-1], goal)
-                if ahead == cells[-1]:
-                    return cells
-                cells.append(ahead)
-        return cells
-
     def _ahead(self, drone: int, cells: NDArray[np.int64]) -> Cell | None:
         """Return the drone's next goal; drop goals that it has reached."""
         goals = self._goals.get(drone)

@@ -49,7 +49,7 @@ class CommandIntake:
         self._debug = debug
         self.rejected: Counter[str] = Counter()
         self.duplicates = 0
-        self._last_joint_action: tuple[int, Any] = (0, None)
+        self._last_joint_action: Any = None
         self._refused_after: int | None = None
 
     def action(self, drone: int, message: Any) -> bool:
@@ -100,16 +100,16 @@ class CommandIntake:
             mission.env.rules.actions,
             live,
         )
-        last_mission, last = self._last_joint_action
-        if message.data == last and (isinstance(parsed, Rejected) or mission.refuse()):
+        again = message.data == self._last_joint_action
+        if again and (isinstance(parsed, Rejected) or mission.refuse()):
             # The sender repeated this message before it saw that its step was done.
             self.duplicates += 1
             return False
         actions = self._take("joint_action", None, parsed)
         if actions is None:
             return False
-        self.duplicates += message.data == last and mission.number == last_mission
-        self._last_joint_action = (mission.number, message.data)
+        self.duplicates += again
+        self._last_joint_action = message.data
         mission.command_all(actions)
         return True
 

@@ -64,7 +64,7 @@ HISTORY_DTYPE = np.dtype(
 """Record of a drone per step, packed, because a mission may have millions of steps."""
 
 _OF_RESULT = ("actions", "commands", "held", "probabilities")
-_OF_MISSION = ("seed", "number", "aborted", "tracks", "searches", "lost", "_stamp_ns")
+_OF_MISSION = ("seed", "number", "aborted", "tracks", "lost", "_stamp_ns")
 
 
 class Mission:
@@ -83,7 +83,6 @@ class Mission:
         result: The last step's result.
         aborted: Whether the mission was aborted because commands were missing.
         tracks: For each drone, its cells without consecutive repeats.
-        searches: For each drone, the number of its searches in each cell of its track.
         lost: The lost drones, in the order of their losses.
     """
 
@@ -99,7 +98,6 @@ class Mission:
         self.number = 0
         self.aborted = False
         self.tracks: list[list[Cell]] = []
-        self.searches: list[list[int]] = []
         self.lost: list[int] = []
         self._past = bytearray()
         self._step_ns = max(round(env.scenario.step_duration_s * 1e9), 1)
@@ -119,7 +117,6 @@ class Mission:
         self.commands.clear()
         count = self.env.world.num_drones
         self.tracks = [[] for _ in range(count)]
-        self.searches = [[] for _ in range(count)]
         self.lost = []
         self._past.clear()
         nobody = np.zeros(count, bool)
@@ -127,11 +124,10 @@ class Mission:
         self.result = self._result(nothing, nothing, nobody, np.zeros(count))
         return self.result
 
-    def restart_time(self) -> StepResult:
+    def restart_time(self) -> None:
         """Restart mission time; the last step becomes its first."""
         self._stamp_ns = self._step_ns
         self.result = replace(self.result, stamp_ns=self._stamp_ns)
-        return self.result
 
     @property
     def done(self) -> bool:
@@ -243,10 +239,9 @@ class Mission:
         out_of_reach = self.commands.out_of_reach((col, row), goals)
         if not out_of_reach:
             return None
-        return Rejected(
-            "outside_area",
-            f"cell {list(out_of_reach[0])} is not allowed; one that moves in the area lead to",
-        )
+        goal = list(out_of_reach[0])
+        reason = f"cell must be one that moves in the area lead to, got {goal}"
+        return Rejected("outside_area", reason)
 
     def command_all(self, actions: Sequence[int]) -> None:
         """Set the next action of every drone in flight."""
@@ -301,8 +296,6 @@ class Mission:
         done = joint if faults is None else faults.applied[0].copy()
         held, searching = live & (joint == HOLD), live & (done == self.env.rules.action_set.search)
         self.result = self._result(done, joint, held, np.where(searching, probabilities, 0.0))
-        for drone in np.flatnonzero(searching).tolist():
-            self.searches[drone][-1] += 1
         return self.result
 
     def snapshot(self) -> Snapshot:
@@ -385,7 +378,6 @@ class Mission:
         for i, (col, row) in enumerate(cells.tolist()):
             if not self.tracks[i] or self.tracks[i][-1] != (col, row):
                 self.tracks[i].append((col, row))
-                self.searches[i].append(0)
         return StepResult(
             step=int(world.worlds["t"][0]),
             stamp_ns=self._stamp_ns,

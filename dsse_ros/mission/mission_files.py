@@ -110,7 +110,7 @@ def _check_snapshot_file(path: str) -> None:
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
-        raise FieldError(f"snapshot_file: {path!r} is not allowed; a regular file or a new one")
+        raise FieldError(f"snapshot_file must be a regular file or a new one, got {path!r}")
     try:
         with tempfile.TemporaryFile(dir=target.parent):
             pass

@@ -27,7 +27,7 @@ def check_mission(snapshot: Snapshot, now: Snapshot, grid_size: int, num_actions
     """
     extra, arrays, of_now = snapshot.extra, snapshot.arrays, now.arrays
     drones, actions = range(len(now.extra["tracks"])), range(HOLD, num_actions)
-    tracks, searches = extra["tracks"], extra["searches"]
+    tracks = extra["tracks"]
     possible = {
         "seed": _is_int(extra["seed"], 0),
         "number": _is_int(extra["number"], 1),
@@ -36,8 +36,6 @@ def check_mission(snapshot: Snapshot, now: Snapshot, grid_size: int, num_actions
         "lost": _is_list(extra["lost"], lambda one: _is_in(one, drones)),
         "tracks": _is_list(tracks, lambda track: _is_list(track, _is_cell) and len(track) > 0)
         and len(tracks) == len(drones),
-        "searches": _is_list(searches, lambda of: _is_list(of, lambda n: _is_int(n, 0)))
-        and [len(of) for of in searches] == [len(track) for track in tracks],
         "commands": isinstance(extra["commands"], dict)
         and _is_list(
             extra["commands"].get("goals"),

@@ -5,8 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from enum import Enum, auto
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +12,7 @@ from numpy.typing import NDArray
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_scheduler import StepScheduler
 from dsse_ros.step.fault_kernels import HOME, IDENTIFYING, RETURNING, STATUSES, STUCK, UNDER_WAY
+from msg_adapters.diagnostics import Level
 
 _MOST_NAMES = 8
 """Largest number of drones named in a log line."""
@@ -71,22 +70,6 @@ def awaited(mission: Mission, scheduler: StepScheduler, late: Sequence[int]) -> 
     return f"waiting for {' and '.join(shown)}" if shown else ""
 
 
-class Level(Enum):
-    """Severity of the state of a mission."""
-
-    OK = auto()
-    WARN = auto()
-    ERROR = auto()
-
-
-@dataclass(frozen=True)
-class Health:
-    """The state of a mission on one line."""
-
-    level: Level
-    message: str
-
-
 def health(
     mission: Mission,
     scheduler: StepScheduler,
@@ -96,8 +79,8 @@ def health(
     publishers: Mapping[str, int],
     lost: Collection[int],
     rejected: Mapping[str, int],
-) -> Health:
-    """Return the state of a mission.
+) -> tuple[Level, str]:
+    """Return the state of a mission as a level and a line.
 
     Args:
         mission: The mission.
@@ -108,9 +91,10 @@ def health(
         lost: The drones whose vehicles have dropped out.
         rejected: Messages that were refused, by code.
     """
-    level, message = Level.OK, "running"
+    level: Level = "ok"
+    message = "running"
     if mission.aborted:
-        level, message = Level.ERROR, "mission aborted"
+        level, message = "error", "mission aborted"
     elif mission.done:
         message = "mission over"
     elif scheduler.paused:
@@ -121,9 +105,9 @@ def health(
         causes.append(f"{names(mission, sorted(lost))} lost")
     if rejected:
         causes.append(f"{counted(sum(rejected.values()), 'message')} refused")
-    if causes and level is Level.OK:
-        level = Level.WARN
-    return Health(level, "; ".join([message, *([awaited] if awaited else []), *causes]))
+    if causes and level == "ok":
+        level = "warning"
+    return level, "; ".join([message, *([awaited] if awaited else []), *causes])
 
 
 def values(

@@ -31,7 +31,17 @@ LOWEST_LAYER_M = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlightSettings:
+class ArrivalSettings:
+    """Setting for when a vehicle has arrived."""
+
+    acceptance_radius: float = field(
+        "float", "Distance from the centre of a cell within which a vehicle has arrived; half the "
+        "side in cells too small for it.", 10.0, low=1, high=255, unit="m",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSettings(ArrivalSettings):
     """Settings for flying a drone's moves and searches.
 
     Raises:
@@ -40,10 +50,6 @@ class FlightSettings:
 
     autopilot: str = field("str", "Autopilot of the vehicles.", "ardupilot",
         choices=tuple(FIRMWARES),
-    )  # fmt: skip
-    acceptance_radius: float = field(
-        "float", "Distance from the centre of a cell within which a vehicle has arrived; half the "
-        "side in cells too small for it.", 10.0, low=1, high=255, unit="m",
     )  # fmt: skip
     search_altitude: float = field(
         "float", "Altitude above home to which a vehicle descends to search a cell; the flight "
@@ -124,8 +130,8 @@ def layers(
         step_m = min(ALTITUDE_STEP_M, room_m)
     elif step_m > room_m and vehicles > 1:
         raise FieldError(
-            f"altitude_step: {step_m:g} is not allowed; {vehicles} vehicles from {frame.alt_m:g} m "
-            f"down to {lowest_m:g} m have room for {math.floor(100 * room_m) / 100:g} m"
+            f"altitude_step must be at most {math.floor(100 * room_m) / 100:g} m for {vehicles} "
+            f"vehicles from {frame.alt_m:g} m down to {lowest_m:g} m, got {step_m:g}"
         )
     return [replace(frame, alt_m=frame.alt_m - i * step_m) for i in range(vehicles)]
 

@@ -133,7 +133,7 @@ def play(path: Path, rate: float, ros: Sequence[str]) -> int:
         ros: ROS arguments.
     """
     if not (rate > 0 and math.isfinite(rate)):
-        return fail("replay", f"--play: {rate:g} is not allowed; a number > 0")
+        return fail("replay", f"--play must be a number > 0, got {rate:g}")
     players: list[BagPlayer] = []
 
     def make() -> BagPlayer:

@@ -6,31 +6,26 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState, NavSatFix
 
 from dsse_ros.bridge.fleet_controller import shown_order
-from dsse_ros.bridge.health import Level, health
+from dsse_ros.bridge.health import health
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
 from dsse_ros.runtime.qos import LATCHED, RELIABLE, SENSOR, Endpoints
 from msg_adapters.battery import battery_state
-from msg_adapters.diagnostics import diagnostic_array
+from msg_adapters.diagnostics import Level, diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.poses import base_link
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
 
 STATE_S = 1.0
 """Wall time after which an unchanged state of a vehicle is published again."""
-_LEVELS: Mapping[Level, bytes] = {
-    "ok": DiagnosticStatus.OK,
-    "warning": DiagnosticStatus.WARN,
-    "error": DiagnosticStatus.ERROR,
-}
 
 
 class BridgePublishers:
@@ -200,33 +195,26 @@ class BridgePublishers:
         values |= {what: ", ".join(drones) for what, drones in named.items()}
         values |= {f"count.{key}": n for key, n in sorted(counts.items())}
         self._diagnostics.publish(
-            diagnostic_array(
-                stamp,
-                name=name,
-                hardware_id="dsse_ros",
-                level=_LEVELS[level],
-                message=message,
-                values=values,
-            )  # fmt: skip
+            diagnostic_array(stamp, name=name, level=level, message=message, values=values)
         )
 
 
-def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[bytes, str]:
+def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[Level, str]:
     """Return the level and the summary of a vehicle's state."""
     state, outcome = vehicle.state, vehicle.outcome
     if lost:
-        return DiagnosticStatus.ERROR, f"lost: {lost}"
+        return "error", f"lost: {lost}"
     if refused:
-        return DiagnosticStatus.ERROR, f"refused: {refused}"
+        return "error", f"refused: {refused}"
     if not state.connected:
-        return DiagnosticStatus.STALE, vehicle.trouble or "no heartbeat"
+        return "stale", vehicle.trouble or "no heartbeat"
     if vehicle.state.problem:
-        return DiagnosticStatus.ERROR, vehicle.state.problem
+        return "error", vehicle.state.problem
     if blocked:
-        return DiagnosticStatus.WARN, f"waits: {blocked}"
+        return "warning", f"waits: {blocked}"
     if state.failsafe or outcome.status in ("failed", "taken_over", "failsafe"):
-        return DiagnosticStatus.WARN, f"{outcome.status}: {outcome.reason} {state.failsafe}".strip()
-    return DiagnosticStatus.OK, f"{state.mode}: {outcome.reason or outcome.status}"
+        return "warning", f"{outcome.status}: {outcome.reason} {state.failsafe}".strip()
+    return "ok", f"{state.mode}: {outcome.reason or outcome.status}"
 
 
 def _text(flag: bool) -> str:

@@ -5,9 +5,9 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 from rclpy.node import Node
-from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.bridge.fleet_controller import FleetController
 from dsse_ros.nodes.operator_services import OPERATOR_SERVICES
@@ -17,28 +17,14 @@ def serve(node: Node, fleet: FleetController) -> None:
     """Create the services for all vehicles, such as `~/arm`, and for each, `drone<i>/arm`."""
     for drone, prefix in [(None, "~"), *enumerate(fleet.names)]:
         for what, kind in OPERATOR_SERVICES.items():
-            serve_one = partial(_arm, fleet, drone)
-            if what != "arm":
-                serve_one = partial(_operate, fleet, drone, what)
-            node.create_service(kind, f"{prefix}/{what}", serve_one)
-
-
-def _arm(
-    fleet: FleetController,
-    drone: int | None,
-    request: SetBool.Request,
-    response: SetBool.Response,
-) -> SetBool.Response:
-    response.success, response.message = fleet.arm(drone, bool(request.data))
-    return response
+            node.create_service(kind, f"{prefix}/{what}", partial(_operate, fleet, drone, what))
 
 
 def _operate(
-    fleet: FleetController,
-    drone: int | None,
-    what: str,
-    _: Trigger.Request,
-    response: Trigger.Response,
-) -> Trigger.Response:
-    response.success, response.message = fleet.operate(drone, what)
+    fleet: FleetController, drone: int | None, what: str, request: Any, response: Any
+) -> Any:
+    if what == "arm":
+        response.success, response.message = fleet.arm(drone, bool(request.data))
+    else:
+        response.success, response.message = fleet.operate(drone, what)
     return response

@@ -21,13 +21,12 @@ Foxglove writes CDR with the definitions of ROS 1 unless the server declares ROS
 cannot do.
 """
 _TYPES = {
-    "cmd_action": "std_msgs/msg/Int8",
-    "cmd_action_name": "std_msgs/msg/String",
-    "command_pose": "geometry_msgs/msg/PoseStamped",
-    "command_path": "nav_msgs/msg/Path",
+    "joint_action": "std_msgs/msg/Int32MultiArray",
+    r"drone\d+/cmd_action": "std_msgs/msg/Int8",
+    r"drone\d+/cmd_action_name": "std_msgs/msg/String",
+    r"drone\d+/command_pose": "geometry_msgs/msg/PoseStamped",
+    r"drone\d+/command_path": "nav_msgs/msg/Path",
 }
-_OF_ALL_TYPES = {"joint_action": "std_msgs/msg/Int32MultiArray"}
-_TOPIC = re.compile(rf"drone\d+/({'|'.join(_TYPES)})")
 _NOTHING = {"type": "object", "properties": {}}
 _FLAG = {"type": "object", "properties": {"data": {"type": "boolean"}}, "required": ["data"]}
 _RESPONSE = {
@@ -57,13 +56,10 @@ def command_type(namespace: str, topic: str) -> str:
     Raises:
         FieldError: If the mission has no such command topic.
     """
-    if topic.startswith(namespace):
-        name = topic.removeprefix(namespace)
-        if match := _TOPIC.fullmatch(name):
-            return _TYPES[match[1]]
-        if name in _OF_ALL_TYPES:
-            return _OF_ALL_TYPES[name]
-    raise FieldError(f"topic: {topic!r} is not allowed; one of commands in {namespace}")
+    for pattern, type_name in _TYPES.items():
+        if topic.startswith(namespace) and re.fullmatch(pattern, topic.removeprefix(namespace)):
+            return type_name
+    raise FieldError(f"topic must be one of commands in {namespace}, got {topic!r}")
 
 
 def check_offer(type_name: str, schema_name: str, encoding: str) -> None:
@@ -73,10 +69,10 @@ def check_offer(type_name: str, schema_name: str, encoding: str) -> None:
         FieldError: If it does not.
     """
     if encoding not in ENCODINGS:
-        raise FieldError(f"encoding: {encoding!r} is not allowed; one of {', '.join(ENCODINGS)}")
+        raise FieldError(f"encoding must be one of {', '.join(ENCODINGS)}, got {encoding!r}")
     # Foxglove leaves out `/msg/`, which ROS 1 did not have.
     if schema_name not in (type_name, type_name.replace("/msg/", "/")):
-        raise FieldError(f"type: {schema_name!r} is not allowed; {type_name}")
+        raise FieldError(f"type must be {type_name}, got {schema_name!r}")
 
 
 def read_command(type_name: str, encoding: str, data: bytes) -> Any:
@@ -154,21 +150,21 @@ def _filled(message: Any, type_name: str, values: Any) -> Any:
         FieldError: If a field or a value does not fit the type.
     """
     if not isinstance(values, dict):
-        raise FieldError(f"{type_name}: {_short(values)} is not allowed; an object")
+        raise FieldError(f"{type_name} must be an object, got {_short(values)}")
     kinds = message.get_fields_and_field_types()
     for given, value in values.items():
         name = given if given in kinds else _OTHER_NAMES.get(given, given)
         if name is None:
             continue
         if name not in kinds:
-            raise FieldError(f"{type_name}: {given!r} is not allowed; {', '.join(kinds)}")
+            raise FieldError(f"{type_name}: field must be one of {', '.join(kinds)}, got {given!r}")
         try:
             setattr(message, name, _value(kinds[name], value))
         except FieldError:
             raise
         except (AssertionError, OverflowError, TypeError, ValueError):
             raise FieldError(
-                f"{type_name}: {name}: {_short(value)} is not allowed; {kinds[name]}"
+                f"{type_name}: {name} must be {kinds[name]}, got {_short(value)}"
             ) from None
     return message
 

@@ -33,11 +33,9 @@ from dsse_ros.nodes.operator_services import (
     find_bridges,
     service_name,
 )
-from dsse_ros.runtime.parameters import declare
 from dsse_ros.runtime.polling import polling_node, spun_by_nobody, take_all
-from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, Endpoints
+from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
-from dsse_ros.scenario.fields import specs
 
 _NICENESS = 10
 """Niceness of the process: on a busy machine, the nodes of the missions come first."""
@@ -124,11 +122,8 @@ class DashboardNode(AlarmNode):
 
     def __init__(self) -> None:
         super().__init__("dsse_dashboard")
-        known = specs(DashboardSettings)
-        given, qos = self.take_overrides(known)
-        self.settings = DashboardSettings(**given)
-        declare(self, known, vars(self.settings))
-        Endpoints(self, qos).check_all_used()
+        self.settings, endpoints = read_settings(self, DashboardSettings)
+        endpoints.check_all_used()
         self.inbox = Inbox(_EVERY_MESSAGE)
         self._server: PageServer | None = None
         self._listener = polling_node(self)

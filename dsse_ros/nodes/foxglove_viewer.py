@@ -26,10 +26,8 @@ from dsse_ros.nodes.client_services import ClientServices
 from dsse_ros.nodes.raw_topics import RawTopics
 from dsse_ros.nodes.settings import ViewerSettings
 from dsse_ros.recording.schemas import definition, message_class
-from dsse_ros.runtime.parameters import declare
-from dsse_ros.runtime.qos import COMMANDS, Endpoints
+from dsse_ros.runtime.qos import COMMANDS, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
-from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError
 
 DISCOVERY_PERIOD_S = 0.2
@@ -101,11 +99,8 @@ class ViewerNode(AlarmNode):
 
     def __init__(self) -> None:
         super().__init__("dsse_viewer")
-        known = specs(ViewerSettings)
-        given, qos = self.take_overrides(known)
-        self.settings = ViewerSettings(**given)
-        declare(self, known, vars(self.settings))
-        Endpoints(self, qos).check_all_used()
+        self.settings, endpoints = read_settings(self, ViewerSettings)
+        endpoints.check_all_used()
         self._namespace = self.get_namespace().rstrip("/") + "/"
         self._requests = _Requests()
         # The clients that want each topic, and the last message of each latched topic.

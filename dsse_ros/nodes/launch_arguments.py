@@ -238,7 +238,7 @@ FLIGHT: Mapping[str, Argument] = {
         "ints", "System ids of the vehicles; by default the files'.", "", _BRIDGE, low=1, high=255
     ),
     "autopilot": Argument(
-        "str", "Which autopilots the vehicles have.", "ardupilot", _SIM + _BRIDGE,
+        "str", "Which autopilots the vehicles have.", "ardupilot", _BRIDGE,
         choices=tuple(FIRMWARES),
     ),
     "arm": Argument(

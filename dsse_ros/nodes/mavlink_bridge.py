@@ -24,10 +24,8 @@ from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
 from dsse_ros.nodes import bridge_services
 from dsse_ros.nodes.bridge_publishers import BridgePublishers
-from dsse_ros.runtime.parameters import declare
-from dsse_ros.runtime.qos import COMPLETE, LATCHED, Endpoints
+from dsse_ros.runtime.qos import COMPLETE, LATCHED, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
-from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError
 from msg_adapters.agents import agents_from_message
 from msg_adapters.mission_report import mission_report_from_message
@@ -58,15 +56,11 @@ class BridgeNode(AlarmNode):
 
     def __init__(self) -> None:
         super().__init__("dsse_bridge")
-        known = specs(BridgeSettings)
-        given, qos = self.take_overrides(known)
-        self.settings = BridgeSettings(**given)
-        declare(self, known, vars(self.settings))
+        self.settings, endpoints = read_settings(self, BridgeSettings)
         self._link_troubles: dict[str, str] = {}
         self._simulations = 0
         # Monitors compare the stamps of diagnostics with the wall clock.
         self._wall_clock = Clock()
-        endpoints = Endpoints(self, qos)
         self.fleet = _fleet(self.settings)
         vehicles = [] if self.fleet is None else list(self.fleet)
         self.follower: FleetController | MissionExporter

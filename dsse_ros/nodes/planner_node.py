@@ -18,10 +18,8 @@ from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
-from dsse_ros.runtime.parameters import declare
-from dsse_ros.runtime.qos import COMMANDS, LATCHED, Endpoints
+from dsse_ros.runtime.qos import COMMANDS, LATCHED, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
-from dsse_ros.scenario.fields import specs
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
 from msg_adapters.agents import AgentsInfo
@@ -48,9 +46,7 @@ class PlannerNode(AlarmNode):
 
     def __init__(self) -> None:
         super().__init__("dsse_planner")
-        known = specs(PlannerSettings)
-        given, qos = self.take_overrides(known)
-        self.settings = PlannerSettings(**given)
+        self.settings, endpoints = read_settings(self, PlannerSettings)
         # Fail at once, without a simulation, if the planner cannot be loaded.
         load_planner(self.settings.planner)
         if self.settings.planner == "onnx":
@@ -59,10 +55,9 @@ class PlannerNode(AlarmNode):
             read_model(self.settings.model)
         elif self.settings.model:
             raise FieldError(
-                f"model: {self.settings.model!r} is not allowed with planner "
-                f"{self.settings.planner}; only onnx has one"
+                f"model must be empty with planner {self.settings.planner}, "
+                f"got {self.settings.model!r}; only onnx has one"
             )
-        declare(self, known, vars(self.settings))
         self._inbox = StepInbox()
         self._planner: Planner | None = None
         self._answered: StepId | None = None
@@ -74,7 +69,6 @@ class PlannerNode(AlarmNode):
         self._waits_for = ""
         # Whether it has decided since it started, or since it compiled.
         self._ready = False
-        endpoints = Endpoints(self, qos)
         self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", COMMANDS)
         self._inputs = [
             endpoints.subscription(kind, topic, partial(self._on, topic, read), LATCHED)
@@ -139,7 +133,7 @@ class PlannerNode(AlarmNode):
                     if last is None or step[:2] != last[:2] or step[2] < last[2]:
                         self._planner, self._late = self._make_planner(observed.info), None
                     actions = self._decide(observed)
-                answer = joint_action_message(step[2], actions, mission=step[1])
+                answer = joint_action_message(step[1], step[2], actions)
             except Exception as error:
                 # Third-party planners may raise anything.
                 self._report_failure(step, error)

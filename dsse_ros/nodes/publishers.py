@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
-from numpy.typing import NDArray
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -20,7 +19,6 @@ from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
 from dsse_ros.mission.mission import Mission, StepResult
-from dsse_ros.mission.status import Health, Level
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
@@ -29,7 +27,7 @@ from dsse_ros.step.fault_kernels import HOME, LOST
 from dsse_ros.targets import sea_map
 from msg_adapters.agents import AgentsInfo, Origin, agents_message, area_rows
 from msg_adapters.battery import battery_state
-from msg_adapters.diagnostics import diagnostic_array
+from msg_adapters.diagnostics import Level, diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
@@ -44,17 +42,11 @@ from msg_adapters.poses import (
     path,
     pose_array,
     pose_stamped,
-    tf_message,
+    transforms,
     yaw_of,
 )
-from msg_adapters.stamps import clock_message
+from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_message
-
-_LEVELS = {
-    Level.OK: DiagnosticStatus.OK,
-    Level.WARN: DiagnosticStatus.WARN,
-    Level.ERROR: DiagnosticStatus.ERROR,
-}
 
 
 def tf_type() -> Any:
@@ -118,8 +110,8 @@ class MissionPublishers:
         faults, self._batteries = mission.env.world.faults, []
         if faults is not None and faults.has_battery:
             self._batteries = self._per_drone(BatteryState, "battery", LATCHED)
-        transform = tf_type()
-        self._tf = transform and self._publisher(transform, "/tf", RELIABLE)
+        self._tf_type = tf_type()
+        self._tf = self._tf_type and self._publisher(self._tf_type, "/tf", RELIABLE)
         # The last messages of the topics that are not latched, for late joiners.
         self._of_time: dict[Publisher, Any] = {}
         self._before = self._cells = mission.result.cells
@@ -170,7 +162,7 @@ class MissionPublishers:
     def publish_clock(self, nanoseconds: int) -> None:
         """Publish the mission time, if `publish_clock` is set."""
         if self._clock is not None:
-            self._publish_time(self._clock, clock_message(nanoseconds))
+            self._publish_time(self._clock, Clock(clock=to_stamp(nanoseconds)))
 
     def _publish_time(self, publisher: Publisher, message: Any) -> None:
         self._of_time[publisher] = message
@@ -183,20 +175,12 @@ class MissionPublishers:
 
     def publish_grid(self, stamp: Time, grid_scaling: str) -> None:
         """Publish the map and, if set, the belief as grids for display."""
-        self._publish_grid(self._grid, self._mission.env.probability, stamp, grid_scaling)
+        env, area = self._mission.env, self._mission.env.scenario.area_mask
+        maps = [(self._grid, env.probability)]
         if self._belief_grid is not None:
-            belief = self._mission.belief()
-            self._publish_grid(self._belief_grid, belief, stamp, grid_scaling)
-
-    def _publish_grid(
-        self,
-        publisher: Publisher,
-        probability: NDArray[np.float32],
-        stamp: Time,
-        grid_scaling: str,
-    ) -> None:
-        area = self._mission.env.scenario.area_mask
-        publisher.publish(occupancy_grid(self._frame, probability, stamp, grid_scaling, area))
+            maps.append((self._belief_grid, self._mission.belief()))
+        for publisher, probability in maps:
+            publisher.publish(occupancy_grid(self._frame, probability, stamp, grid_scaling, area))
 
     def publish_step(self, result: StepResult, stamp: Time, grid_scaling: str) -> None:
         """Publish a step, all messages with the same stamp; the step report goes last."""
@@ -277,8 +261,8 @@ class MissionPublishers:
             self._odoms[i].publish(odom)
         if self._tf is not None:
             yaws = [yaw_of(velocity) for velocity in velocities]
-            message = tf_message(self._frame, cells, self._names, stamp, yaws)
-            self._publish_time(self._tf, message)
+            of_drones = transforms(self._frame, cells, self._names, stamp, yaws)
+            self._publish_time(self._tf, self._tf_type(transforms=of_drones))
 
     def publish_history(self, result: StepResult, stamp: Time, reveal_person: bool) -> None:
         """Publish tracks and markers if they have changed."""
@@ -317,16 +301,10 @@ class MissionPublishers:
         )
 
     def publish_diagnostics(
-        self, stamp: Time, name: str, health: Health, values: dict[str, object]
+        self, stamp: Time, name: str, health: tuple[Level, str], values: dict[str, object]
     ) -> None:
         """Publish the health of the node of this name."""
+        level, message = health
         self._diagnostics.publish(
-            diagnostic_array(
-                stamp,
-                name=name,
-                hardware_id="dsse_ros",
-                level=_LEVELS[health.level],
-                message=health.message,
-                values=values,
-            )  # fmt: skip
+            diagnostic_array(stamp, name=name, level=level, message=message, values=values)
         )

@@ -13,11 +13,9 @@ from dsse_ros.nodes.settings import RecorderSettings
 from dsse_ros.recording.bag import BagWriter
 from dsse_ros.recording.offered_qos import to_yaml
 from dsse_ros.runtime.exit_codes import FAILED
-from dsse_ros.runtime.parameters import declare
 from dsse_ros.runtime.polling import RawMessage
-from dsse_ros.runtime.qos import Endpoints
+from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
-from dsse_ros.scenario.fields import specs
 
 _NICENESS = 5
 """Niceness of the process: on a busy machine, the mission comes first. With 10, a third of the
@@ -45,11 +43,8 @@ class RecorderNode(AlarmNode):
 
     def __init__(self) -> None:
         super().__init__("dsse_recorder")
-        known = specs(RecorderSettings)
-        given, qos = self.take_overrides(known)
-        self.settings = RecorderSettings(**given)
-        declare(self, known, vars(self.settings))
-        Endpoints(self, qos).check_all_used()
+        self.settings, endpoints = read_settings(self, RecorderSettings)
+        endpoints.check_all_used()
         name = self.settings.bag or time.strftime("mission_%Y_%m_%d-%H_%M_%S.mcap")
         self.path = os.path.abspath(name)
         self._bag = BagWriter(self.path)

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
-from dsse_ros.mission.vehicle_missions import FlightSettings
+from dsse_ros.mission.vehicle_missions import ArrivalSettings
 from dsse_ros.planners import PLANNER_NAMES
 from dsse_ros.scenario.fields import FieldError, check_all, field
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
@@ -19,7 +19,7 @@ LARGEST_AUTO_GRID = 50
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimSettings(FlightSettings):
+class SimSettings(ArrivalSettings):
     """Settings of `sim_node`.
 
     Raises:
@@ -132,13 +132,6 @@ class SimSettings(FlightSettings):
     resume: bool = field(
         "bool", "Whether to start from snapshot_file; record_file continues at its step.", False
     )
-    export_directory: str = field("str", "Directory for the files of ~/export_mission.", ".")
-    export_tracks: str = field(
-        "str",
-        "What ~/export_mission writes: the tracks so far, or the paths to the remaining goals.",
-        "flown",
-        choices=("flown", "planned"),
-    )
 
     def __post_init__(self) -> None:
         check_all(self)
@@ -168,8 +161,7 @@ RUN_TIME_SETTINGS = frozenset(
     {
         "step_mode", "step_rate", "command_timeout", "missing_action", "auto_reset", "exit_at_end",
         "real_time_factor", "seed", "grid_scaling", "reveal_person", "odom_rate",
-        "export_directory", "export_tracks", "autopilot", "acceptance_radius", "search_altitude",
-        "search_hold", "merge_legs",
+        "acceptance_radius",
     }
 )  # fmt: skip
 """Settings of `sim_node` that can change at run time; the others are read-only."""

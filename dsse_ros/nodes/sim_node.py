@@ -14,12 +14,11 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from std_msgs.msg import Int8, Int32MultiArray, String
+from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.mission import status
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
@@ -27,7 +26,7 @@ from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
-from dsse_ros.nodes import sim_services, simulation_interfaces
+from dsse_ros.nodes import deprecated, sim_services, simulation_interfaces
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
 from dsse_ros.nodes.publishers import MissionPublishers
 from dsse_ros.nodes.sim_parameters import (
@@ -152,13 +151,12 @@ class SimNode(AlarmNode):
         commands = self._commands
         command(Int32MultiArray, "joint_action", commands.joint_action)
         for i, name in enumerate(self.mission.env.possible_agents):
-            command(Int8, f"{name}/cmd_action", partial(commands.action, i))
             command(String, f"{name}/cmd_action_name", partial(commands.action_name, i))
             command(PoseStamped, f"{name}/command_pose", partial(commands.goal, i))
-            command(Path, f"{name}/command_path", partial(commands.path, i))
             if self.settings.wait_for_vehicles:
                 subscribe(PoseStamped, f"{name}/vehicle_pose", partial(self._on_vehicle, i))
                 subscribe(DiagnosticArray, f"{name}/vehicle_state", partial(self._on_state, i))
+        deprecated.serve(self, commands, command)
 
     # Mission
 

@@ -4,15 +4,15 @@
 
 from __future__ import annotations
 
-from nav_msgs.srv import GetMap
+from typing import TYPE_CHECKING
+
 from std_srvs.srv import SetBool, Trigger
 
-from dsse_ros.nodes.mission_export import export_tracks
-from dsse_ros.nodes.operated import Operated
-from msg_adapters.occupancy import occupancy_grid
+if TYPE_CHECKING:
+    from dsse_ros.nodes.sim_node import SimNode
 
 
-def serve(node: Operated) -> None:
+def serve(node: SimNode) -> None:
     """Create the services of the node."""
 
     def reset(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -32,21 +32,5 @@ def serve(node: Operated) -> None:
         response.success, response.message = True, "paused" if node.paused else "running"
         return response
 
-    def get_map(_: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
-        env, scaling = node.mission.env, node.settings.grid_scaling
-        area = env.scenario.area_mask
-        response.map = occupancy_grid(node.frame, env.probability, node.stamp(), scaling, area)
-        return response
-
-    def export_mission(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = export_tracks(node.mission, node.frame, node.settings)
-        return response
-
-    for kind, callback in (
-        (Trigger, reset),
-        (Trigger, step),
-        (Trigger, export_mission),
-        (SetBool, pause),
-        (GetMap, get_map),
-    ):
+    for kind, callback in ((Trigger, reset), (Trigger, step), (SetBool, pause)):
         node.create_service(kind, f"~/{callback.__name__}", callback)

@@ -7,12 +7,13 @@ Gazebo and Isaac Sim follow this standard. There is no ROS 2 wheel of it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from dsse_ros.nodes.operated import Operated
+if TYPE_CHECKING:
+    from dsse_ros.nodes.sim_node import SimNode
 
 
-def serve(node: Operated) -> bool:
+def serve(node: SimNode) -> bool:
     """Offer reset, step, state and features; returns whether the package is installed."""
     try:
         from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
@@ -50,7 +51,7 @@ def serve(node: Operated) -> bool:
             return answer(
                 response,
                 Result.RESULT_FEATURE_UNSUPPORTED,
-                f"scope: {scope} is not allowed; {'time, ' if has_time else ''}state or all: "
+                f"scope must be {'time, ' if has_time else ''}state or all, got {scope}: "
                 "nothing can be spawned",
             )
         return answer(response)
@@ -83,7 +84,7 @@ def serve(node: Operated) -> bool:
             return answer(
                 response,
                 Result.RESULT_FEATURE_UNSUPPORTED,
-                f"state: {wanted} is not allowed; stopped, playing or paused",
+                f"state must be stopped, playing or paused, got {wanted}",
             )
         if wanted == state():
             return answer(response, SetSimulationState.Response.ALREADY_IN_TARGET_STATE)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from rclpy.publisher import Publisher
 from rclpy.qos import (
@@ -19,7 +19,9 @@ from rclpy.subscription import Subscription
 
 from dsse_ros.runtime.parameters import QOS_PREFIX, declare
 from dsse_ros.runtime.run_node import AlarmNode
-from dsse_ros.scenario.fields import FieldError, Spec, check_known
+from dsse_ros.scenario.fields import FieldError, Spec, check_known, specs
+
+T = TypeVar("T")
 
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
@@ -127,3 +129,16 @@ class Endpoints:
                 "effect, got 'transient_local'"
             )
         return QoSProfile(**{policy: getattr(qos, policy) for policy in _POLICIES} | changed)
+
+
+def read_settings(node: AlarmNode, kind: type[T]) -> tuple[T, Endpoints]:
+    """Declare a node's parameters; return its settings of this class, and its endpoints.
+
+    Raises:
+        FieldError: If a parameter is not allowed.
+    """
+    known = specs(kind)
+    given, qos = node.take_overrides(known)
+    settings = kind(**given)
+    declare(node, known, vars(settings))
+    return settings, Endpoints(node, qos)

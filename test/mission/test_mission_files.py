@@ -83,7 +83,7 @@ def test_a_mission_that_cannot_be_resumed_is_refused(tmp_path: Path) -> None:
 
 def test_what_is_no_regular_file_is_no_snapshot_file(tmp_path: Path) -> None:
     (tmp_path / "snapshot").mkdir()
-    with pytest.raises(FieldError, match="^snapshot_file: .*a regular file or a new one"):
+    with pytest.raises(FieldError, match="^snapshot_file must be a regular file or a new one"):
         files_of(new_mission(), tmp_path)
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus
 from looking import find_in, search_in_vain
 
 from dsse_ros.belief.belief import Belief, Forecast
@@ -160,7 +159,7 @@ def test_a_report_has_battery_and_status_with_faults_only() -> None:
             assert read["battery"].tolist() == mission.result.conditions["battery"].tolist()
             assert read["status"].tolist() == mission.result.conditions["status"].tolist()
             report["status"][1] = len(STATUSES)
-            with pytest.raises(ValueError, match=f"^status: {len(STATUSES)} is not allowed"):
+            with pytest.raises(ValueError, match=f"^status must be .* got {len(STATUSES)}$"):
                 step_report_from_message(step_report_message(frame, report, to_stamp(1)))
 
 
@@ -180,7 +179,7 @@ def test_a_vehicle_s_report_of_this_mission_sets_the_battery_of_its_drone() -> N
     mission = make(battery_move=5.0)
     vehicles = AwaitedVehicles(scenario_frame(mission.env.scenario), mission.set_battery)
     vehicles.set_stamp(100, first=True)
-    state = {"level": DiagnosticStatus.OK, "message": "", "values": {}}
+    state = {"level": "ok", "message": "", "values": {}}
     for drone, stamp_ns, share in ((0, 100, 0.25), (1, 99, 0.25), (2, 100, math.nan)):
         reported = Progress(stamp_ns, battery=share)
         message = vehicle_state_message("it", "", to_stamp(0), reported, **state)  # type: ignore[arg-type]

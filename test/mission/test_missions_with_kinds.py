@@ -100,7 +100,7 @@ def test_each_drone_is_shown_at_the_altitude_of_its_kind() -> None:
     ).markers
     assert [m.pose.position.z for m in markers if m.ns == "drones"] == ALTITUDES
     assert [m.points[0].z for m in markers if m.ns == "tracks"] == ALTITUDES
-    with pytest.raises(ValueError, match="drones: 2 is not allowed; 3"):
+    with pytest.raises(ValueError, match="^drones must be 3, got 2$"):
         pose_array(frame, cells[:2], stamp)
 
 

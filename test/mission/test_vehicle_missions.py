@@ -52,7 +52,7 @@ def test_layers_are_as_far_apart_as_asked_and_none_is_too_low(
 
 
 def test_the_error_says_how_much_room_there_is() -> None:
-    with pytest.raises(FieldError, match="30 is not allowed; 5 vehicles .* have room for 27.5 m"):
+    with pytest.raises(FieldError, match="must be at most 27.5 m for 5 vehicles .* got 30$"):
         layers(FRAME, FlightSettings(altitude_step=30.0), 5)
 
 

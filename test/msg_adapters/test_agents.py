@@ -135,7 +135,7 @@ def test_a_message_names_no_file_to_be_read(tmp_path):
     ):
         message = json.loads(json.dumps(document))
         message["definition"]["scenario"][name] = str(tmp_path / "file")
-        with pytest.raises(ValueError, match=rf"^agents.definition.scenario.{name}: .* {wanted}"):
+        with pytest.raises(ValueError, match=rf"^agents.*scenario.{name} must be {wanted}"):
             agents_from_message(String(data=json.dumps(message)))
 
 
@@ -144,11 +144,11 @@ def test_a_message_names_no_file_to_be_read(tmp_path):
     [
         (
             {"num_drones": 10**8, "drones_positions": None},
-            "num_drones: 100000000 is not allowed; 2,",
+            "num_drones must be 2, .* got 100000000",
         ),
-        ({"num_drones": 3, "drones_positions": None}, "num_drones: 3 is not allowed; 2,"),
-        ({"grid_size": 10_000}, "grid_size: 10000 is not allowed; 8,"),
-        ({"grid_size": None, "zone_size": 1e6}, "grid_size: 7693 is not allowed; 8,"),
+        ({"num_drones": 3, "drones_positions": None}, "num_drones must be 2, .* got 3"),
+        ({"grid_size": 10_000}, "grid_size must be 8, .* got 10000"),
+        ({"grid_size": None, "zone_size": 1e6}, "grid_size must be 8, .* got 7693"),
     ],
 )
 def test_a_definition_of_another_search_takes_no_memory(fields, line, little_memory):
@@ -162,7 +162,7 @@ def test_a_definition_of_another_search_takes_no_memory(fields, line, little_mem
 
 
 def test_no_grid_is_larger_than_that_of_a_scenario():
-    with pytest.raises(ValueError, match="^agents.grid_size: 10001 is not allowed; at most 10000"):
+    with pytest.raises(ValueError, match="^agents.grid_size must be at most 10000, got 10001"):
         agents_from_message(changed(["grid_size"], 10_001))
 
 
@@ -224,14 +224,14 @@ def test_who_does_not_report_whether_drones_were_commanded_does_not_wait_for_tha
     ],
 )
 def test_a_value_of_the_wrong_kind_is_refused_by_its_key(path, value):
-    with pytest.raises(ValueError, match=f"^agents.{'.'.join(path)}: .* is not allowed; ") as error:
+    with pytest.raises(ValueError, match=f"^agents.{'.'.join(path)} must be .*, got ") as error:
         agents_from_message(changed(path, value))
     assert len(str(error.value)) < 200
 
 
 @pytest.mark.parametrize(("path", "value"), [(["cell_size_m"], 0), (["origin", "lat_deg"], 91)])
 def test_a_grid_that_cannot_be_is_refused(path, value):
-    with pytest.raises(ValueError, match=f"^agents: .*{path[-1]}: .* is not allowed"):
+    with pytest.raises(ValueError, match=f"^agents: .*{path[-1]} must be "):
         agents_from_message(changed(path, value))
 
 
@@ -239,7 +239,7 @@ def test_a_grid_that_cannot_be_is_refused(path, value):
     "text", ["", "{", "null", "[]", "NaN", '{"agents": NaN}', "[" * 100_000, "1" * 10_000]
 )
 def test_text_that_is_no_such_document_is_refused_in_one_line(text):
-    with pytest.raises(ValueError, match="^agents: ") as error:
+    with pytest.raises(ValueError, match="^agents(: | must be an object)") as error:
         agents_from_message(String(data=text))
     assert len(str(error.value)) < 200 and str(error.value).isprintable()
 

@@ -14,7 +14,7 @@ def test_a_status_has_its_level_and_every_value_as_text_in_order():
         to_stamp(5 * 10**9),
         name="dsse_sim: lockstep",
         hardware_id="simulation",
-        level=DiagnosticStatus.WARN,
+        level="warning",
         message="waiting for drone1",
         values={"step": np.int64(7), "missing": ["drone1"], "rejected.stale_step": 2, "p": None},
     )

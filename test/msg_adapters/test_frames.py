@@ -109,5 +109,5 @@ def test_a_grid_that_cannot_be_is_refused_by_the_name_of_its_field(field, value)
         "origin_alt_m": 0.0,
         "alt_m": 120.0,
     }
-    with pytest.raises(ValueError, match=f"^{field}: "):
+    with pytest.raises(ValueError, match=f"^{field} must be "):
         GridFrame(**{**values, field: value})

@@ -60,7 +60,7 @@ def test_a_report_comes_back_and_is_written_again_with_the_same_bytes(report):
 
 def test_an_array_that_is_no_report_is_refused():
     for report in (np.zeros((2, 3)), np.zeros(3, MISSION_REPORT_DTYPE)):
-        with pytest.raises(ValueError, match="^report: "):
+        with pytest.raises(ValueError, match="^report must be "):
             mission_report_message(FRAME, report, STAMP)
 
 

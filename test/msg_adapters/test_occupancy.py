@@ -156,9 +156,9 @@ def test_the_message_says_where_and_when_the_map_is():
 
 
 def test_an_unknown_scaling_or_a_foreign_shape_is_refused():
-    with pytest.raises(ValueError, match="^scaling: 'cubic' .* max, linear, log"):
+    with pytest.raises(ValueError, match="^scaling must be .* max, linear, log, got 'cubic'"):
         probability_to_occupancy(np.zeros((2, 2), dtype=np.float32), "cubic")
-    with pytest.raises(ValueError, match=r"^probability: shape \(2, 3\)"):
+    with pytest.raises(ValueError, match=r"^probability must be .*, got \(2, 3\)"):
         occupancy_grid(frame_of(np.zeros((2, 2))), np.zeros((2, 3)), STAMP)
 
 
@@ -170,5 +170,5 @@ def test_a_message_of_the_wrong_size_is_refused(width, height, cells):
     if cells == width * height:
         assert occupancy_to_array(message).shape == (height, width)
     else:
-        with pytest.raises(ValueError, match="^data: "):
+        with pytest.raises(ValueError, match="^data must be "):
             occupancy_to_array(message)

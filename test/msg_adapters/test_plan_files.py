@@ -10,7 +10,7 @@ import mission_reader
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mission_strategies import MISSIONS, NUMBERS
+from mission_strategies import MISSIONS
 
 from msg_adapters.frames import GridFrame
 from msg_adapters.mission_items import FRAME_MISSION, Home, Mission, MissionItem
@@ -28,13 +28,12 @@ def same(mission, other):
     )
 
 
-@given(MISSIONS, st.sampled_from(["ardupilot", "px4"]), NUMBERS, NUMBERS)
-def test_a_plan_has_every_number_exactly(mission, firmware, cruise, hover):
-    text = plan_text(mission, firmware=firmware, cruise_speed_mps=cruise, hover_speed_mps=hover)
+@given(MISSIONS, st.sampled_from(["ardupilot", "px4"]))
+def test_a_plan_has_every_number_exactly(mission, firmware):
+    text = plan_text(mission, firmware)
     assert same(mission_reader.plan(text), mission)
     document = json.loads(text)["mission"]
     assert document["firmwareType"] == {"ardupilot": 3, "px4": 12}[firmware]
-    assert (document["cruiseSpeed"], document["hoverSpeed"]) == (cruise, hover)
 
 
 def test_a_plan_is_laid_out_as_the_format_says():
@@ -56,16 +55,16 @@ def test_a_plan_is_laid_out_as_the_format_says():
 @pytest.mark.parametrize(
     ("item", "words"),
     [
-        (MissionItem(16, lat_deg=100.0), "item 1: latitude 100.0"),
-        (MissionItem(16, alt_m=math.nan), "item 1: altitude nan"),
-        (MissionItem(20, FRAME_MISSION, param1=math.inf), "item 1: an infinite parameter"),
+        (MissionItem(16, lat_deg=100.0), "item 1: latitude must be .* got 100.0"),
+        (MissionItem(16, alt_m=math.nan), "item 1: altitude must be .* got nan"),
+        (MissionItem(20, FRAME_MISSION, param1=math.inf), "item 1: param1 must .* got inf"),
     ],
 )
 def test_an_item_off_the_earth_is_not_planned(item, words):
-    with pytest.raises(ValueError, match=f"^{words} is not allowed"):
+    with pytest.raises(ValueError, match=f"^{words}$"):
         plan_text(Mission(MISSION.home, (item,)))
 
 
 def test_home_must_be_on_the_earth():
-    with pytest.raises(ValueError, match="^home: longitude 181.0 is not allowed"):
+    with pytest.raises(ValueError, match="^home: longitude must be -180 to 180, got 181.0$"):
         plan_text(Mission(Home(0.0, 181.0, 0.0), ()))

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import NavSatFix, NavSatStatus
 
 from msg_adapters import poses
+from msg_adapters.commands import parse_goal
 from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_stamp
 
 FRAMES = st.from_type(GridFrame)
@@ -35,19 +37,7 @@ def test_a_cell_comes_back_from_its_pose(frame, data):
     message = poses.pose_stamped(frame, np.array(cell), STAMP)
     assert message.header.frame_id == frame.map_frame and message.header.stamp == STAMP
     assert xyz(message.pose.position) == place(frame, cell)
-    assert poses.pose_cell(frame, message) == cell
-
-
-@given(FRAMES, st.floats(), st.floats())
-def test_a_pose_elsewhere_has_no_cell(frame, x_m, y_m):
-    message = poses.pose_stamped(frame, (0, 0), STAMP)
-    message.header.frame_id = "odom"
-    assert poses.pose_cell(frame, message) is None
-    message.header.frame_id = frame.map_frame
-    message.pose.position.x, message.pose.position.y = -abs(x_m), y_m
-    # Beneath that the quotient by the cell size may be zero.
-    if not abs(x_m) < 1e-300:
-        assert poses.pose_cell(frame, message) is None
+    assert parse_goal(message, frame) == Accepted(cell)
 
 
 @given(FRAMES, st.floats(0, 300), st.floats(0, 300), SPEEDS, SPEEDS)
@@ -148,15 +138,3 @@ def test_transforms_of_the_wrong_number_are_refused():
     frame = GridFrame(8, 130.0, 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="zip"):
         poses.transforms(frame, [(0, 0), (1, 1)], ["drone0"], STAMP)
-
-
-def test_tf_is_made_or_one_line_says_what_is_missing():
-    frame = GridFrame(8, 130.0, 0.0, 0.0, 0.0, 0.0)
-    try:
-        import tf2_msgs.msg  # noqa: F401
-    except ImportError:
-        with pytest.raises(ImportError, match="^tf2_msgs is not installed"):
-            poses.tf_message(frame, [(0, 0)], ["drone0"], STAMP)
-    else:
-        message = poses.tf_message(frame, [(0, 0)], ["drone0"], STAMP)
-        assert message.transforms == poses.transforms(frame, [(0, 0)], ["drone0"], STAMP)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msg_adapters.stamps import clock_message, header, to_nanoseconds, to_stamp
+from msg_adapters.stamps import header, to_nanoseconds, to_stamp
 
 TIMES_NS = st.integers(0, 2**31 * 10**9 - 1)
 
@@ -16,12 +16,11 @@ def test_a_time_comes_back_from_its_stamp(nanoseconds):
     stamp = to_stamp(nanoseconds)
     assert 0 <= stamp.nanosec < 10**9
     assert to_nanoseconds(stamp) == nanoseconds
-    assert to_nanoseconds(clock_message(nanoseconds).clock) == nanoseconds
 
 
 @pytest.mark.parametrize("nanoseconds", [-1, 2**31 * 10**9])
 def test_a_time_that_no_stamp_holds_is_refused(nanoseconds):
-    with pytest.raises(ValueError, match="^nanoseconds: "):
+    with pytest.raises(ValueError, match="^nanoseconds must be "):
         to_stamp(nanoseconds)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,7 +35,7 @@ TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]
 
 def state_message(progress: Progress, **values: object) -> DiagnosticArray:
     return vehicle_state_message(
-        "drone1", "udp", STAMP, progress, level=DiagnosticStatus.OK, message="flies", values=values
+        "drone1", "udp", STAMP, progress, level="ok", message="flies", values=values
     )
 
 

@@ -8,7 +8,6 @@ import sys
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
 
 from msg_adapters import (
@@ -75,7 +74,7 @@ def info():
 
 def all_messages():
     fix = geodesy.cell_fix(FRAME, 1, 2)
-    yield stamps.clock_message(np.int64(13))
+    yield stamps.to_stamp(np.int64(13))
     yield occupancy.occupancy_grid(FRAME, MATRIX, STAMP)
     yield images.probability_image(FRAME, MATRIX, STAMP)
     yield poses.pose_stamped(FRAME, CELLS[0], STAMP)
@@ -86,8 +85,7 @@ def all_messages():
     yield poses.pose_array(FRAME, CELLS, STAMP)
     yield poses.nav_sat_fix(FRAME, *map(np.float64, fix), STAMP, "drone0")
     yield from poses.transforms(FRAME, CELLS, NAMES, STAMP, np.array([0.5, 1.0]))
-    yield commands.joint_action_message(np.int64(3), np.array([0, -1]))
-    yield commands.joint_action_message(np.int64(3), np.array([0, -1]), mission=np.int64(2))
+    yield commands.joint_action_message(np.int64(2), np.int64(3), np.array([0, -1]))
     yield step_report.step_report_message(FRAME, report(), STAMP)
     whole = np.zeros((3, 2), mission_report.MISSION_REPORT_DTYPE)
     yield mission_report.mission_report_message(FRAME, whole, STAMP)
@@ -107,8 +105,7 @@ def all_messages():
     yield diagnostics.diagnostic_array(
         STAMP,
         name="dsse_sim",
-        hardware_id="",
-        level=DiagnosticStatus.OK,
+        level="ok",
         message="",
         values={"step": np.int64(1)},
     )

@@ -71,14 +71,14 @@ def hostile(draw: random.Random) -> Iterator[Hostile]:
         if turn % 40 == 0:
             yield f"{name}/command_path", path(*[pose()] * 10_001), "path_too_long"
         step = draw.choice([0, 2, 3, -1, 2**31 - 1, -(2**31)])
-        yield "joint_action", joint(step, SEARCH, SEARCH, SEARCH), "stale_step"
+        yield "joint_action", joint(1, step, SEARCH, SEARCH, SEARCH), "stale_step"
         other = draw.choice([0, 2, -1, 2**31 - 1, -(2**31)])
         yield "joint_action", joint(other, 1, SEARCH, SEARCH, SEARCH), "stale_mission"
-        size = draw.choice([0, 1, 2, 3, 6, 100_000])
+        size = draw.choice([0, 1, 2, 3, 4, 6, 100_000])
         yield "joint_action", joint(*[1] * size), "wrong_size"
         bad = draw.choice([-1, 5, 127, 256, 2**31 - 1, -(2**31)])
         pair = [SEARCH, bad] if turn % 2 else [bad, SEARCH]
-        yield "joint_action", joint(1, *pair, SEARCH), "unknown_action"
+        yield "joint_action", joint(1, 1, *pair, SEARCH), "unknown_action"
         yield "drone2/cmd_action", Int8(data=draw.randrange(5)), "drone_terminated"
         yield "drone2/cmd_action_name", String(data="search"), "drone_terminated"
         yield "drone2/command_pose", pose(), "drone_terminated"

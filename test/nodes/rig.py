@@ -363,10 +363,11 @@ class Sim:
         return self.rig.talk(kind, self.topic(topic))
 
     def joint(self, *actions: int, step: int | None = None, mission: int | None = None) -> None:
-        """Command all drones, by default for the step to come of whichever mission."""
+        """Command all drones, by default for the step to come of the reported mission."""
         step = self.step_number if step is None else step
+        mission = self.search[1] if mission is None else mission
         publisher = self.talk(Int32MultiArray, "joint_action")
-        publisher.publish(joint_action_message(step, actions, mission))
+        publisher.publish(joint_action_message(mission, step, actions))
 
     def fly(self, *actions: int) -> NDArray[Any]:
         """Command all drones and return the report of the step."""

@@ -118,10 +118,10 @@ CASES = {
         "-p snapshot_file:=/no/such/x", "snapshot_file: '/no/such/x': No such file"
     ),
     "snapshot file that is a device": Case(
-        "-p snapshot_file:=/dev/null", "snapshot_file: '/dev/null' is not allowed; a regular file"
+        "-p snapshot_file:=/dev/null", "snapshot_file must be a regular file or a new one, got "
     ),
     "snapshot file that is a folder": Case(
-        "-p snapshot_file:=/", "snapshot_file: '/' is not allowed; a regular file"
+        "-p snapshot_file:=/", "snapshot_file must be a regular file or a new one, got '/'"
     ),
     "resume from nothing": Case("-p resume:=true", "resume: True is not allowed without snap"),
     "map frame without a name": Case("-p map_frame:=''", "map_frame: '' is not allowed; a name"),

@@ -38,7 +38,7 @@ def test_a_simulation_that_starts_takes_no_command_of_the_one_before_it(rig: Rig
         name: rig.node.create_publisher(kind, name, LATCHED) for name, kind in COMMANDS.items()
     }
     # As of a simulation that was here before: for the first step of its first mission.
-    publishers["joint_action"].publish(joint_action_message(0, [1, 1], 1))
+    publishers["joint_action"].publish(joint_action_message(1, 0, [1, 1]))
     for i in range(2):
         publishers[f"drone{i}/cmd_action"].publish(Int8(data=1))
         publishers[f"drone{i}/cmd_action_name"].publish(String(data="right"))

@@ -11,7 +11,6 @@ import pytest
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.search import HOLD, Snapshot, parallel_env
-from msg_adapters.tracks import steps
 
 FIELDS: dict[str, Any] = {
     "grid_size": 12,
@@ -61,7 +60,7 @@ def test_with_the_last_drone_the_mission_is_over(rules: str) -> None:
 
 
 @pytest.mark.parametrize("rules", RULES)
-def test_a_restored_mission_has_lost_the_same_drones_and_searched_the_same_cells(
+def test_a_restored_mission_has_lost_the_same_drones(
     rules: str,
 ) -> None:
     made = mission(rules)
@@ -75,25 +74,6 @@ def test_a_restored_mission_has_lost_the_same_drones_and_searched_the_same_cells
         each.command_all([search, 1, 1])
         each.advance("hold")
     assert twin.lost == made.lost == [2] and twin.live == made.live
-    assert twin.searches == made.searches == [[2], [1, 0], [0, 0]]
+    assert np.array_equal(twin.history, made.history)
     assert np.array_equal(twin.result.terminated, made.result.terminated)
     assert twin.env.agents == made.env.agents
-
-
-def test_the_track_with_its_searches_is_what_was_done() -> None:
-    made = mission("paper")
-    actions = list(made.env.rules.actions)
-    names = ["right", "search", "search", "down", "search", "right"]
-    for name in names:
-        made.command_all([actions.index(name)] * 3)
-        made.advance("hold")
-    cells, searched = steps(made.tracks[0], made.searches[0])
-    assert cells.tolist() == [[1, 1], [2, 1], [2, 1], [2, 1], [2, 2], [2, 2], [3, 2]]
-    assert searched.tolist() == [False, *(name == "search" for name in names)]
-
-
-def test_the_route_to_the_goals_goes_cell_by_cell() -> None:
-    made = mission("paper")
-    made.commands.set_goals(0, [(3, 1), (3, 2)])
-    assert made.commands.route(0, (1, 1)) == [(1, 1), (2, 1), (3, 1), (3, 2)]
-    assert made.commands.route(1, (6, 6)) == [(6, 6)]

@@ -184,7 +184,7 @@ def test_layers_that_do_not_fit_between_the_altitudes_are_not_flown(rig: Rig) ->
     with autopilots((), ()) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5]})
         bridge = Bridge(rig, vehicles, altitude_step=30.0, min_altitude=100.0)
-        trouble = "altitude_step: 30 is not allowed; 2 vehicles from 120 m down to 100 m have room"
+        trouble = "altitude_step must be at most 20 m for 2 vehicles from 120 m down to 100 m"
         rig.until(lambda: trouble in bridge.state(0).get("message", ""), trouble)
         assert take_off_orders(bridge) == 0
 
@@ -377,7 +377,7 @@ def test_a_search_whose_report_does_not_come_is_an_error_until_it_comes(rig: Rig
 
 
 def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
-    start = {"drones_positions": [0, 5, 3, 3], "timestep_limit": 2, "export_directory": ""}
+    start = {"drones_positions": [0, 5, 3, 3], "timestep_limit": 2}
     sim = rig.sim(SEARCHED | start)
     folder = rig.folder / "bridge"
     bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(folder)})
@@ -385,12 +385,7 @@ def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
     for actions in ((UP, SEARCH), (UP, RIGHT), (RIGHT, RIGHT)):
         fly(sim, *actions)
     rig.until(lambda: "files in" in bridge.output, "the files")
-    sim.set(export_directory=str(rig.folder / "sim"))
-    assert sim.trigger("export_mission")[0]
     for i in range(2):
-        for suffix in (".plan", ".waypoints"):
-            name = f"drone{i}{suffix}"
-            assert (folder / name).read_text() == (rig.folder / "sim" / name).read_text()
         items = mission_reader.waypoints((folder / f"drone{i}.waypoints").read_text())
         plan = mission_reader.plan((folder / f"drone{i}.plan").read_text())
         assert len(items) == 1 + len(plan.items)

@@ -158,7 +158,7 @@ def test_a_reset_of_what_there_is_not_is_unsupported(sim: Simulator, scope: int)
     sim.step()
     before = sim.where()
     result = sim.call("reset_simulation", scope=scope).result
-    assert result.result == UNSUPPORTED and f"scope: {scope} " in result.error_message
+    assert result.result == UNSUPPORTED and f", got {scope}: " in result.error_message
     assert sim.where() == before
 
 

@@ -80,7 +80,7 @@ def test_the_snapshot_of_a_world_alone_is_refused() -> None:
     [
         ("seed", "x"), ("number", 0), ("aborted", 1), ("_stamp_ns", 1e18), ("lost", [2]),
         ("tracks", [[[1, 1]]]), ("tracks", [[], []]), ("tracks", [[[1]], [[1, 2]]]),
-        ("searches", [[0, 0], [0]]), ("commands", []),
+        ("commands", []),
         ("commands", {"goals": [], "last": [[0, 9]]}),
         ("commands", {"goals": [[0, [[12, 0]]]], "last": []}), ("history", np.zeros((1, 2))),
         ("result_actions", np.array([0, 99], np.int8)), ("result_held", np.zeros(3, bool)),

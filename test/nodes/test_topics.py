@@ -7,7 +7,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
-import mission_reader
 import numpy as np
 import pymap3d
 import pytest
@@ -18,12 +17,14 @@ from nav_msgs.srv import GetMap
 from rig import BEST_EFFORT, LATCHED, RELIABLE, Inbox, Rig, Sim, occupancy, stamp_ns
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, NavSatFix
+from std_msgs.msg import Int8
 from visualization_msgs.msg import MarkerArray
+
+from dsse_ros.nodes.deprecated import INSTEAD
 
 LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
 ORIGIN = {"origin_lat": -24.04, "origin_lon": -46.17, "origin_alt": 3.5}
 GRID, CELL_M, ALTITUDE_M = 20, 130.0, 120.0
-WAYPOINT = 16  # MAV_CMD_NAV_WAYPOINT
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,6 @@ def node(rig: Rig) -> Sim:
             "timestep_limit": 1000,
             "seed": 11,
             "reveal_person": True,
-            "export_directory": str(rig.folder / "tracks"),
             "qos_overrides./sea/drone1/pose.publisher.durability": "volatile",
             "qos_overrides./sea/drone1/pose.publisher.reliability": "best_effort",
             "qos_overrides./sea/drone1/pose.publisher.depth": 7,
@@ -189,7 +189,6 @@ def test_names_follow_the_namespace_and_the_remaps(sim: Sim) -> None:
     for name, kind in {
         "reset": "std_srvs/srv/Trigger",
         "step": "std_srvs/srv/Trigger",
-        "export_mission": "std_srvs/srv/Trigger",
         "pause": "std_srvs/srv/SetBool",
         "get_map": "nav_msgs/srv/GetMap",
     }.items():
@@ -267,60 +266,23 @@ def test_the_map_can_be_asked_for(sim: Sim) -> None:
     assert asked == sim.rig.first(OccupancyGrid, "/sea/probability_grid")
 
 
-@pytest.mark.parametrize(("merge_legs", "lengths"), [(True, [2, 2, 3, 2]), (False, [4, 4, 3, 4])])
-def test_an_exported_mission_is_the_track_of_each_drone(
-    sim: Sim, merge_legs: bool, lengths: list[int]
-) -> None:
-    for _ in range(3):
-        sim.fly(RIGHT, DOWN, SEARCH, UP)
-    folder = sim.rig.folder / "tracks"
-    sim.set(merge_legs=merge_legs)
-    assert sim.trigger("export_mission") == (True, f"4 tracks in {folder}")
-    for i in range(4):
-        items = mission_reader.waypoints((folder / f"drone{i}.waypoints").read_text())
-        flown = [item for item in items[1:] if item.command == WAYPOINT]
-        assert len(flown) == lengths[i]
-        x, y, z = pymap3d.geodetic2enu(
-            flown[-1].lat_deg, flown[-1].lon_deg, ORIGIN["origin_alt"] + flown[-1].alt_m,
-            *ORIGIN.values(),
-        )  # fmt: skip
-        report = sim.report[i]
-        assert (x, y) == pytest.approx((report["x"], report["y"]), abs=0.1)
-        assert flown[-1].alt_m == ALTITUDE_M - 5.0 * i
-        plan = mission_reader.plan((folder / f"drone{i}.plan").read_text())
-        assert len(plan.items) == len(items) - 1
-        # Three searches of one cell are one descent.
-        low = [item.param1 for item in flown if item.alt_m == 30.0]
-        assert low == ([15.0] if i == 2 else [])
-
-
-def test_an_export_of_what_is_planned_goes_to_the_goals_that_are_left(sim: Sim) -> None:
+def test_what_is_deprecated_works_and_says_once_what_to_use_instead(sim: Sim) -> None:
     path = Path()
     path.header.frame_id = "map"
-    for col, row in ((0, 0), (2, 0), (2, 3)):
-        pose = PoseStamped()
-        pose.pose.position.x = (col + 0.5) * CELL_M
-        pose.pose.position.y = (GRID - 1 - row + 0.5) * CELL_M
-        path.poses.append(pose)
-    sim.talk(Path, "drone0/command_path").publish(path)
-    sim.wait_until_quiet()
-    folder = sim.rig.folder / "tracks"
-    sim.set(export_tracks="planned", merge_legs=False)
-    assert sim.trigger("export_mission")[0]
-    sim.set(export_tracks="flown")
-    for i, length in enumerate((6, 1, 1, 1)):
-        items = mission_reader.waypoints((folder / f"drone{i}.waypoints").read_text())
-        assert [item.command for item in items[1:]].count(WAYPOINT) == length
-
-
-def test_an_export_that_cannot_be_written_says_why(sim: Sim) -> None:
-    before = sim.get("export_directory")[0]
-    file = sim.rig.folder / "file"
-    file.write_text("")
-    sim.set(export_directory=str(file / "below"))
-    success, message = sim.trigger("export_mission")
-    assert not success and "Not a directory" in message
-    sim.set(export_directory=before)
+    for x_m in (65.0, 195.0):
+        goal = PoseStamped()
+        goal.pose.position.x, goal.pose.position.y = x_m, (GRID - 0.5) * CELL_M
+        path.poses.append(goal)
+    for _ in range(2):
+        sim.call(GetMap, "get_map")
+        sim.talk(Path, "drone0/command_path").publish(path)
+        for i in range(1, 4):
+            sim.talk(Int8, f"drone{i}/cmd_action").publish(Int8(data=SEARCH))
+        sim.rig.until(lambda: sim.step_number == 1)
+        assert sim.report["col"].tolist() == [1, 19, 0, 19]
+        sim.reset()
+    for name, instead in INSTEAD.items():
+        assert sim.process.output.count(f"{name} is deprecated: {instead}") == 1
 
 
 def test_drones_out_of_the_search_stay_in_every_message(sim: Sim) -> None:

@@ -62,7 +62,7 @@ def publish_state(
     progress = Progress(stamp, stamp if arrived else -1, lost)
     message = vehicle_state_message(
         f"drone{drone}", "none", to_stamp(0), progress,
-        level=DiagnosticStatus.OK, message="", values={},
+        level="ok", message="", values={},
     )  # fmt: skip
     sim.talk(DiagnosticArray, f"drone{drone}/vehicle_state").publish(message)
 
@@ -229,7 +229,7 @@ def test_a_pose_that_says_nothing_is_counted_and_the_vehicle_is_nowhere(
 def test_a_state_that_is_none_is_counted(sim: Sim, text: str) -> None:
     sim.health()
     message = vehicle_state_message(
-        "drone0", "none", to_stamp(0), Progress(), level=b"\0", message="", values={}
+        "drone0", "none", to_stamp(0), Progress(), level="ok", message="", values={}
     )
     for pair in message.status[0].values:
         if pair.key == "arrived_stamp_ns":

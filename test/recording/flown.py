@@ -122,7 +122,7 @@ class Flown:
         """Command all drones at once."""
         mission = self.mission
         number = mission.result.step if step is None else step
-        message = joint_action_message(number, actions, mission.number)
+        message = joint_action_message(mission.number, number, actions)
         self.intake.joint_action(self.publish("joint_action", message))
 
     def action(self, drone: int, action: int) -> None:
