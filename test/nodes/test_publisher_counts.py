@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import array
 import contextlib
 import json
 import signal
@@ -21,6 +20,8 @@ from rig import ALL, BEST_EFFORT, Rig, Sim, content, stamp_ns
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import Int32MultiArray, String
+
+from msg_adapters.commands import joint_action_message
 
 ENDLESS: dict[str, Any] = {
     "num_drones": 2,
@@ -154,7 +155,7 @@ def test_names_can_be_remapped_and_their_qos_overridden_under_the_new_name(rig: 
         "/remapped",
     )  # fmt: skip
     orders = rig.talk(Int32MultiArray, "/fleet/orders")
-    orders.publish(Int32MultiArray(data=array.array("i", [0, 1])))
+    orders.publish(joint_action_message(1, 0, [1]))
     rig.until(lambda: sim.step_number == 1, "a step")
     assert rig.first(PoseStamped, "/uav1/pose").pose.position.x == 1.5 * 130.0
     with rig.listening(type(sim.reports.last), "/remapped/step_report", ALL) as late:
