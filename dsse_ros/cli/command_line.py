@@ -26,7 +26,7 @@ from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
 
 MAX_SEED = 2**62
-SIM_NODE, PLANNER_NODE = "dsse_sim", "dsse_planner"
+SIM_NODE, PLANNER_NODE = "sim_node", "planner_node"
 _OF_SEARCH = {
     "scenario": ("scenario", Spec("str", "")),
     "rules": ("rules", Spec("str", "", choices=tuple(PROFILES))),

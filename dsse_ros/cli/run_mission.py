@@ -82,7 +82,7 @@ class Watcher(Node):
     """
 
     def __init__(self, *, belief: bool) -> None:
-        super().__init__("dsse_watcher")
+        super().__init__("watcher")
         self.step = -1
         self.num_active = 0
         self.probability: NDArray[np.float32] | None = None

@@ -123,7 +123,7 @@ class DashboardNode(AlarmNode):
     """
 
     def __init__(self) -> None:
-        super().__init__("dsse_dashboard")
+        super().__init__("dashboard")
         known = specs(DashboardSettings)
         given, qos = self.take_overrides(known)
         self.settings = DashboardSettings(**given)

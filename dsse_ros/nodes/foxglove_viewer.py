@@ -100,7 +100,7 @@ class ViewerNode(AlarmNode):
     _client_services: ClientServices | None = None
 
     def __init__(self) -> None:
-        super().__init__("dsse_viewer")
+        super().__init__("foxglove_viewer")
         known = specs(ViewerSettings)
         given, qos = self.take_overrides(known)
         self.settings = ViewerSettings(**given)

@@ -21,15 +21,10 @@ from msg_adapters.mission_items import FIRMWARES
 
 Kind = Literal["bool", "int", "float", "str", "ints", "names"]
 
-NODES = {
-    "recorder": "dsse_recorder",
-    "sim_node": "dsse_sim",
-    "planner_node": "dsse_planner",
-    "mavlink_bridge": "dsse_bridge",
-    "foxglove_viewer": "dsse_viewer",
-    "rviz2": "rviz2",
-}
-"""Names of the nodes by their executables."""
+NODES = (
+    "recorder", "sim_node", "planner_node", "mavlink_bridge", "foxglove_viewer", "rviz2",
+)  # fmt: skip
+"""The executables; each node has the name of its own."""
 
 
 @dataclass(frozen=True)
@@ -296,10 +291,10 @@ def starts(
 
     of_files = {
         executable: parameters_for(
-            f"{values['namespace']}/{name}",
+            f"{values['namespace']}/{executable}",
             [one for file in files[executable] for one in ("--params-file", file)],
         )
-        for executable, name in NODES.items()
+        for executable in NODES
     }
 
     def in_force(name: str, executable: str) -> Any:
@@ -318,7 +313,7 @@ def starts(
         ros = []
         if "log_level" in given:
             # Set the level of this logger only: the loggers of ROS itself log too much.
-            logger = f"{values['namespace']}/{NODES[executable]}".strip("/").replace("/", ".")
+            logger = f"{values['namespace']}/{executable}".strip("/").replace("/", ".")
             ros += ["--log-level", f"{logger}:={values['log_level']}"]
         if values["enclaves"]:
             accepts = executable == "foxglove_viewer" and in_force("accept_commands", executable)

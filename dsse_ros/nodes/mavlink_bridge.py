@@ -57,7 +57,7 @@ class BridgeNode(AlarmNode):
     _records: FlightRecords | None = None
 
     def __init__(self) -> None:
-        super().__init__("dsse_bridge")
+        super().__init__("mavlink_bridge")
         known = specs(BridgeSettings)
         given, qos = self.take_overrides(known)
         self.settings = BridgeSettings(**given)

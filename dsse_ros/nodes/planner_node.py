@@ -47,7 +47,7 @@ class PlannerNode(AlarmNode):
     """
 
     def __init__(self) -> None:
-        super().__init__("dsse_planner")
+        super().__init__("planner_node")
         known = specs(PlannerSettings)
         given, qos = self.take_overrides(known)
         self.settings = PlannerSettings(**given)

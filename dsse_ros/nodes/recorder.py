@@ -44,7 +44,7 @@ class RecorderNode(AlarmNode):
     _bag: BagWriter | None = None
 
     def __init__(self) -> None:
-        super().__init__("dsse_recorder")
+        super().__init__("recorder")
         known = specs(RecorderSettings)
         given, qos = self.take_overrides(known)
         self.settings = RecorderSettings(**given)

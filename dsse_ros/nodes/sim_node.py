@@ -68,7 +68,7 @@ class SimNode(AlarmNode):
     files: MissionFiles | None = None
 
     def __init__(self) -> None:
-        super().__init__("dsse_sim")
+        super().__init__("sim_node")
         self.settings, env, endpoints = read_parameters(self)
         settings = self.settings
         self.frame = grid_frame(env.scenario, settings)

@@ -230,7 +230,7 @@ def test_ros_arguments_are_the_nodes_and_the_summary_s_too(tmp_path: Path) -> No
     file = tmp_path / "parameters.yaml"
     file.write_text(
         "/**: {ros__parameters: {seed: 7, of_others: 1, rules: v1}}\n"
-        "/**/dsse_planner: {ros__parameters: {planner: sweep, resend_period: 0.2}}"
+        "/**/planner_node: {ros__parameters: {planner: sweep, resend_period: 0.2}}"
     )
     options = ["--rate", "0", "--ros-args", "--params-file", str(file), "-r", "__ns:=/a"]
     options += ["-p", "timestep_limit:=9", "-p", "resend_period:=0.3", "--log-level", "warn"]

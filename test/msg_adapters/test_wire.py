@@ -106,7 +106,7 @@ def all_messages():
     )
     yield diagnostics.diagnostic_array(
         STAMP,
-        name="dsse_sim",
+        name="sim_node",
         hardware_id="",
         level=DiagnosticStatus.OK,
         message="",

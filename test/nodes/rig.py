@@ -385,7 +385,7 @@ class Sim:
 
     def call(self, kind: Any, service: str, **fields: Any) -> Any:
         """Return the response of a service of the node."""
-        return self.rig.call(kind, f"{self.namespace}/dsse_sim/{service}", **fields)
+        return self.rig.call(kind, f"{self.namespace}/sim_node/{service}", **fields)
 
     def trigger(self, service: str) -> tuple[bool, str]:
         """Return success and message of a Trigger service."""
@@ -452,7 +452,7 @@ class Sim:
         What was published before them is here then too. They are the values, with `level`,
         `message` and the message's first part as `state`.
         """
-        name = f"{self.namespace}/dsse_sim".lstrip("/")
+        name = f"{self.namespace}/sim_node".lstrip("/")
         with self.rig.listening(DiagnosticArray, "/diagnostics") as inbox:
 
             def found() -> dict[str, Any] | None:

@@ -69,13 +69,13 @@ CASES = {
     "unknown parameter in a file of its own": Case(
         "--params-file {x}",
         "did you mean num_drones?",
-        files={"x": "dsse_sim: {ros__parameters: {num_dornes: 3}}"},
+        files={"x": "sim_node: {ros__parameters: {num_dornes: 3}}"},
     ),
     "unknown parameter in a file of its own and in one for all": Case(
         "--params-file {x} --params-file {y}",
         "did you mean num_drones?",
         files={
-            "x": "dsse_sim: {ros__parameters: {num_dornes: 3}}",
+            "x": "sim_node: {ros__parameters: {num_dornes: 3}}",
             "y": "/**: {ros__parameters: {num_dornes: 3}}",
         },
     ),
@@ -104,7 +104,7 @@ CASES = {
     "empty list in a file": Case(
         "--params-file {x}",
         "vector: [] is not allowed",
-        files={"x": "dsse_sim: {ros__parameters: {vector: []}}"},
+        files={"x": "sim_node: {ros__parameters: {vector: []}}"},
     ),
     "empty list for the planner": Case(
         "-p planner:=[]", "planner: [] is not allowed; one of sweep", "planner_node"

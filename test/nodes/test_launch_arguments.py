@@ -15,7 +15,7 @@ import pytest
 
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.cli.run_mission import PLANNER_PARAMETERS, SIM_PARAMETERS
-from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, NODES, Argument, Start, starts
+from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument, Start, starts
 from dsse_ros.nodes.settings import (
     PlannerSettings,
     RecorderSettings,
@@ -95,7 +95,7 @@ def test_an_argument_has_a_sentence_and_a_default_that_is_allowed(
 def test_the_names_of_the_nodes_are_theirs() -> None:
     for executable in SETTINGS:
         text = (ROOT / "dsse_ros" / "nodes" / f"{executable}.py").read_text()
-        assert f'super().__init__("{NODES[executable]}")' in text
+        assert f'super().__init__("{executable}")' in text
 
 
 @pytest.mark.parametrize(
@@ -175,11 +175,11 @@ def test_arguments_that_are_given_win_over_the_file_and_defaults_do_not(
     ("text", "namespace", "waits"),
     [
         ("", "", True),
-        ("dsse_bridge: {ros__parameters: {mode: mission}}", "", False),
+        ("mavlink_bridge: {ros__parameters: {mode: mission}}", "", False),
         ("/**: {ros__parameters: {mode: export}}", "", False),
-        ("a: {dsse_bridge: {ros__parameters: {mode: export}}}", "/a", False),
-        ("a: {dsse_bridge: {ros__parameters: {mode: export}}}", "/b", True),
-        ("dsse_bridge: {ros__parameters: {mode: guided}}", "", True),
+        ("a: {mavlink_bridge: {ros__parameters: {mode: export}}}", "/a", False),
+        ("a: {mavlink_bridge: {ros__parameters: {mode: export}}}", "/b", True),
+        ("mavlink_bridge: {ros__parameters: {mode: guided}}", "", True),
     ],
 )
 @pytest.mark.parametrize("argument", ["params_file", "bridge"])
@@ -203,7 +203,7 @@ def test_the_simulation_waits_for_vehicles_that_follow_it_and_for_no_others(
 
 def test_a_mission_ends_the_launch_unless_another_follows(tmp_path: Path) -> None:
     file = tmp_path / "parameters.yaml"
-    file.write_text("dsse_sim: {ros__parameters: {auto_reset: true}}")
+    file.write_text("sim_node: {ros__parameters: {auto_reset: true}}")
     for arguments, node in ((MISSION, "sim_node"), (FLIGHT, "mavlink_bridge")):
         for given, ends in (
             ({}, True),
@@ -219,7 +219,7 @@ def test_a_mission_ends_the_launch_unless_another_follows(tmp_path: Path) -> Non
 
 def test_who_takes_the_time_from_the_clock_does_so_only_if_there_is_one(tmp_path: Path) -> None:
     file = tmp_path / "parameters.yaml"
-    file.write_text("dsse_sim: {ros__parameters: {publish_clock: false}}")
+    file.write_text("sim_node: {ros__parameters: {publish_clock: false}}")
     for given, uses in (
         ({}, True),
         ({"publish_clock": "false"}, False),
@@ -258,8 +258,8 @@ def test_the_frames_of_rviz_and_the_logs_have_the_names_of_the_mission() -> None
                  log_level="debug")  # fmt: skip
     rviz = list(start["rviz2"].arguments)
     assert rviz[rviz.index("-f") + 1] == "one/sea"
-    assert "a.b.dsse_sim:=debug" in start["sim_node"].arguments
-    assert "a.b.dsse_planner:=debug" in start["planner_node"].arguments
+    assert "a.b.sim_node:=debug" in start["sim_node"].arguments
+    assert "a.b.planner_node:=debug" in start["planner_node"].arguments
 
 
 @pytest.mark.parametrize("accepts", ["true", "false"])

@@ -247,7 +247,7 @@ SHARED = """
     nobody: [1, 2]
     controller: {{gain: 1.0}}
     qos_overrides: {{/b/joint_action: {{publisher: {{depth: 20}}}}}}
-dsse_planner:
+planner_node:
   ros__parameters:
     seed: 3
 """
@@ -262,8 +262,8 @@ def test_one_file_for_all_nodes_stops_none_of_them(rig: Rig) -> None:
     assert sim.get("num_drones", "grid_size") == [4, 20]
     left = "no parameters of {}, left to other nodes: "
     for process, name, own in (
-        (sim.process, "dsse_sim", "sigma"),
-        (planner, "dsse_planner", "seed"),
+        (sim.process, "sim_node", "sigma"),
+        (planner, "planner_node", "seed"),
     ):
         (line,) = (line for line in process.output.splitlines() if left.format(name) in line)
         assert "nobody" in line and "controller.gain" in line and "speed" in line

@@ -88,4 +88,4 @@ def test_a_launch_file_describes_a_launch(file: Path) -> None:
 
 
 def test_the_launch_files_start_only_executables_that_exist() -> None:
-    assert NODES.keys() - {"rviz2"} <= {path.name for path in (ROOT / "scripts").iterdir()}
+    assert set(NODES) - {"rviz2"} <= {path.name for path in (ROOT / "scripts").iterdir()}

@@ -21,14 +21,14 @@ from dsse_ros.runtime.ros_arguments import (
 OF_EVERY_NODE = {"use_sim_time", "start_type_description_service"}
 FILES = {
     "all": "/**: {ros__parameters: {seed: 1, other: 2}}",
-    "own": "dsse_sim: {ros__parameters: {seed: 3}}",
-    "deep": "a: {b: {dsse_sim: {ros__parameters: {seed: 4}}}}",
-    "full": "/a/b/dsse_sim: {ros__parameters: {seed: 5}}",
-    "any": "/**/dsse_sim: {ros__parameters: {seed: 6}}",
-    "one": "/*/dsse_sim: {ros__parameters: {seed: 7}}\n/*: {ros__parameters: {seed: 8}}",
+    "own": "sim_node: {ros__parameters: {seed: 3}}",
+    "deep": "a: {b: {sim_node: {ros__parameters: {seed: 4}}}}",
+    "full": "/a/b/sim_node: {ros__parameters: {seed: 5}}",
+    "any": "/**/sim_node: {ros__parameters: {seed: 6}}",
+    "one": "/*/sim_node: {ros__parameters: {seed: 7}}\n/*: {ros__parameters: {seed: 8}}",
     "else": "/c/**: {ros__parameters: {seed: 9}}\ndsse_planner: {ros__parameters: {seed: 10}}",
     "nested": "/**: {ros__parameters: {part: {of: 11, list: [1, 2]}, text: on its own}}",
-    "two": "dsse_sim: {ros__parameters: {other: 12}}\n/**: {ros__parameters: {other: 13}}",
+    "two": "sim_node: {ros__parameters: {other: 12}}\n/**: {ros__parameters: {other: 13}}",
 }
 LINES = [
     "--params-file {all}",
@@ -41,7 +41,7 @@ LINES = [
     "--params-file {one}",
     "--params-file {else} --params-file {nested}",
     "--params-file {two}",
-    "-p dsse_sim:seed:=21 -p other:=true --param half:=0.5",
+    "-p sim_node:seed:=21 -p other:=true --param half:=0.5",
     "--log-level info -p text:=word -r x:=y -p list:=[1.0,2.0] --disable-rosout-logs",
 ]
 
@@ -59,7 +59,7 @@ def test_a_node_is_given_what_rcl_gives_it(line: str, namespace: str, tmp_path: 
     context = Context()
     rclpy.init(args=["--ros-args", *ros], context=context, domain_id=0)
     node = Node(
-        "dsse_sim", context=context, enable_rosout=False, start_parameter_services=False,
+        "sim_node", context=context, enable_rosout=False, start_parameter_services=False,
         automatically_declare_parameters_from_overrides=True,
     )  # fmt: skip
     try:
@@ -71,7 +71,7 @@ def test_a_node_is_given_what_rcl_gives_it(line: str, namespace: str, tmp_path: 
     finally:
         node.destroy_node()
         context.try_shutdown()
-    ours = parameters_for(f"{namespace_of(ros)}/dsse_sim", ros)
+    ours = parameters_for(f"{namespace_of(ros)}/sim_node", ros)
     as_lists = {k: list(v) if hasattr(v, "typecode") else v for k, v in of_rcl.items()}
     assert {name: one.value for name, one in ours.items()} == as_lists
 
@@ -91,7 +91,7 @@ def test_a_node_is_given_what_rcl_gives_it(line: str, namespace: str, tmp_path: 
 def test_shared_is_what_no_one_gives_to_the_node_alone(
     line: str, shared: set[str], tmp_path: Path
 ) -> None:
-    found = parameters_for("/dsse_sim", given(line, tmp_path))
+    found = parameters_for("/sim_node", given(line, tmp_path))
     assert {name for name, one in found.items() if one.shared} == shared
 
 
@@ -123,5 +123,5 @@ def test_a_file_that_is_none_of_parameters_is_refused_by_name(
     if text is not None:
         file.write_text(text, encoding="utf-8", errors="surrogateescape")
     with pytest.raises(UnreadableFileError, match=r"file\.yaml: ") as caught:
-        parameters_for("/dsse_sim", ["--params-file", str(file)])
+        parameters_for("/sim_node", ["--params-file", str(file)])
     assert "\n" not in str(caught.value)
