@@ -159,10 +159,10 @@ def _environment(offset: int) -> dict[str, str]:
 def _parameters(starts: NDArray[np.int64], **others: Any) -> list[str]:
     values = {
         "rules": "paper",
-        "grid_size": GRID_SIZE,
-        "drones_positions": starts.ravel().tolist(),
-        "timestep_limit": LIMIT,
-        "probability_of_detection": 0.0,
+        "scenario.grid_size": GRID_SIZE,
+        "scenario.drones_positions": starts.ravel().tolist(),
+        "scenario.timestep_limit": LIMIT,
+        "scenario.probability_of_detection": 0.0,
         "auto_reset": "true",
         "seed": 1,
         **others,

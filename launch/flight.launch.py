@@ -2,12 +2,36 @@
 # SPDX-License-Identifier: Apache-2.0
 """A search that vehicles fly: simulation, planner and bridge; the vehicles run elsewhere."""
 
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription
+from launch.actions import OpaqueFunction
+from launch_ros.actions import Node
 
-from dsse_ros.nodes.launch_arguments import FLIGHT
-from dsse_ros.nodes.launching import describe
+from dsse_ros.nodes.launching import argument, mission_arguments, mission_nodes, node
+
+ARGUMENTS = [
+    argument("mode", "What the vehicles fly: guided, mission or export."),
+    argument("connections", "MAVLink connections of the vehicles, drone0's first: [one, two]."),
+    argument("autopilot", "Autopilot of the vehicles: ardupilot or px4."),
+    argument("arm", "Searches for which vehicles may be armed: false, true or always."),
+]
+
+
+def nodes(context: LaunchContext) -> list[Node]:
+    """Return the nodes to start."""
+    values = context.launch_configurations
+    of_bridge = {
+        **{name: values[name] for name in ("mode", "connections", "autopilot", "arm")},
+        "num_vehicles": values["num_drones"],
+    }
+    # In the other modes the vehicles start when the search is over.
+    waits = "" if not values["mode"] else values["mode"] == "guided"
+    simulation = mission_nodes(
+        context, "flight.yml", autopilot=values["autopilot"], wait_for_vehicles=waits
+    )
+    bridge = node(context, "mavlink_bridge", ["mavlink_bridge.yml", "flight.yml"], of_bridge)
+    return [*simulation, bridge]
 
 
 def generate_launch_description() -> LaunchDescription:
     """Declare the arguments, then start the nodes."""
-    return describe(FLIGHT)
+    return LaunchDescription([*mission_arguments(), *ARGUMENTS, OpaqueFunction(function=nodes)])
