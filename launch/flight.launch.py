@@ -18,18 +18,15 @@ ARGUMENTS = [
 
 def nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes to start."""
-    values = context.launch_configurations
-    of_bridge = {
-        **{name: values[name] for name in ("mode", "connections", "autopilot", "arm")},
-        "num_vehicles": values["num_drones"],
-    }
+    mode = context.launch_configurations["mode"]
     # In the other modes the vehicles start when the search is over.
-    waits = "" if not values["mode"] else values["mode"] == "guided"
-    simulation = mission_nodes(
-        context, "flight.yml", autopilot=values["autopilot"], wait_for_vehicles=waits
-    )
-    bridge = node(context, "mavlink_bridge", ["mavlink_bridge.yml", "flight.yml"], of_bridge)
-    return [*simulation, bridge]
+    waits = {"wait_for_vehicles": mode == "guided"} if mode else {}
+    of_bridge = {name: name for name in ("mode", "connections", "autopilot", "arm")}
+    of_bridge["num_vehicles"] = "num_drones"
+    return [
+        *mission_nodes(context, "flight.yml", {"autopilot": "autopilot"}, waits),
+        node(context, "mavlink_bridge", ["mavlink_bridge.yml", "flight.yml"], of_bridge),
+    ]
 
 
 def generate_launch_description() -> LaunchDescription:

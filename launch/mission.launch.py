@@ -11,7 +11,7 @@ from dsse_ros.nodes.launching import mission_arguments, mission_nodes
 
 def nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes to start."""
-    return mission_nodes(context, "mission.yml")
+    return mission_nodes(context, "mission.yml", given={}, fixed={})
 
 
 def generate_launch_description() -> LaunchDescription:

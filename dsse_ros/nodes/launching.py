@@ -14,6 +14,7 @@ from typing import Any
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from launch import LaunchContext
 from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 _BOOL = ["true", "false"]
@@ -55,30 +56,33 @@ def mission_arguments() -> list[DeclareLaunchArgument]:
     ]
 
 
-def mission_nodes(context: LaunchContext, defaults: str, **of_simulation: Any) -> list[Node]:
+def mission_nodes(
+    context: LaunchContext, defaults: str, given: Mapping[str, str], fixed: Mapping[str, Any]
+) -> list[Node]:
     """Return the nodes of a mission, the recorder first: it misses what is not latched.
 
     Args:
         context: Of the launch.
         defaults: File in config/ with the default parameters.
-        of_simulation: More parameters for `sim_node`.
+        given: More parameters of `sim_node`, see `node`.
+        fixed: Parameters of `sim_node` by their values, see `node`.
     """
     values = context.launch_configurations
-    clock = {"use_sim_time": values["use_sim_time"]}
-    given = {
-        "scenario.file": values["scenario"],
-        "rules.profile": values["rules"],
-        "scenario.num_drones": values["num_drones"],
-        **{name: values[name] for name in ("seed", "step_rate", "frame_prefix")},
-        **of_simulation,
+    clock = {"use_sim_time": "use_sim_time"}
+    of_simulation = {
+        "scenario.file": "scenario",
+        "rules.profile": "rules",
+        "scenario.num_drones": "num_drones",
+        **{name: name for name in ("seed", "step_rate", "frame_prefix")},
+        **given,
     }
-    of_planner = {**clock, "planner": values["planner"], "seed": values["seed"]}
+    of_planner = {**clock, "planner": "planner", "seed": "seed"}
     nodes = [
-        node(context, "sim_node", [defaults], given),
+        node(context, "sim_node", [defaults], of_simulation, fixed),
         node(context, "planner_node", [defaults], of_planner),
     ]
     if values["record"] == "true":
-        nodes.insert(0, node(context, "recorder", [defaults], {"bag": values["bag"]}))
+        nodes.insert(0, node(context, "recorder", [defaults], {"bag": "bag"}))
     if values["viewer"] == "foxglove":
         nodes.append(node(context, "foxglove_viewer", [defaults], clock))
     if values["rviz"] == "true":
@@ -94,19 +98,19 @@ def node(
     context: LaunchContext,
     executable: str,
     defaults: Sequence[str],
-    given: Mapping[str, Any],
-    package: str = "dsse_ros",
-    arguments: Sequence[str] = (),
+    given: Mapping[str, str],
+    fixed: Mapping[str, Any] | None = None,
+    **options: Any,
 ) -> Node:
-    """Return a node with its parameters: of config/, of `params_file`, and the given ones.
+    """Return a node with its parameters: of config/, of `params_file`, and of the arguments.
 
     Args:
         context: Of the launch.
         executable: Name of the executable and of the node.
         defaults: Files in config/.
-        given: Parameters; those that are "" are left out.
-        package: The package of the executable.
-        arguments: Other arguments than those of ROS.
+        given: Names of arguments by the parameters that they set, unless they are empty.
+        fixed: More parameters by name.
+        options: Further arguments of `Node`.
     """
     values = context.launch_configurations
     files = [str(_share() / "config" / name) for name in defaults]
@@ -118,23 +122,25 @@ def node(
         # Set the level of this logger only: the loggers of ROS itself log too much.
         logger = f"{values['namespace']}/{executable}".strip("/").replace("/", ".")
         ros += ["--log-level", f"{logger}:={values['log_level']}"]
-    parameters = {name: value for name, value in given.items() if value != ""}
     # Through RViz, people command drones.
     enclave = "operator" if executable == "rviz2" else executable
+    parameters: dict[str, Any] = {
+        **{name: LaunchConfiguration(one) for name, one in given.items() if values[one]},
+        **(fixed or {}),
+    }
     return Node(
-        package=package,
         executable=executable,
         # Parameters under its full name override those that a file gives to several nodes.
         name=executable,
         namespace=values["namespace"],
         parameters=[parameters] if parameters else None,
-        arguments=list(arguments),
         ros_arguments=[*ros, "--enclave", f"{values['enclaves'].rstrip('/')}/{enclave}"],
         output="screen",
         # An interrupted bridge first makes its vehicles hold, and DDS needs time too.
         sigterm_timeout="20",
         # The mission continues if a node that only watches ends: RViz is closed, the disk is full.
         on_exit=None if executable in _WATCHERS else _end,
+        **{"package": "dsse_ros", **options},
     )
 
 

@@ -36,6 +36,7 @@ from sros2_policy import (
 from dsse_ros.cli.run_mission import parse, summary
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.mission.mission_log import COLUMNS
+from dsse_ros.nodes.settings import SHORT_NAMES
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.search import PROFILES
 from msg_adapters.agents import AgentsInfo
@@ -315,26 +316,31 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
         (
             "sim_node",
             [
-                *((PARAMETERS, heading) for heading in ("Of the simulation", "Scenario", "Rules")),
-                (DOCS / "faults.md", "Kinds of faults"),
+                (PARAMETERS, "Of the simulation", ""),
+                (PARAMETERS, "Scenario", "scenario."),
+                (PARAMETERS, "Rules", "rules."),
+                (DOCS / "faults.md", "Kinds of faults", "scenario."),
             ],
         ),
-        ("planner_node", [(PARAMETERS, "Of the planner")]),
-        ("mavlink_bridge", [(FLIGHT, "Parameters")]),
-        ("recorder", [(RECORDING, "Recording")]),
-        ("foxglove_viewer", [(VIEWERS, "Foxglove")]),
-        ("dashboard", [(DASHBOARD, "Parameters")]),
+        ("planner_node", [(PARAMETERS, "Of the planner", "")]),
+        ("mavlink_bridge", [(FLIGHT, "Parameters", "")]),
+        ("recorder", [(RECORDING, "Recording", "")]),
+        ("foxglove_viewer", [(VIEWERS, "Foxglove", "")]),
+        ("dashboard", [(DASHBOARD, "Parameters", "")]),
     ],
 )
 def test_the_parameters_are_those_of_the_tables(
-    interface: dict[str, Any], node: str, tables: list[tuple[Path, str]]
+    interface: dict[str, Any], node: str, tables: list[tuple[Path, str, str]]
 ) -> None:
     documented = {
-        name: [row["Type"], row.get("At run time") != "yes"]
-        for page, heading in tables
-        for name, row in table(page, heading, "Parameter").items()
+        prefix + name: [row["Type"], row.get("At run time") != "yes"]
+        for page, heading, prefix in tables
+        for name, row in table(page, heading, "Field" if prefix else "Parameter").items()
     }
     running = interface[node]["parameters"]
+    if node == "sim_node":
+        chosen = table(PARAMETERS, "Parameters", "Parameter")
+        documented |= {name: ["string", True] for name in chosen}
     assert documented == {k: v for k, v in running.items() if k not in COMMON_PARAMETERS}
 
 
@@ -445,7 +451,7 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     programs = set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text))
     assert programs - {"pytest", "python"} <= SCRIPTS
     known = {name for node in interface.values() for name in node["parameters"]}
-    assert set(re.findall(r"-p (\w+):=", text)) <= known
+    assert set(re.findall(r"-p ([\w.]+):=", text)) <= known | SHORT_NAMES.keys()
     for flags in re.findall(r"\brun_mission( --.*)", text):
         if "--help" not in flags:
             parse(flags.split())

@@ -18,20 +18,8 @@ FORMER = {"sigma": "scenario.sigma"}
 
 
 def test_a_command_line_is_split_where_ros_arguments_begin_and_end() -> None:
-    line = [
-        "--seed",
-        "3",
-        "--ros-args",
-        "-p",
-        "a:=1",
-        "--",
-        "--out",
-        "x",
-        "--ros-args",
-        "-r",
-        "b:=c",
-    ]
-    own, ros = split_ros_arguments(line)
+    line = "--seed 3 --ros-args -p a:=1 -- --out x --ros-args -r b:=c"
+    own, ros = split_ros_arguments(line.split())
     assert own == ["--seed", "3", "--out", "x"]
     assert ros == ["-p", "a:=1", "-r", "b:=c"]
     assert split_ros_arguments(["--", "--seed"]) == (["--", "--seed"], [])
