@@ -70,7 +70,7 @@ def _measure(num_drones: int, rounds: int, seconds: float) -> dict[str, Any]:
             _node("dsse_ros.nodes.sim_node", _parameters(starts), domains["sim_node"])
         )
         subprocess.run(
-            [sys.executable, "-m", "benchmarks.ros.capture", "dsse_sim", workload, recording],
+            [sys.executable, "-m", "benchmarks.ros.capture", "sim_node", workload, recording],
             cwd=ROOT,
             env=domains["sim_node"],
             check=True,
@@ -81,7 +81,7 @@ def _measure(num_drones: int, rounds: int, seconds: float) -> dict[str, Any]:
         stack.enter_context(_node("benchmarks.ros.ping_pong", arguments, domains["ping_pong"]))
 
         peers = {}
-        for name, node in (("sim_node", "dsse_sim"), ("ping_pong", "ping_pong")):
+        for name, node in (("sim_node", "sim_node"), ("ping_pong", "ping_pong")):
             peers[name] = stack.enter_context(Process("lockstep", environment=domains[name]))
             peers[name].set_up({"node": node, "workload": str(workload)})
             peers[name].rate(seconds)
@@ -114,7 +114,7 @@ def measure_belief(
                     given = _parameters(starts, rules=rules, **parameters)
                     stack.enter_context(_node("dsse_ros.nodes.sim_node", given, domain))
                     peers[name] = stack.enter_context(Process("lockstep", environment=domain))
-                    peers[name].set_up({"node": "dsse_sim", "workload": str(workload)})
+                    peers[name].set_up({"node": "sim_node", "workload": str(workload)})
                     peers[name].rate(seconds)
                 _take_turns(peers, rounds, seconds, rates)
         except (BenchmarkError, subprocess.SubprocessError) as error:
@@ -159,10 +159,10 @@ def _environment(offset: int) -> dict[str, str]:
 def _parameters(starts: NDArray[np.int64], **others: Any) -> list[str]:
     values = {
         "rules": "paper",
-        "grid_size": GRID_SIZE,
-        "drones_positions": starts.ravel().tolist(),
-        "timestep_limit": LIMIT,
-        "probability_of_detection": 0.0,
+        "scenario.grid_size": GRID_SIZE,
+        "scenario.drones_positions": starts.ravel().tolist(),
+        "scenario.timestep_limit": LIMIT,
+        "scenario.probability_of_detection": 0.0,
         "auto_reset": "true",
         "seed": 1,
         **others,

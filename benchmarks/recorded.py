@@ -51,7 +51,7 @@ def measure(
                 stack.enter_context(_node("dsse_ros.nodes.dashboard", of_page, domain))
             stack.enter_context(_node("dsse_ros.nodes.sim_node", _parameters(starts), domain))
             peers[kind] = stack.enter_context(Process("lockstep", environment=domain))
-            peers[kind].set_up({"node": "dsse_sim", "workload": str(workload)})
+            peers[kind].set_up({"node": "sim_node", "workload": str(workload)})
             peers[kind].rate(seconds)
             if kind == "page_open":
                 stack.enter_context(_open_page(str(browser), f"http://127.0.0.1:{port}/"))

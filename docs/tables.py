@@ -26,7 +26,6 @@ from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
 from dsse_ros.campaign.statistics import MEASURES
 from dsse_ros.dashboard.settings import DashboardSettings
-from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION, Argument
 from dsse_ros.nodes.settings import (
     RUN_TIME_SETTINGS,
     PlannerSettings,
@@ -52,10 +51,6 @@ TYPES = {
     ParameterType.PARAMETER_STRING_ARRAY: "string_array",
 }
 
-LAUNCH_TYPES = {
-    "bool": "bool", "int": "integer", "float": "number", "str": "text",
-    "ints": "list of integers", "names": "list of texts",
-}  # fmt: skip
 
 Rows = list[list[str]]
 
@@ -84,14 +79,13 @@ def shown(value: Any) -> str:
     return f"`[{', '.join(shown(item).strip('`') for item in value)}]`"
 
 
-def allowed(spec: Spec | Argument) -> str:
+def allowed(spec: Spec) -> str:
     """Return the allowed values."""
     if spec.choices:
         return ", ".join(f"`{choice}`" for choice in spec.choices)
-    above = spec.above if isinstance(spec, Spec) else -math.inf
     bounds = [
         f"{sign} {number(bound)}"
-        for sign, bound in ((">", above), ("≥", spec.low), ("≤", spec.high))
+        for sign, bound in ((">", spec.above), ("≥", spec.low), ("≤", spec.high))
         if math.isfinite(bound)
     ]
     return ", ".join(bounds)
@@ -147,7 +141,7 @@ def scenario_table() -> str:
             given = [shown(getattr(rules, name)) or "centre" for rules in PROFILES.values()]
             default = given[0] if len(set(given)) == 1 else " / ".join(given)
         rows.append([f"`{name}`", type_of(spec), spec.unit, default, allowed(spec), spec.doc])
-    return table(["Parameter", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
+    return table(["Field", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
 
 
 def faults_table() -> str:
@@ -163,7 +157,7 @@ def faults_table() -> str:
                     spec.unit, shown(values[field]), allowed(spec), spec.doc,
                 ]
             )  # fmt: skip
-    return table(["Fault", "Parameter", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
+    return table(["Fault", "Field", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
 
 
 def rules_table() -> str:
@@ -177,25 +171,9 @@ def rules_table() -> str:
             ]
             for field, spec in specs(group).items()
         ]  # fmt: skip
-        head = ["Parameter", "Type", "Unit", *PROFILES, "Meaning"]
+        head = ["Field", "Type", "Unit", *PROFILES, "Meaning"]
         texts.append(f"\n**{name}.** {group.__doc__}\n\n{table(head, rows)}")
     return "".join(texts) + "\n"
-
-
-def launch_table() -> str:
-    """Return the table of the launch files' arguments, with the default in each file."""
-    rows = []
-    for name in {**MISSION, **FLIGHT}:
-        files = [arguments[name] for arguments in (MISSION, FLIGHT) if name in arguments]
-        defaults_of = [
-            shown(arguments[name].default or None) if name in arguments else "no such argument"
-            for arguments in (MISSION, FLIGHT)
-        ]
-        docs = list(dict.fromkeys(one.doc for one in files))
-        meaning = docs[0] if len(docs) == 1 else f"{docs[0]} In a flight: {docs[1]}"
-        kind = LAUNCH_TYPES[files[0].kind]
-        rows.append([f"`{name}`", kind, *defaults_of, allowed(files[-1]), meaning])
-    return table(["Argument", "Type", "In a mission", "In a flight", "Allowed", "Meaning"], rows)
 
 
 def metrics_table() -> str:
@@ -261,7 +239,6 @@ TABLES = {
     "campaign": lambda: fields_table(CampaignSettings),
     "campaign_planner": lambda: fields_table(PlannerEntry),
     "measures": measures_table,
-    "launch": launch_table,
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
     "mavlink_bridge": lambda: settings_table(BridgeSettings),

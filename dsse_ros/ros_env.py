@@ -86,7 +86,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self,
         namespace: str = "",
         *,
-        node_name: str = "dsse_sim",
+        node_name: str = "sim_node",
         timeout_s: float = TIMEOUT_S,
         domain_id: int | None = None,
     ) -> None:
@@ -122,7 +122,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             FieldError: If it cannot be used.
         """
         node = rclpy.create_node(
-            "dsse_env", namespace=namespace, context=self._context, enable_rosout=False,
+            "ros_env", namespace=namespace, context=self._context, enable_rosout=False,
             start_parameter_services=False,
         )  # fmt: skip
         self._node = node

@@ -2,12 +2,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """A search that vehicles fly: simulation, planner and bridge; the vehicles run elsewhere."""
 
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription
+from launch.actions import OpaqueFunction
+from launch_ros.actions import Node
 
-from dsse_ros.nodes.launch_arguments import FLIGHT
-from dsse_ros.nodes.launching import describe
+from dsse_ros.nodes.launching import argument, mission_arguments, mission_nodes, node
+
+ARGUMENTS = [
+    argument("mode", "What the vehicles fly: guided, mission or export."),
+    argument("connections", "MAVLink connections of the vehicles, drone0's first: [one, two]."),
+    argument("autopilot", "Autopilot of the vehicles: ardupilot or px4."),
+    argument("arm", "Searches for which vehicles may be armed: false, true or always."),
+]
+
+
+def nodes(context: LaunchContext) -> list[Node]:
+    """Return the nodes to start."""
+    mode = context.launch_configurations["mode"]
+    # In the other modes the vehicles start when the search is over.
+    waits = {"wait_for_vehicles": mode == "guided"} if mode else {}
+    of_bridge = {name: name for name in ("mode", "connections", "autopilot", "arm")}
+    of_bridge["num_vehicles"] = "num_drones"
+    return [
+        *mission_nodes(context, "flight.yml", {"autopilot": "autopilot"}, waits),
+        node(context, "mavlink_bridge", ["mavlink_bridge.yml", "flight.yml"], of_bridge),
+    ]
 
 
 def generate_launch_description() -> LaunchDescription:
     """Declare the arguments, then start the nodes."""
-    return describe(FLIGHT)
+    return LaunchDescription([*mission_arguments(), *ARGUMENTS, OpaqueFunction(function=nodes)])

@@ -2,12 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission: the simulation, a planner and, with `rviz:=true`, RViz."""
 
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription
+from launch.actions import OpaqueFunction
+from launch_ros.actions import Node
 
-from dsse_ros.nodes.launch_arguments import MISSION
-from dsse_ros.nodes.launching import describe
+from dsse_ros.nodes.launching import mission_arguments, mission_nodes
+
+
+def nodes(context: LaunchContext) -> list[Node]:
+    """Return the nodes to start."""
+    return mission_nodes(context, "mission.yml", given={}, fixed={})
 
 
 def generate_launch_description() -> LaunchDescription:
     """Declare the arguments, then start the nodes."""
-    return describe(MISSION)
+    return LaunchDescription([*mission_arguments(), OpaqueFunction(function=nodes)])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.scenario.limits import MAX_SIDE
+from dsse_ros.scenario.limits import MAX_ID, MAX_SIDE
 from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import SPECS, Scenario
 from msg_adapters.frames import GridFrame, altitudes_of
@@ -20,9 +20,6 @@ from msg_adapters.json_keys import Keys, parse_json
 
 if TYPE_CHECKING:
     from std_msgs.msg import String
-
-MAX_ID = 2**32 - 1
-"""Largest run_id and mission: uint32 in the reports."""
 
 
 @dataclass(frozen=True)

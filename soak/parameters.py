@@ -70,9 +70,9 @@ def allowed(spec: Spec, value: Any) -> bool | None:
 def specs_of(node: str) -> dict[str, Spec]:
     """Return the fields that are parameters of a node."""
     if node == "sim_node":
-        from dsse_ros.nodes.sim_parameters import RULES_SPECS, SCENARIO_SPECS, SETTINGS_SPECS
+        from dsse_ros.nodes.settings import SIM_PARAMETERS
 
-        return {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
+        return dict(SIM_PARAMETERS)
     names = {
         "planner_node": "PlannerSettings",
         "recorder": "RecorderSettings",

@@ -11,32 +11,38 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from dsse_ros.mission.scenario_files import find_scenario
+from dsse_ros.nodes.settings import (
+    FORMER_NAMES,
+    PROFILE,
+    SCENARIO_FILE,
+    SHORT_NAMES,
+    SIM_PARAMETERS,
+)
 from dsse_ros.planners import PLANNER_NAMES, check_task
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.runtime.ros_arguments import (
-    OF_EVERY_NODE,
-    Given,
     from_ros,
-    namespace_of,
-    parameters_for,
+    known_parameters,
     split_ros_arguments,
+    typed_names,
+    without_prefix,
 )
-from dsse_ros.scenario.fields import Spec, check_known, specs
+from dsse_ros.scenario.fields import Spec
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
 
 MAX_SEED = 2**62
-SIM_NODE, PLANNER_NODE = "dsse_sim", "dsse_planner"
+SIM_NODE, PLANNER_NODE = "sim_node", "planner_node"
 _OF_SEARCH = {
-    "scenario": ("scenario", Spec("str", "")),
-    "rules": ("rules", Spec("str", "", choices=tuple(PROFILES))),
+    SCENARIO_FILE: ("scenario", SIM_PARAMETERS[SCENARIO_FILE]),
+    PROFILE: ("rules", SIM_PARAMETERS[PROFILE]),
     "planner": ("planner", Spec("str", "", choices=PLANNER_NAMES)),
     "model": ("model", Spec("str", "")),
-    "num_drones": ("drones", specs(Scenario)["num_drones"]),
+    "scenario.num_drones": ("drones", SIM_PARAMETERS["scenario.num_drones"]),
     "seed": ("seed", Spec("int", "", low=0, high=MAX_SEED)),
 }
 """Parameters of the nodes that are options of a program: name and values of the option."""
-_FIELDS = {**specs(Rules), **specs(Scenario)}
+_FIELDS = {name: spec for name, spec in SIM_PARAMETERS.items() if "." in name}
 
 
 class Parser(argparse.ArgumentParser):
@@ -76,23 +82,20 @@ class Parser(argparse.ArgumentParser):
         """
         own, ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
         options = {**_OF_SEARCH, **options}
-        known = [*options, *_FIELDS, *others]
+        known = [*options, *_FIELDS, *SHORT_NAMES, *others]
         fields, defaults = {}, {}
         try:
-            given: dict[str, Given] = {}
-            for node in (PLANNER_NODE, SIM_NODE):
-                given |= parameters_for(f"{namespace_of(ros)}/{node}", ros)
-            for name, (value, shared) in given.items():
-                of_all = name.startswith("qos_overrides.") or name in OF_EVERY_NODE
-                if name not in known and (shared or of_all):
-                    continue
-                check_known(f"the parameters of {self.prog}", [name], known)
-                option, spec = options.get(name, ("", None))
-                if spec is not None:
+            given = _overrides(ros) if ros else {}
+            what = f"the parameters of {self.prog}"
+            given = known_parameters(what, given, known, typed_names(ros), FORMER_NAMES)
+            for short_or_full, value in given.items():
+                name = SHORT_NAMES.get(short_or_full, short_or_full)
+                if name in options:
+                    option, spec = options[name]
                     defaults[option] = spec.check(name, value)
                 elif name in _FIELDS:
                     fields[name] = _FIELDS[name].check(name, from_ros(_FIELDS[name], value))
-        except ValueError as error:
+        except FieldError as error:
             self.error(str(error))
         self.set_defaults(fields=fields, ros=ros, **defaults)
         return self.parse_args(own)
@@ -100,6 +103,18 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Leave the program with that line."""
         sys.exit(fail(self.prog, message))
+
+
+def _overrides(ros: Sequence[str]) -> dict[str, Any]:
+    """Return the parameters that ROS arguments give to the nodes of a search.
+
+    Raises:
+        FieldError: If an argument is not allowed.
+    """
+    # Without ROS arguments the programs run without ROS.
+    from dsse_ros.runtime.run_node import overrides_of
+
+    return overrides_of((PLANNER_NODE, SIM_NODE), ros)
 
 
 def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Rules]:
@@ -110,9 +125,8 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
     """
     if not 0 <= arguments.seed <= MAX_SEED:
         raise FieldError(f"seed must be from 0 to 2^62, got {arguments.seed}")
-    of_scenario = {k: v for k, v in arguments.fields.items() if k in specs(Scenario)}
-    of_rules = {k: v for k, v in arguments.fields.items() if k not in of_scenario}
-    rules = profile(arguments.rules, **of_rules)
+    of_scenario = without_prefix("scenario.", arguments.fields)
+    rules = profile(arguments.rules, **without_prefix("rules.", arguments.fields))
     if "planner" in arguments:
         check_task(arguments.planner, rules)
     path = find_scenario(arguments.scenario)

@@ -35,7 +35,14 @@ from tqdm import tqdm
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
 from dsse_ros.dashboard.settings import DashboardSettings
-from dsse_ros.nodes.settings import PlannerSettings, SimSettings
+from dsse_ros.nodes.settings import (
+    PROFILE,
+    SCENARIO_FILE,
+    SHORT_NAMES,
+    SIM_PARAMETERS,
+    PlannerSettings,
+    SimSettings,
+)
 from dsse_ros.report.metrics import path_lengths
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.report.replay import mission_views
@@ -46,7 +53,7 @@ from dsse_ros.runtime.ros_arguments import OF_EVERY_NODE, pairs
 from dsse_ros.runtime.run_node import init_ros, new_executor
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.search import FieldError, Rules, Scenario
+from dsse_ros.search import FieldError, Rules
 from dsse_ros.search.compiler import COMPILING
 from dsse_ros.view.movie import check_movie, save_movie
 from dsse_ros.view.rendering import MissionView, save_picture
@@ -57,9 +64,9 @@ from msg_adapters.step_report import step_report_from_message
 
 SILENCE_S = 60.0
 """Wall time without a step or a running compiler after which the mission has failed."""
-SIM_PARAMETERS = (*specs(SimSettings), *specs(Scenario), *specs(Rules), *OF_EVERY_NODE)
-PLANNER_PARAMETERS = (*specs(PlannerSettings), *OF_EVERY_NODE)
-DASHBOARD_PARAMETERS = (*specs(DashboardSettings), *OF_EVERY_NODE)
+_SIM_NAMES = (*SIM_PARAMETERS, *SHORT_NAMES, *OF_EVERY_NODE)
+_PLANNER_NAMES = (*specs(PlannerSettings), *OF_EVERY_NODE)
+_DASHBOARD_NAMES = (*specs(DashboardSettings), *OF_EVERY_NODE)
 STOP_S = 10.0
 """Wall time a process has to end after it was interrupted."""
 
@@ -82,7 +89,7 @@ class Watcher(Node):
     """
 
     def __init__(self, *, belief: bool) -> None:
-        super().__init__("dsse_watcher")
+        super().__init__("watcher")
         self.step = -1
         self.num_active = 0
         self.probability: NDArray[np.float32] | None = None
@@ -198,7 +205,7 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[]
         yield lambda: None
         return
     log: Path = arguments.out / "dashboard.log"
-    ros = ros_for(DASHBOARD_PARAMETERS, arguments.ros)
+    ros = ros_for(_DASHBOARD_NAMES, arguments.ros)
     parameters: dict[str, Any] = {}
     if not any(value.startswith("port:=") for _, value in pairs(ros)) and not default_port_free():
         parameters["port"] = 0
@@ -252,15 +259,15 @@ def fly(
     out: Path = arguments.out
     belief = shows_belief(arguments, scenario, rules)
     sim = {
-        "scenario": str(path), "rules": rules.profile, "seed": arguments.seed,
+        SCENARIO_FILE: str(path), PROFILE: rules.profile, "seed": arguments.seed,
         "step_rate": float(arguments.rate), "record_file": str(out / "mission.csv"),
         "publish_belief": belief,
     }  # fmt: skip
     if arguments.drones is not None:
-        sim["num_drones"] = arguments.drones
+        sim["scenario.num_drones"] = arguments.drones
     planner = {"planner": arguments.planner, "seed": arguments.seed, "model": arguments.model or ""}
-    sim_ros = ros_for(SIM_PARAMETERS, arguments.ros)
-    planner_ros = ros_for(PLANNER_PARAMETERS, arguments.ros)
+    sim_ros = ros_for(_SIM_NAMES, arguments.ros)
+    planner_ros = ros_for(_PLANNER_NAMES, arguments.ros)
     sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
     watcher = Watcher(belief=belief)
     executor = new_executor()
@@ -392,7 +399,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     return parser.parse_with_ros(
         argv,
         {name: (option, specs(SimSettings)[name]) for name, option in of_sim.items()},
-        {*SIM_PARAMETERS, *PLANNER_PARAMETERS, *DASHBOARD_PARAMETERS},
+        {*_SIM_NAMES, *_PLANNER_NAMES, *_DASHBOARD_NAMES},
     )
 
 

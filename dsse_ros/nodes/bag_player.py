@@ -43,7 +43,7 @@ class BagPlayer(AlarmNode):
     """
 
     def __init__(self, path: Path, rate: float) -> None:
-        super().__init__("dsse_player")
+        super().__init__("replay")
         self._rate = rate
         self._messages: Iterator[Recorded] = read_bag(path)
         self._next: Recorded | None = None

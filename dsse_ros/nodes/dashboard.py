@@ -121,7 +121,7 @@ class DashboardNode(AlarmNode):
     """
 
     def __init__(self) -> None:
-        super().__init__("dsse_dashboard")
+        super().__init__("dashboard")
         self.settings, endpoints = read_settings(self, DashboardSettings)
         endpoints.check_all_used()
         self.inbox = Inbox(_EVERY_MESSAGE)

@@ -98,7 +98,7 @@ class ViewerNode(AlarmNode):
     _client_services: ClientServices | None = None
 
     def __init__(self) -> None:
-        super().__init__("dsse_viewer")
+        super().__init__("foxglove_viewer")
         self.settings, endpoints = read_settings(self, ViewerSettings)
         endpoints.check_all_used()
         self._namespace = self.get_namespace().rstrip("/") + "/"

@@ -1,84 +1,161 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Launch descriptions from tables of arguments."""
+"""What the launch files share: the arguments of a mission, and its nodes.
+
+The nodes check the values. Arguments that are not given leave the choice to the parameter files.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, List  # noqa: UP035
+from typing import Any
 
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
-from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch import LaunchContext
+from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 
-from dsse_ros.nodes.launch_arguments import Argument, Start, starts
-
+_BOOL = ["true", "false"]
 _WATCHERS = ("recorder", "foxglove_viewer", "rviz2")
 
 
-def describe(arguments: Mapping[str, Argument]) -> LaunchDescription:
-    """Return the description of `MISSION` or `FLIGHT`: arguments, then nodes."""
-    given: set[str] = set()
-
-    def note_given(context: LaunchContext) -> None:
-        # Once an argument is declared, its default looks like a given value.
-        given.update(arguments.keys() & context.launch_configurations.keys())
-
-    def nodes(context: LaunchContext) -> list[Node]:
-        texts = {name: context.launch_configurations[name] for name in arguments}
-        share = get_package_share_directory("dsse_ros")
-        made = starts(arguments, texts, given, share)
-        for package in {_package(name) for name in made}:
-            # Otherwise launch would start some nodes before it finds a package missing, and leave
-            # them running.
-            get_package_prefix(package)
-        return [_node(name, start, texts["namespace"]) for name, start in made.items()]
-
-    declared = [
-        DeclareLaunchArgument(
-            name,
-            default_value=one.default,
-            description=one.doc,
-            choices=list(one.choices) or None,
-        )
-        for name, one in arguments.items()
-    ]
-    return LaunchDescription(
-        [OpaqueFunction(function=note_given), *declared, OpaqueFunction(function=nodes)]
+def argument(
+    name: str, description: str, default: str = "", choices: Sequence[str] = ()
+) -> DeclareLaunchArgument:
+    """Return an argument of a launch file."""
+    return DeclareLaunchArgument(
+        name, default_value=default, description=description, choices=list(choices) or None
     )
 
 
-def _node(executable: str, start: Start, namespace: str) -> Node:
-    files = [Path(file) for file in start.files]
-    parameters = [_typed(start.before), *files, _typed(start.after)]
+def mission_arguments() -> list[DeclareLaunchArgument]:
+    """Return the arguments for `mission_nodes`."""
+    return [
+        argument("params_file", "File of parameters of any of the nodes; arguments override it."),
+        argument("scenario", "YAML file, or name of a scenario of the package."),
+        argument("rules", "Profile of the rules."),
+        argument("planner", "Planner that commands the drones."),
+        argument("num_drones", "Number of drones; by default the scenario's."),
+        argument("seed", "Seed of the map, the persons and the planner; by default drawn."),
+        argument("step_rate", "Steps per second of wall time at most, 0 for no limit."),
+        argument("use_sim_time", "Whether planner and viewers use /clock.", "true", _BOOL),
+        argument("namespace", "Namespace of all nodes."),
+        argument("frame_prefix", "Prefix of all frames, such as one/."),
+        argument("record", "Whether to record the mission to a bag.", "false", _BOOL),
+        argument(
+            "bag", "MCAP file of the recording, a new one; by default named by date and time."
+        ),
+        argument("rviz", "Whether to show the mission in RViz.", "false", _BOOL),
+        argument(
+            "viewer", "Whether to serve the topics to Foxglove.", "none", ["none", "foxglove"]
+        ),
+        argument("log_level", "Level of the nodes' own logs, such as debug."),
+        argument("enclaves", "Path of the security enclaves of the nodes.", "/dsse_ros"),
+    ]
+
+
+def mission_nodes(
+    context: LaunchContext, defaults: str, given: Mapping[str, str], fixed: Mapping[str, Any]
+) -> list[Node]:
+    """Return the nodes of a mission, the recorder first: it misses what is not latched.
+
+    Args:
+        context: Of the launch.
+        defaults: File in config/ with the default parameters.
+        given: More parameters of `sim_node`, see `node`.
+        fixed: Parameters of `sim_node` by their values, see `node`.
+    """
+    values = context.launch_configurations
+    clock = {"use_sim_time": "use_sim_time"}
+    of_simulation = {
+        "scenario.file": "scenario",
+        "rules.profile": "rules",
+        "scenario.num_drones": "num_drones",
+        **{name: name for name in ("seed", "step_rate", "frame_prefix")},
+        **given,
+    }
+    of_planner = {**clock, "planner": "planner", "seed": "seed"}
+    nodes = [
+        node(context, "sim_node", [defaults], of_simulation, fixed),
+        node(context, "planner_node", [defaults], of_planner),
+    ]
+    if values["record"] == "true":
+        nodes.insert(0, node(context, "recorder", [defaults], {"bag": "bag"}))
+    if values["viewer"] == "foxglove":
+        nodes.append(node(context, "foxglove_viewer", [defaults], clock))
+    if values["rviz"] == "true":
+        # Fail before any node has started if it is not installed.
+        get_package_prefix("rviz2")
+        config = str(_share() / "rviz" / "mission.rviz")
+        options = ["-d", config, "-f", values["frame_prefix"] + "map"]
+        nodes.append(node(context, "rviz2", [], clock, package="rviz2", arguments=options))
+    return nodes
+
+
+def node(
+    context: LaunchContext,
+    executable: str,
+    defaults: Sequence[str],
+    given: Mapping[str, str],
+    fixed: Mapping[str, Any] | None = None,
+    **options: Any,
+) -> Node:
+    """Return a node with its parameters: of config/, of `params_file`, and of the arguments.
+
+    Args:
+        context: Of the launch.
+        executable: Name of the executable and of the node.
+        defaults: Files in config/.
+        given: Names of arguments by the parameters that they set, unless they are empty.
+        fixed: More parameters by name.
+        options: Further arguments of `Node`.
+    """
+    values = context.launch_configurations
+    files = [str(_share() / "config" / name) for name in defaults]
+    if values["params_file"]:
+        files.append(values["params_file"])
+    # As arguments, because launch skips a file that does not exist.
+    ros = [part for file in files for part in ("--params-file", file)]
+    if values["log_level"]:
+        # Set the level of this logger only: the loggers of ROS itself log too much.
+        logger = f"{values['namespace']}/{executable}".strip("/").replace("/", ".")
+        ros += ["--log-level", f"{logger}:={values['log_level']}"]
+    # Through RViz, people command drones.
+    enclave = "operator" if executable == "rviz2" else executable
+    parameters: dict[str, Any] = {
+        **{name: LaunchConfiguration(one) for name, one in given.items() if values[one]},
+        **(fixed or {}),
+    }
     return Node(
-        package=_package(executable),
         executable=executable,
-        namespace=namespace,
-        parameters=[one for one in parameters if one],
-        arguments=list(start.arguments),
+        # Parameters under its full name override those that a file gives to several nodes.
+        name=executable,
+        namespace=values["namespace"],
+        parameters=[parameters] if parameters else None,
+        ros_arguments=[*ros, "--enclave", f"{values['enclaves'].rstrip('/')}/{enclave}"],
         output="screen",
         # An interrupted bridge first makes its vehicles hold, and DDS needs time too.
         sigterm_timeout="20",
         # The mission continues if a node that only watches ends: RViz is closed, the disk is full.
-        on_exit=None if executable in _WATCHERS else Shutdown(reason=f"{executable} has ended"),
+        on_exit=None if executable in _WATCHERS else _end,
+        **{"package": "dsse_ros", **options},
     )
 
 
-def _package(executable: str) -> str:
-    return "rviz2" if executable == "rviz2" else "dsse_ros"
+def _end(event: Any, context: LaunchContext) -> Shutdown | None:
+    """Shut down; a node that has failed makes the launch fail.
+
+    Raises:
+        RuntimeError: If it has failed.
+    """
+    if context.is_shutdown:
+        return None
+    if event.returncode:
+        raise RuntimeError(f"{event.process_name} ended with code {event.returncode}")
+    return Shutdown(reason=f"{event.process_name} has ended")
 
 
-def _typed(parameters: Mapping[str, Any]) -> dict[str, ParameterValue]:
-    """Return parameters that keep their types: launch would parse a text as YAML again."""
-    return {name: ParameterValue(one, value_type=_type(one)) for name, one in parameters.items()}
-
-
-def _type(value: Any) -> Any:
-    # For launch_ros, list[int] is a different type than List[int].
-    if isinstance(value, list):
-        return List[int] if isinstance(value[0], int) else List[str]  # noqa: UP006
-    return type(value)
+def _share() -> Path:
+    return Path(get_package_share_directory("dsse_ros"))

@@ -55,7 +55,7 @@ class BridgeNode(AlarmNode):
     _records: FlightRecords | None = None
 
     def __init__(self) -> None:
-        super().__init__("dsse_bridge")
+        super().__init__("mavlink_bridge")
         self.settings, endpoints = read_settings(self, BridgeSettings)
         self._link_troubles: dict[str, str] = {}
         self._simulations = 0

@@ -45,7 +45,7 @@ class PlannerNode(AlarmNode):
     """
 
     def __init__(self) -> None:
-        super().__init__("dsse_planner")
+        super().__init__("planner_node")
         self.settings, endpoints = read_settings(self, PlannerSettings)
         # Fail at once, without a simulation, if the planner cannot be loaded.
         load_planner(self.settings.planner)

@@ -42,7 +42,7 @@ class RecorderNode(AlarmNode):
     _bag: BagWriter | None = None
 
     def __init__(self) -> None:
-        super().__init__("dsse_recorder")
+        super().__init__("recorder")
         self.settings, endpoints = read_settings(self, RecorderSettings)
         endpoints.check_all_used()
         name = self.settings.bag or time.strftime("mission_%Y_%m_%d-%H_%M_%S.mcap")

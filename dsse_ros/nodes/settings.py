@@ -4,15 +4,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.mission.vehicle_missions import ArrivalSettings
 from dsse_ros.planners import PLANNER_NAMES
-from dsse_ros.scenario.fields import FieldError, check_all, field
-from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
-from dsse_ros.scenario.rules import PROFILES
-from msg_adapters.agents import MAX_ID
+from dsse_ros.scenario.fields import FieldError, Spec, check_all, field, specs
+from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, MAX_ID
+from dsse_ros.scenario.rules import PROFILES, Rules
+from dsse_ros.scenario.scenario import Scenario
 
 LARGEST_AUTO_GRID = 50
 """Cells a side of the largest grid whose missions have a belief without being asked for one."""
@@ -26,10 +27,6 @@ class SimSettings(ArrivalSettings):
         FieldError: If a value is not allowed.
     """
 
-    scenario: str = field(
-        "str", "YAML file, or name of a scenario of the package; empty for the defaults.", ""
-    )
-    rules: str = field("str", "Profile of the rules.", "paper", choices=tuple(PROFILES))
     max_cells: int = field(
         "int",
         "Maximum number of cells; a larger grid is refused before memory is allocated.",
@@ -165,6 +162,28 @@ RUN_TIME_SETTINGS = frozenset(
     }
 )  # fmt: skip
 """Settings of `sim_node` that can change at run time; the others are read-only."""
+
+SCENARIO_FILE, PROFILE = "scenario.file", "rules.profile"
+_SCENARIO = {f"scenario.{name}": spec for name, spec in specs(Scenario).items()}
+# If the scenario has the same field, its value counts.
+_RULES = {f"rules.{k}": v for k, v in specs(Rules).items() if k not in specs(Scenario)}
+
+SIM_PARAMETERS: Mapping[str, Spec] = {
+    **specs(SimSettings),
+    SCENARIO_FILE: Spec(
+        "str", "YAML file, or name of a scenario of the package; empty for the defaults."
+    ),
+    **_SCENARIO,
+    **_RULES,
+    PROFILE: Spec("str", "Profile of the rules.", choices=tuple(PROFILES)),
+}
+"""All parameters of `sim_node`: its settings, and the groups `scenario.` and `rules.`."""
+
+SHORT_NAMES = {"scenario": SCENARIO_FILE, "rules": PROFILE}
+"""Accepted on the command line too."""
+
+FORMER_NAMES = {name.partition(".")[2]: name for name in (*_SCENARIO, *_RULES)}
+"""Names of the fields without their group, as parameters had them; refused with the new name."""
 
 
 @dataclass(frozen=True, kw_only=True)

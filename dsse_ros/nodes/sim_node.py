@@ -29,9 +29,9 @@ from dsse_ros.mission.step_scheduler import Due, StepScheduler
 from dsse_ros.nodes import deprecated, sim_services, simulation_interfaces
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
 from dsse_ros.nodes.publishers import MissionPublishers
+from dsse_ros.nodes.settings import SIM_PARAMETERS
 from dsse_ros.nodes.sim_parameters import (
     OF_TIMING,
-    SETTINGS_SPECS,
     draw_run_id,
     draw_seed,
     grid_frame,
@@ -67,7 +67,7 @@ class SimNode(AlarmNode):
     files: MissionFiles | None = None
 
     def __init__(self) -> None:
-        super().__init__("dsse_sim")
+        super().__init__("sim_node")
         self.settings, env, endpoints = read_parameters(self)
         settings = self.settings
         self.frame = grid_frame(env.scenario, settings)
@@ -121,10 +121,10 @@ class SimNode(AlarmNode):
     # Parameters
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
-        return check_changes(SETTINGS_SPECS, parameters)[0]
+        return check_changes(SIM_PARAMETERS, parameters)[0]
 
     def _on_changed(self, parameters: list[Parameter]) -> None:
-        _, changes = check_changes(SETTINGS_SPECS, parameters)
+        _, changes = check_changes(SIM_PARAMETERS, parameters)
         was_moving = self._scheduler.moving
         self.settings = dataclasses.replace(self.settings, **changes)
         if changes.keys() & OF_TIMING:

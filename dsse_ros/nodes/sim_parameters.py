@@ -12,28 +12,25 @@ import numpy as np
 
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
-from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SimSettings
+from dsse_ros.nodes.settings import (
+    FORMER_NAMES,
+    PROFILE,
+    RUN_TIME_SETTINGS,
+    SCENARIO_FILE,
+    SHORT_NAMES,
+    SIM_PARAMETERS,
+    SimSettings,
+)
 from dsse_ros.runtime.parameters import declare
 from dsse_ros.runtime.qos import Endpoints
-from dsse_ros.runtime.ros_arguments import from_ros
+from dsse_ros.runtime.ros_arguments import from_ros, without_prefix
 from dsse_ros.runtime.run_node import AlarmNode
 from dsse_ros.scenario.fields import specs
-from dsse_ros.scenario.limits import check_cells
-from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.limits import MAX_ID, check_cells
 from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.search import FieldError, Scenario, SearchEnv, profile
+from dsse_ros.search import FieldError, Rules, Scenario, SearchEnv, profile
 from dsse_ros.search.compiler import prepared_env
-from msg_adapters.agents import MAX_ID
 from msg_adapters.frames import GridFrame, scenario_frame
-
-SCENARIO_SPECS = specs(Scenario)
-RULES_SPECS = {
-    name: spec
-    for name, spec in specs(Rules).items()
-    # If the scenario has the same field, its value counts.
-    if name not in SCENARIO_SPECS and name != "profile"
-}
-SETTINGS_SPECS = specs(SimSettings)
 
 OF_TIMING = {"step_mode", "step_rate", "real_time_factor", "odom_rate", "command_timeout"}
 """Settings of the time at which steps are due."""
@@ -45,26 +42,29 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
     Raises:
         FieldError: If a parameter or the scenario is not allowed.
     """
-    known = {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
-    given, qos = node.take_overrides(known)
-    given = {name: from_ros(known[name], value) for name, value in given.items()}
-
-    def of(part: dict[str, Any]) -> dict[str, Any]:
-        return {name: value for name, value in given.items() if name in part}
-
-    settings = SimSettings(**of(SETTINGS_SPECS))
-    rules = profile(settings.rules, **of(RULES_SPECS))
+    taken, qos = node.take_overrides({**SIM_PARAMETERS, **SHORT_NAMES}, FORMER_NAMES)
+    given = {SHORT_NAMES.get(name, name): value for name, value in taken.items()}
+    for name, value in given.items():
+        spec = SIM_PARAMETERS[name]
+        given[name] = spec.check(name, from_ros(spec, value))
+    file, base = given.pop(SCENARIO_FILE, ""), given.pop(PROFILE, "paper")
+    settings = SimSettings(**{name: value for name, value in given.items() if "." not in name})
+    rules = profile(base, **without_prefix("rules.", given))
     if rules.covers and settings.publish_belief:
         raise FieldError(
             f"publish_belief: true is not allowed with rules {rules.profile}, which have no persons"
         )
-    path = find_scenario(settings.scenario) if settings.scenario else None
-    scenario = Scenario.of(path).override(**of(SCENARIO_SPECS))
+    path = find_scenario(file) if file else None
+    scenario = Scenario.of(path).override(**without_prefix("scenario.", given))
     _check_size(settings, scenario, rules)
     env = prepared_env(scenario, rules, node.get_logger().info, has_belief=settings.has_belief)
-    declare(node, SETTINGS_SPECS, vars(settings), RUN_TIME_SETTINGS)
-    declare(node, SCENARIO_SPECS, _in_force(env.scenario))
-    declare(node, RULES_SPECS, vars(rules))
+    values = {
+        **vars(settings),
+        SCENARIO_FILE: file,
+        **{f"scenario.{name}": value for name, value in _in_force(env.scenario).items()},
+        **{f"rules.{name}": value for name, value in vars(rules).items()},
+    }
+    declare(node, SIM_PARAMETERS, values, RUN_TIME_SETTINGS)
     return settings, env, Endpoints(node, qos)
 
 
@@ -116,5 +116,5 @@ def _in_force(scenario: ResolvedScenario) -> dict[str, Any]:
     for name, value in scenario.other_ways.items():
         # If drones are faster than any current, there is no such current.
         with contextlib.suppress(FieldError):
-            values[name] = SCENARIO_SPECS[name].check(name, value)
+            values[name] = specs(Scenario)[name].check(name, value)
     return values

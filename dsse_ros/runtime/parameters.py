@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dsse_ros.runtime.ros_arguments import OF_EVERY_NODE, from_ros
-from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
+from dsse_ros.scenario.fields import FieldError, Spec, shown
 
 _TYPES = {
     "bool": Parameter.Type.BOOL,
@@ -61,22 +61,11 @@ def declarable(
     return name, value, made
 
 
-def take_overrides(
-    node: Node, known: Collection[str], shared: Collection[str]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the fields and the QoS overrides a node was started with; they are undeclared.
+def overrides(node: Node) -> dict[str, Any]:
+    """Return the parameters a node was started with; they are undeclared.
 
     The node must have been made with `automatically_declare_parameters_from_overrides`, so that
-    values of any type arrive here and are checked in one place. An unknown parameter that a file
-    gives to several nodes may belong to another node: the function leaves it out and logs that.
-
-    Args:
-        node: The node.
-        known: Names of its parameters.
-        shared: Names that its file gives to other nodes too.
-
-    Raises:
-        FieldError: If a name is not known.
+    values of any type arrive here and are checked in one place.
     """
     given = {
         # A parameter without a type was given as an empty list.
@@ -86,14 +75,7 @@ def take_overrides(
     }
     for name in given:
         node.undeclare_parameter(name)
-    qos = {name: given.pop(name) for name in list(given) if name.startswith(QOS_PREFIX)}
-    others = [name for name in given if name not in known and name in shared]
-    if others:
-        names = ", ".join(others)
-        node.get_logger().info(f"no parameters of {node.get_name()}, left to other nodes: {names}")
-    given = {name: value for name, value in given.items() if name not in others}
-    check_known(f"the parameters of {node.get_name()}", given, sorted(known))
-    return given, qos
+    return given
 
 
 def check_flat(arguments: Iterable[str]) -> None:

@@ -101,12 +101,12 @@ class Endpoints:
         )
 
     def check_all_used(self) -> None:
-        """Check that every override has an endpoint, unless a file gives it to several nodes.
+        """Check that every override of the command line has an endpoint.
 
         Raises:
             FieldError: If one does not.
         """
-        for name in self._given.keys() - self._node.shared_names:
+        for name in self._given.keys() & self._node.typed_names:
             raise FieldError(f"{name} is of no topic of {self._node.get_name()}")
 
     def _profile(self, entity: str, topic: str, qos: QoSProfile) -> QoSProfile:

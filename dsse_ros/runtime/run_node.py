@@ -11,12 +11,13 @@ import sys
 import time
 import warnings
 import weakref
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
 from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
@@ -32,8 +33,13 @@ from dsse_ros.runtime import discovery, security
 from dsse_ros.runtime.alarms import Alarms
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.runtime.interrupts import Stop, leave_on_signals, on_signals
-from dsse_ros.runtime.parameters import declarable, take_overrides
-from dsse_ros.runtime.ros_arguments import UnreadableFileError, parameters_for, split_ros_arguments
+from dsse_ros.runtime.parameters import QOS_PREFIX, declarable, overrides
+from dsse_ros.runtime.ros_arguments import (
+    NO_NAMES,
+    known_parameters,
+    split_ros_arguments,
+    typed_names,
+)
 from dsse_ros.search import FieldError
 
 MAX_DOMAIN = 232
@@ -71,21 +77,20 @@ class AlarmNode(Node):
 
     Args:
         name: Name of the node.
+        options: Further arguments of `Node`.
 
     Attributes:
         alarms: Alarms, in seconds of wall time.
         finished: Whether the node has done its work, so that its process ends.
-        shared_names: Parameters that it gets only from files, in sections for several nodes.
+        typed_names: Parameters given with -p, not in a file that other nodes may read too.
     """
 
     finished = False
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+    def __init__(self, name: str, **options: Any) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
         _nodes.add(self)
-        with _as_field_error():
-            given = parameters_for(self.get_fully_qualified_name(), _ros_arguments)
-        self.shared_names = frozenset(name for name, one in given.items() if one.shared)
+        self.typed_names = typed_names(_ros_arguments)
         self.alarms = Alarms(time.monotonic)
         self._warned: dict[str, float] = {}
         self.create_timer(
@@ -103,13 +108,26 @@ class AlarmNode(Node):
         declared: list[Any] = [declarable(*parameter) for parameter in parameters]
         return super().declare_parameters(namespace, declared, ignore_override)
 
-    def take_overrides(self, known: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the fields and the QoS overrides of these names, see `parameters`.
+    def take_overrides(
+        self, known: Collection[str], former: Mapping[str, str] = NO_NAMES
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the parameters and the QoS overrides that the node was started with.
+
+        See `ros_arguments.known_parameters` for the names.
 
         Raises:
-            FieldError: If a name is not known.
+            FieldError: If a name is not allowed.
         """
-        return take_overrides(self, known, self.shared_names)
+        given = overrides(self)
+        qos = {name: given.pop(name) for name in list(given) if name.startswith(QOS_PREFIX)}
+        what = f"the parameters of {self.get_name()}"
+        kept = known_parameters(what, given, known, self.typed_names, former)
+        if others := given.keys() - kept.keys():
+            self.get_logger().info(
+                f"no parameters of {self.get_name()}, left to other nodes: "
+                + ", ".join(sorted(others))
+            )
+        return kept, qos
 
     def warn(self, kind: str, text: str) -> None:
         """Log a warning, at most one a second of each kind."""
@@ -180,7 +198,31 @@ def init_ros(arguments: list[str]) -> None:
         _init(arguments)
 
 
-def _init(arguments: list[str]) -> None:
+def overrides_of(names: Iterable[str], ros: Sequence[str]) -> dict[str, Any]:
+    """Return the parameters that ROS arguments give to nodes of these names, the last one's first.
+
+    Args:
+        names: Names of nodes; they exist during the call.
+        ros: The arguments after --ros-args.
+
+    Raises:
+        FieldError: If an argument is not allowed.
+    """
+    found: dict[str, Any] = {}
+    context = Context()
+    try:
+        with _as_field_error():
+            _init(["", "--ros-args", *ros], context)
+            for name in names:
+                node = AlarmNode(name, context=context, enable_rosout=False)
+                found |= overrides(node)
+                node.destroy_node()
+    finally:
+        context.try_shutdown()
+    return found
+
+
+def _init(arguments: list[str], context: Context | None = None) -> None:
     """Start rclpy without its signal handlers, which end the context during a callback.
 
     Raises:
@@ -199,8 +241,9 @@ def _init(arguments: list[str]) -> None:
             warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
         security.check_middleware(os.environ, get_rmw_implementation_identifier())
         discovery.announce_often(os.environ, Path())
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    domain = rclpy.get_default_context().get_domain_id()
+        context = context or rclpy.get_default_context()
+        rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    domain = context.get_domain_id()
     if domain > MAX_DOMAIN:
         raise FieldError(f"ROS_DOMAIN_ID must be from 0 to {MAX_DOMAIN}, got {domain}")
 
@@ -218,7 +261,6 @@ def _as_field_error() -> Iterator[None]:
         InvalidParameterTypeException,
         InvalidParameterValueException,
         NameValidationException,
-        UnreadableFileError,
     ) as error:
         raise FieldError(str(error)) from None
     except Exception as error:

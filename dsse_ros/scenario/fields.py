@@ -204,15 +204,28 @@ def check_all(instance: Any, cls: type | None = None) -> None:
         object.__setattr__(instance, name, spec.check(name, getattr(instance, name)))
 
 
-def check_known(what: str, names: Iterable[Any], known: Iterable[str]) -> None:
+def check_known(
+    what: str, names: Iterable[Any], known: Iterable[str], former: Mapping[str, str] | None = None
+) -> None:
     """Raise for the first name that is not a known field, and suggest the nearest known one.
+
+    Args:
+        what: What the fields are of, for the error.
+        names: The names to check.
+        known: The known names.
+        former: Names that are no longer known, with those that replace them.
 
     Raises:
         FieldError: If a name is unknown.
     """
-    known = list(known)
+    known, former = list(known), former or {}
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
-            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            to_match = [*known, *former] if isinstance(name, str) else []
+            near = difflib.get_close_matches(name, to_match, n=1)
+            hint = (
+                f"did you mean {former.get(near[0], near[0])}?"
+                if near
+                else f"known are {', '.join(known)}"
+            )
             raise FieldError(f"{shown(name)} is not a field of {what}; {hint}")

@@ -12,6 +12,8 @@ MAX_SIDE = 10_000
 """Cells along a side of the largest possible grid, the limit of a scenario's `grid_size`."""
 LARGEST_GRID_CELLS = 4_000_000
 """Cells of the largest grid allocated without an explicit request for a larger one."""
+MAX_ID = 2**32 - 1
+"""Largest run_id and mission: uint32 in the reports."""
 
 
 def check_cells(grid_size: int, max_cells: int) -> None:

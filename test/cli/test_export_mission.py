@@ -17,6 +17,11 @@ from msg_adapters.mission_items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WA
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIO = ROOT / "config" / "sitl.yaml"
+WITH_ROS = """
+import sys
+from dsse_ros.cli.start import export_mission
+sys.exit(export_mission())
+"""
 WITHOUT_ROS = """
 import sys
 class Nothing:
@@ -30,9 +35,10 @@ sys.exit(export_mission())
 
 
 def export(*arguments: str | Path, code: int = 0) -> str:
-    """Run the program in a Python that has neither ROS nor MAVLink; returns what it prints."""
+    """Run the program and return what it prints; ROS and MAVLink are only there for --ros-args."""
+    program = WITH_ROS if "--ros-args" in arguments else WITHOUT_ROS
     done = subprocess.run(
-        [sys.executable, "-c", WITHOUT_ROS, *map(str, arguments)],
+        [sys.executable, "-c", program, *map(str, arguments)],
         cwd=ROOT, capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert done.returncode == code, done.stderr
@@ -79,7 +85,7 @@ def test_ros_arguments_count_as_the_options_of_their_names(tmp_path: Path) -> No
         "/**: {ros__parameters: {search_altitude: 20.0, autopilot: px4, of_others: 1}}"
     )
     named, ros = tmp_path / "named", tmp_path / "ros"
-    short = ["-p", "timestep_limit:=20", "-p", "drones_positions:=[3,3]"]
+    short = ["-p", "scenario.timestep_limit:=20", "-p", "scenario.drones_positions:=[3,3]"]
     given = ["-p", "scenario:=sitl", "-p", "seed:=2", "-p", "merge_legs:=false", "-r", "__ns:=/a"]
     options = ["--scenario", "sitl", "--seed", "2", "--every-cell", "--autopilot", "px4"]
     options += ["--search-altitude", "20"]
@@ -94,7 +100,7 @@ def test_ros_arguments_count_as_the_options_of_their_names(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (("--ros-args", "-p", "sigmma:=1.0"), "did you mean sigma?"),
+        (("--ros-args", "-p", "scenario.sigmma:=1.0"), "did you mean scenario.sigma?"),
         (("--ros-args", "-p", "search_hold:=-1.0"), "search_hold: -1.0 is not allowed"),
         (("--scenario", "nowhere"), "scenario: 'nowhere' is no file and none of those shipped"),
         (("--home", "1,2"), "home must be LAT,LON,ALT, got '1,2'"),

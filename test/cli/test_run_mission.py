@@ -201,11 +201,12 @@ def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
         (["--movie", "mission.avi"], "movie must end in .gif or .mp4"),
         (["--movie", "{file}/mission.gif"], "movie: "),
         (["--no-such"], "--no-such"),
-        (["--ros-args", "-p", "num_dornes:=3"], "did you mean num_drones?"),
-        (["--ros-args", "-p", "num_drones:=0"], "num_drones: 0 is not allowed"),
+        (["--ros-args", "-p", "num_dornes:=3"], "did you mean scenario.num_drones?"),
+        (["--ros-args", "-p", "scenario.num_drones:=0"], "scenario.num_drones: 0 is not allowed"),
+        (["--ros-args", "-p", "num_drones:=3"], "num_drones is now scenario.num_drones"),
         (["--ros-args", "-p", "planner:=oracle"], "planner: 'oracle' is not allowed"),
-        (["--ros-args", "-p", "sigma:=wide"], "sigma: 'wide' is not allowed"),
-        (["--ros-args", "--params-file", "/no/such"], "/no/such: No such file"),
+        (["--ros-args", "-p", "scenario.sigma:=wide"], "scenario.sigma: 'wide' is not allowed"),
+        (["--ros-args", "--params-file", "/no/such"], "/no/such'. Error"),
         (["--ros-args", "--log-level", "loud"], "loud"),
     ],
 )
@@ -229,11 +230,18 @@ def test_bad_input_is_refused_on_one_line_with_code_2(
 def test_ros_arguments_are_the_nodes_and_the_summary_s_too(tmp_path: Path) -> None:
     file = tmp_path / "parameters.yaml"
     file.write_text(
-        "/**: {ros__parameters: {seed: 7, of_others: 1, rules: v1}}\n"
-        "/**/dsse_planner: {ros__parameters: {planner: sweep, resend_period: 0.2}}"
+        "/**: {ros__parameters: {seed: 7, of_others: 1, rules.profile: v1}}\n"
+        "/**/planner_node: {ros__parameters: {planner: sweep, resend_period: 0.2}}"
     )
     options = ["--rate", "0", "--ros-args", "--params-file", str(file), "-r", "__ns:=/a"]
-    options += ["-p", "timestep_limit:=9", "-p", "resend_period:=0.3", "--log-level", "warn"]
+    options += [
+        "-p",
+        "scenario.timestep_limit:=9",
+        "-p",
+        "resend_period:=0.3",
+        "--log-level",
+        "warn",
+    ]
     run = start(tmp_path, *options, "--", "--drones", "2")
     try:
         assert run.wait() == 0, run.output

@@ -27,7 +27,7 @@ def page(rig: Rig, url: str) -> Rig:
 def started(rig: Rig, namespace: str) -> Sim:
     """A simulation that has begun to listen: one that is interrupted before ends otherwise."""
     sim = rig.sim(MISSION, namespace=namespace)
-    assert sim.get("grid_size") == [6]
+    assert sim.get("scenario.grid_size") == [6]
     return sim
 
 

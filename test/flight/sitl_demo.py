@@ -169,10 +169,12 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
         executor.add_node(witness)
         parameters: dict[str, dict[str, Any]] = {
             "sim_node": {
-                "scenario": str(path), "rules": rules.profile, "seed": arguments.seed,
+                "scenario.file": str(path), "rules.profile": rules.profile, "seed": arguments.seed,
                 "wait_for_vehicles": True, "acceptance_radius": RADIUS_M,
-                "record_file": str(out / "mission.csv"), "num_drones": drones,
-                "drones_positions": [part for cell in scenario.drones_positions for part in cell],
+                "record_file": str(out / "mission.csv"), "scenario.num_drones": drones,
+                "scenario.drones_positions": [
+                    part for cell in scenario.drones_positions for part in cell
+                ],
             },
             "mavlink_bridge": {
                 "connections": [autopilot.connection for autopilot in autopilots],

@@ -12,7 +12,7 @@ from msg_adapters.stamps import to_stamp
 def test_a_status_has_its_level_and_every_value_as_text_in_order():
     message = diagnostic_array(
         to_stamp(5 * 10**9),
-        name="dsse_sim: lockstep",
+        name="sim_node: lockstep",
         hardware_id="simulation",
         level="warning",
         message="waiting for drone1",
@@ -21,7 +21,7 @@ def test_a_status_has_its_level_and_every_value_as_text_in_order():
     assert message.header.stamp.sec == 5
     (status,) = message.status
     assert status.level == b"\x01" == DiagnosticStatus.WARN
-    assert (status.name, status.hardware_id) == ("dsse_sim: lockstep", "simulation")
+    assert (status.name, status.hardware_id) == ("sim_node: lockstep", "simulation")
     assert status.message == "waiting for drone1"
     assert [(value.key, value.value) for value in status.values] == [
         ("step", "7"),

@@ -104,7 +104,7 @@ def all_messages():
     )
     yield diagnostics.diagnostic_array(
         STAMP,
-        name="dsse_sim",
+        name="sim_node",
         level="ok",
         message="",
         values={"step": np.int64(1)},

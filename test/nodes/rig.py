@@ -42,6 +42,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
+from dsse_ros.nodes.settings import FORMER_NAMES
 from dsse_ros.runtime.discovery import variable
 from msg_adapters.commands import joint_action_message
 from msg_adapters.step_report import step_report_from_message
@@ -212,10 +213,14 @@ class Rig:
     def start(
         self, node: str, parameters: Mapping[str, Any] | None = None, *arguments: str
     ) -> Process:
-        """Start a node of the package; further arguments follow --ros-args."""
+        """Start a node of the package; further arguments follow --ros-args.
+
+        Fields of the scenario and of the rules are given by their own names.
+        """
+        full_names = FORMER_NAMES if node == "sim_node" else {}
         command = [f"dsse_ros.nodes.{node}", "--ros-args", *arguments]
         for name, value in (parameters or {}).items():
-            command += ["-p", f"{name}:={json.dumps(value)}"]
+            command += ["-p", f"{full_names.get(name, name)}:={json.dumps(value)}"]
         log = self.folder / f"{len(self.processes)}_{node}.log"
         process = Process(command, log, self.domain)
         self.processes.append(process)
@@ -386,7 +391,7 @@ class Sim:
 
     def call(self, kind: Any, service: str, **fields: Any) -> Any:
         """Return the response of a service of the node."""
-        return self.rig.call(kind, f"{self.namespace}/dsse_sim/{service}", **fields)
+        return self.rig.call(kind, f"{self.namespace}/sim_node/{service}", **fields)
 
     def trigger(self, service: str) -> tuple[bool, str]:
         """Return success and message of a Trigger service."""
@@ -453,7 +458,7 @@ class Sim:
         What was published before them is here then too. They are the values, with `level`,
         `message` and the message's first part as `state`.
         """
-        name = f"{self.namespace}/dsse_sim".lstrip("/")
+        name = f"{self.namespace}/sim_node".lstrip("/")
         with self.rig.listening(DiagnosticArray, "/diagnostics") as inbox:
 
             def found() -> dict[str, Any] | None:

@@ -51,60 +51,85 @@ CASES = {
     "missing scenario": Case(
         "-p scenario:=/no/such.yaml", "'/no/such.yaml' is no file and none of those shipped"
     ),
-    "0 drones": Case("-p num_drones:=0", "num_drones: 0 is not allowed"),
-    "more drones than cells": Case("-p grid_size:=3 -p num_drones:=10", "at most 9"),
+    "0 drones": Case("-p scenario.num_drones:=0", "num_drones: 0 is not allowed"),
+    "more drones than cells": Case(
+        "-p scenario.grid_size:=3 -p scenario.num_drones:=10", "at most 9"
+    ),
     "more cells than there may be": Case(
-        "-p grid_size:=101 -p max_cells:=10000", "grid_size: 101 is not allowed; at most 100, for"
+        "-p scenario.grid_size:=101 -p max_cells:=10000",
+        "grid_size: 101 is not allowed; at most 100, for",
     ),
     "zone of more cells than there may be": Case(
-        "-p zone_size:=1300000.0 -p cell_size:=130.0", "grid_size: 10000 is not allowed; at most"
+        "-p scenario.zone_size:=1300000.0 -p scenario.cell_size:=130.0",
+        "grid_size: 10000 is not allowed; at most",
     ),
     "person outside": Case(
-        "-p grid_size:=4 -p person_initial_position:=[-1,0]", "person_initial_position"
+        "-p scenario.grid_size:=4 -p scenario.person_initial_position:=[-1,0]",
+        "person_initial_position",
     ),
-    "drone outside": Case("-p grid_size:=4 -p drones_positions:=[4,0]", "drones_positions"),
-    "odd number of cell parts": Case("-p drones_positions:=[1,2,3]", "drones_positions"),
-    "NaN vector": Case("-p vector:=[.nan,0.0]", "vector"),
-    "infinite sigma": Case("-p sigma:=.inf", "sigma"),
+    "drone outside": Case(
+        "-p scenario.grid_size:=4 -p scenario.drones_positions:=[4,0]", "drones_positions"
+    ),
+    "odd number of cell parts": Case("-p scenario.drones_positions:=[1,2,3]", "drones_positions"),
+    "NaN vector": Case("-p scenario.vector:=[.nan,0.0]", "vector"),
+    "infinite sigma": Case("-p scenario.sigma:=.inf", "sigma"),
     "unknown parameter in a file of its own": Case(
         "--params-file {x}",
-        "did you mean num_drones?",
-        files={"x": "dsse_sim: {ros__parameters: {num_dornes: 3}}"},
+        "did you mean scenario.num_drones?",
+        files={"x": "sim_node: {ros__parameters: {scenario: {num_dornes: 3}}}"},
     ),
-    "unknown parameter in a file of its own and in one for all": Case(
-        "--params-file {x} --params-file {y}",
-        "did you mean num_drones?",
-        files={
-            "x": "dsse_sim: {ros__parameters: {num_dornes: 3}}",
-            "y": "/**: {ros__parameters: {num_dornes: 3}}",
-        },
+    "unknown field in a file for all": Case(
+        "--params-file {x}",
+        "did you mean rules.collision?",
+        files={"x": "/**: {ros__parameters: {rules: {colision: -1.0}}}"},
+    ),
+    "former name": Case("-p num_drones:=3", "parameter num_drones is now scenario.num_drones"),
+    "former name in a file": Case(
+        "--params-file {x}",
+        "parameter collision is now rules.collision",
+        files={"x": "/**: {ros__parameters: {collision: -1.0}}"},
     ),
     "value not allowed in a file for all": Case(
         "--params-file {x}",
         "num_drones: 0 is not allowed",
-        files={"x": "/**: {ros__parameters: {num_drones: 0}}"},
+        files={"x": "/**: {ros__parameters: {scenario: {num_drones: 0}}}"},
     ),
     "unknown parameter": Case("-p num_dornes:=3", "num_drones"),
-    "wrong type": Case("-p num_drones:=three", "num_drones: 'three' is not allowed"),
-    "float for an integer": Case("-p num_drones:=3.0", "num_drones: 3.0 is not allowed"),
+    "wrong type": Case("-p scenario.num_drones:=three", "num_drones: 'three' is not allowed"),
+    "float for an integer": Case("-p scenario.num_drones:=3.0", "num_drones: 3.0 is not allowed"),
     **{
         f"empty list for {name}": Case(f"-p {name}:=[]", f"{name}: [] is not allowed; ")
-        for name in ("num_drones", "sigma", "vector", "scenario", "auto_reset", "use_sim_time")
+        for name in (
+            "scenario.num_drones",
+            "scenario.sigma",
+            "scenario.vector",
+            "scenario.file",
+            "auto_reset",
+            "use_sim_time",
+        )  # fmt: skip
     },
-    "no start cells": Case("-p drones_positions:=[]", "drones_positions: 0 cells are not allowed"),
-    "no multipliers": Case("-p person_pod_multipliers:=[]", "person_pod_multipliers: 0 values"),
-    "empty list for no field": Case("-p num_dornes:=[]", "did you mean num_drones?"),
+    "no start cells": Case(
+        "-p scenario.drones_positions:=[]", "drones_positions: 0 cells are not allowed"
+    ),
+    "no multipliers": Case(
+        "-p scenario.person_pod_multipliers:=[]", "person_pod_multipliers: 0 values"
+    ),
+    "empty list for no field": Case("-p num_dornes:=[]", "did you mean scenario.num_drones?"),
     "empty list for a QoS": Case(
         "-p qos_overrides./clock.publisher.depth:=[]", "depth: [] is not allowed; an integer"
     ),
-    "list for a number": Case("-p sigma:=[1.0]", "sigma: [1.0] is not allowed; a finite number"),
-    "number for a list": Case("-p vector:=0.5", "vector: 0.5 is not allowed; two finite numbers"),
+    "list for a number": Case(
+        "-p scenario.sigma:=[1.0]", "sigma: [1.0] is not allowed; a finite number"
+    ),
+    "number for a list": Case(
+        "-p scenario.vector:=0.5", "vector: 0.5 is not allowed; two finite numbers"
+    ),
     "number for a truth": Case("-p use_sim_time:=3", "use_sim_time: 3 is not allowed; true or"),
-    "number for a name": Case("-p rules:=3", "rules: 3 is not allowed; one of paper"),
+    "number for a name": Case("-p rules:=3", "rules.profile: 3 is not allowed; one of paper"),
     "empty list in a file": Case(
         "--params-file {x}",
         "vector: [] is not allowed",
-        files={"x": "dsse_sim: {ros__parameters: {vector: []}}"},
+        files={"x": "sim_node: {ros__parameters: {scenario.vector: []}}"},
     ),
     "empty list for the planner": Case(
         "-p planner:=[]", "planner: [] is not allowed; one of sweep", "planner_node"
@@ -112,7 +137,7 @@ CASES = {
     "key twice in YAML": scenario("sigma: 1.0\nsigma: 2.0", "'sigma' stands twice"),
     "aliases in YAML": scenario("a: &a [1]\nb: [*a, *a]", "an alias is not allowed"),
     "unknown step mode": Case("-p step_mode:=fast", "lockstep, realtime, manual"),
-    "unknown rules": Case("-p rules:=v9", "rules: 'v9' is not allowed"),
+    "unknown rules": Case("-p rules:=v9", "rules.profile: 'v9' is not allowed"),
     "record file in no folder": Case("-p record_file:=/no/such/x.csv", "record_file"),
     "snapshot file in no folder": Case(
         "-p snapshot_file:=/no/such/x", "snapshot_file: '/no/such/x': No such file"
@@ -126,9 +151,11 @@ CASES = {
     "resume from nothing": Case("-p resume:=true", "resume: True is not allowed without snap"),
     "map frame without a name": Case("-p map_frame:=''", "map_frame: '' is not allowed; a name"),
     "cells in lists of their own": Case(
-        "-p drones_positions:=[[1,2],[3,4]]", "drones_positions must be a flat list"
+        "-p scenario.drones_positions:=[[1,2],[3,4]]", "drones_positions must be a flat list"
     ),
-    "a cell after numbers": Case("-p drones_positions:=[1,2,[3,4]]", "must be a flat list [col0"),
+    "a cell after numbers": Case(
+        "-p scenario.drones_positions:=[1,2,[3,4]]", "must be a flat list [col0"
+    ),
     "QoS of no topic": Case(
         "-p qos_overrides./nothing.publisher.depth:=3", "qos_overrides./nothing.publisher.depth"
     ),
@@ -148,8 +175,8 @@ CASES = {
         "joint_action.publisher.durability must be volatile",
         "planner_node",
     ),
-    "parameter without a value": Case("-p num_drones", "num_drones"),
-    "two contradicting types": Case("-p num_drones:=[1,two]", "num_drones"),
+    "parameter without a value": Case("-p scenario.num_drones", "num_drones"),
+    "two contradicting types": Case("-p scenario.num_drones:=[1,two]", "num_drones"),
     "missing parameter file": Case("--params-file /no/such.yaml", "/no/such.yaml"),
     "bad parameter file": Case("--params-file {x}", "x", files={"x": "a: [1, 2"}),
     "bad node name": Case("-r __node:=bad-name", "__node:=bad-name"),

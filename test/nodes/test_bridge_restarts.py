@@ -123,12 +123,12 @@ def test_a_simulation_started_again_moves_nobody_without_a_person(
             return
         if not landed:
             bridge.until(0, flying="true", cell="0 4" if search == "running" else "0 3")
-            assert rig.call(Trigger, "dsse_bridge/return").success
+            assert rig.call(Trigger, "mavlink_bridge/return").success
             bridge.until(0, flying="false", armed="false")
         rig.until(lambda: bridge.process.output.count(" is followed") == 2, "the other search")
         stays(rig, bridge)
         assert take_off_orders(bridge) == before
-        assert rig.call(SetBool, "dsse_bridge/arm", data=True).success
+        assert rig.call(SetBool, "mavlink_bridge/arm", data=True).success
         state = bridge.until(0, arrived="true", flying="true", cell="2 4")
         assert state["lost"] == "" and take_off_orders(bridge) == before + 1
 

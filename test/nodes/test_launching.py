@@ -13,69 +13,121 @@ import pytest
 pytest.importorskip("launch.actions", reason="launch comes with a full ROS 2, not with wheels")
 pytest.importorskip("launch_ros.actions", reason="launch_ros comes with a full ROS 2")
 
-import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from domains import free_domain
 from launch import LaunchContext
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch_ros.actions import Node
+from launch.actions import Shutdown
 
-from dsse_ros.nodes.launch_arguments import FLIGHT, MISSION
+from dsse_ros.nodes import launching
+from dsse_ros.runtime.run_node import overrides_of
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES = {"mission": MISSION, "flight": FLIGHT}
+FILES = ("mission", "flight")
+OTHERS = ("recorder", "foxglove_viewer")
 
 
-def expand(file: str, **given: str) -> list[Any]:
-    """Return the nodes that a launch file makes of these arguments."""
+@pytest.fixture(autouse=True)
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(launching, "_share", lambda: ROOT)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(free_domain()))
+
+
+def expand(file: str, **given: str) -> dict[str, list[str]]:
+    """Return the command lines of the nodes that a launch file makes of these arguments."""
     made = runpy.run_path(str(ROOT / "launch" / f"{file}.launch.py"))
     context = LaunchContext()
     context.launch_configurations.update(given)
     nodes: list[Any] = []
     for entity in made["generate_launch_description"]().entities:
-        assert isinstance(entity, DeclareLaunchArgument | OpaqueFunction)
         nodes += entity.execute(context) or []
+    lines = {}
     for node in nodes:
         node._perform_substitutions(context)
-    return nodes
+        name = node.node_name.rpartition("/")[2]
+        lines[name] = ["".join(getattr(p, "text", "") for p in word) for word in node.cmd[1:]]
+        # launch knows name and namespace only once it has started a node.
+        lines[name] = [word for word in lines[name] if word]
+        while "-r" in lines[name]:
+            lines[name].remove("-r")
+    return lines
 
 
-def parameters(node: Any) -> dict[str, Any]:
-    """Return what the files that launch writes for a node have, the last one first."""
-    found: dict[str, Any] = {}
-    words = ["".join(getattr(part, "text", "") for part in word) for word in node.cmd[1:]]
-    for flag, value in zip(words, words[1:], strict=False):
-        if flag == "--params-file":
-            for section in yaml.safe_load(Path(value).read_text()).values():
-                found |= section["ros__parameters"]
-    return found
+def parameters(line: list[str], name: str, namespace: str = "") -> dict[str, Any]:
+    """Return the parameters that a node of this name gets from its command line."""
+    ros = line[line.index("--ros-args") + 1 :]
+    ros = [word for word in ros if word != "--ros-args"]
+    return overrides_of((name,), [*ros, "-r", f"__ns:={namespace or '/'}"])
 
 
-@pytest.mark.parametrize("file", FILES)
-def test_the_arguments_are_declared_with_their_defaults_and_choices(file: str) -> None:
-    made = runpy.run_path(str(ROOT / "launch" / f"{file}.launch.py"))
-    declared = {
-        one.name: one for one in made["generate_launch_description"]().get_launch_arguments()
-    }
-    assert declared.keys() == FILES[file].keys()
-    for name, argument in FILES[file].items():
-        assert "".join(part.text for part in declared[name].default_value) == argument.default
-        assert (declared[name].choices or ()) == (list(argument.choices) or ())
-        assert declared[name].description.startswith(argument.doc)
+def test_a_launch_without_arguments_takes_the_defaults_of_its_file() -> None:
+    mission, flight = expand("mission"), expand("flight")
+    assert list(mission) == ["sim_node", "planner_node"]
+    assert list(flight) == ["sim_node", "planner_node", "mavlink_bridge"]
+    assert parameters(mission["sim_node"], "sim_node") == {
+        "scenario.file": "santos", "step_rate": 5.0, "exit_at_end": True,
+    }  # fmt: skip
+    assert parameters(flight["sim_node"], "sim_node") == {
+        "scenario.file": "sitl", "wait_for_vehicles": True,
+    }  # fmt: skip
+    bridge = parameters(flight["mavlink_bridge"], "mavlink_bridge")
+    assert (bridge["exit_at_end"], bridge["num_vehicles"]) == (True, 3)
 
 
 @pytest.mark.parametrize("file", FILES)
 def test_values_reach_the_nodes_with_their_types(file: str) -> None:
-    nodes = expand(file, seed="6", num_drones="3", step_rate="2", record_file="1e3", arm="true")
-    assert all(isinstance(node, Node) for node in nodes)
-    sim, planner = map(parameters, nodes[:2])
-    assert (sim["seed"], sim["num_drones"], sim["step_rate"]) == (6, 3, 2.0)
-    assert isinstance(sim["step_rate"], float) and sim["record_file"] == "1e3"
-    assert planner["seed"] == 6 and planner["planner"] == "greedy"
+    lines = expand(file, seed="6", num_drones="3", rules="v1", scenario="paper_zone")
+    sim, planner = (parameters(lines[name], name) for name in ("sim_node", "planner_node"))
+    assert (sim["seed"], sim["scenario.num_drones"], planner["seed"]) == (6, 3, 6)
+    assert (sim["rules.profile"], sim["scenario.file"]) == ("v1", "paper_zone")
 
 
-def test_lists_reach_the_bridge() -> None:
-    bridge = parameters(expand("flight", connections="[tcp:a:1, tcp:b:2]", system_ids="[4, 5]")[2])
-    assert bridge["connections"] == ["tcp:a:1", "tcp:b:2"] and bridge["system_ids"] == [4, 5]
+@pytest.mark.parametrize("namespace", ["", "/a", "/a/b"])
+@pytest.mark.parametrize("node", ["/**", "/**/sim_node", "{}/sim_node"])
+def test_arguments_win_over_the_file_and_the_file_wins_over_the_defaults(
+    node: str, namespace: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "parameters.yaml"
+    file.write_text(
+        f"{node.format(namespace)}: {{ros__parameters: "
+        "{step_rate: 2.0, seed: 1, scenario.file: sitl}}"
+    )
+    line = expand("mission", params_file=str(file), seed="6", namespace=namespace)["sim_node"]
+    sim = parameters(line, "sim_node", namespace)
+    assert (sim["step_rate"], sim["seed"], sim["scenario.file"]) == (2.0, 6, "sitl")
+
+
+def test_the_vehicles_get_what_the_flight_gives_them() -> None:
+    lines = expand(
+        "flight", connections="['tcp:a:1', 'tcp:b:2']", num_drones="2", arm="true", autopilot="px4"
+    )
+    bridge = parameters(lines["mavlink_bridge"], "mavlink_bridge")
+    assert bridge["connections"] == ["tcp:a:1", "tcp:b:2"]
+    assert (bridge["num_vehicles"], bridge["arm"], bridge["autopilot"]) == (2, True, "px4")
+    assert parameters(lines["sim_node"], "sim_node")["autopilot"] == "px4"
+
+
+@pytest.mark.parametrize(
+    ("mode", "waits"), [("guided", True), ("mission", False), ("export", False)]
+)
+def test_the_simulation_waits_for_vehicles_that_follow_it_and_for_no_others(
+    mode: str, waits: bool
+) -> None:
+    sim = parameters(expand("flight", mode=mode)["sim_node"], "sim_node")
+    assert sim["wait_for_vehicles"] is waits
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_recorder_and_viewer_start_where_they_are_wanted(file: str) -> None:
+    assert not set(OTHERS) & set(expand(file))
+    lines = expand(file, record="true", viewer="foxglove", bag="a.mcap")
+    assert next(iter(lines)) == "recorder" and "foxglove_viewer" in lines
+    assert parameters(lines["recorder"], "recorder") == {"bag": "a.mcap"}
+
+
+def test_logs_and_enclaves_have_the_names_of_the_nodes() -> None:
+    line = expand("mission", namespace="/a/b", log_level="debug")["sim_node"]
+    assert line[line.index("--log-level") + 1] == "a.b.sim_node:=debug"
+    assert line[line.index("--enclave") + 1] == "/dsse_ros/sim_node"
 
 
 def test_nothing_is_started_where_rviz_is_wanted_and_missing() -> None:
@@ -86,3 +138,13 @@ def test_nothing_is_started_where_rviz_is_wanted_and_missing() -> None:
             expand("mission", rviz="true")
     else:
         assert len(expand("mission", rviz="true")) == 3
+
+
+def test_a_node_that_has_failed_makes_the_launch_fail() -> None:
+    class Exited:
+        process_name, returncode = "sim_node-1", 2
+
+    with pytest.raises(RuntimeError, match="sim_node-1 ended with code 2"):
+        launching._end(Exited(), LaunchContext())
+    Exited.returncode = 0
+    assert isinstance(launching._end(Exited(), LaunchContext()), Shutdown)

@@ -264,17 +264,17 @@ def test_an_operator_holds_recalls_and_clears_vehicles(rig: Rig) -> None:
         bridge.until(0, custody="cleared", ready="true")
         assert call(rig, SetBool, "drone0/arm", data=True)[0]
         bridge.until(0, arrived="true", cell="0 4")
-        assert call(rig, Trigger, "dsse_bridge/hold") == (True, "ordered to hold: drone0")
+        assert call(rig, Trigger, "mavlink_bridge/hold") == (True, "ordered to hold: drone0")
         bridge.until(0, custody="held", order="Hold()", status="done")
         sim.joint(UP)
-        assert call(rig, SetBool, "dsse_bridge/arm", data=True)[0]
+        assert call(rig, SetBool, "mavlink_bridge/arm", data=True)[0]
         bridge.until(0, custody="following", arrived="true", cell="0 3")
         assert call(rig, Trigger, "drone0/land")[0]
         bridge.until(0, custody="recalled", mode="LAND")
         state = bridge.until(0, custody="taken over", armed="false", flying="false")
         assert state["lost"] == "recalled by the operator: land"
         rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
-        assert not call(rig, Trigger, "dsse_bridge/return")[0]
+        assert not call(rig, Trigger, "mavlink_bridge/return")[0]
         assert arming_orders(bridge) == 1
 
 

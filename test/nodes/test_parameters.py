@@ -18,15 +18,13 @@ from rcl_interfaces.msg import ParameterType
 from rig import LATCHED, Rig, Sim
 from rig import occupancy as cells_of
 
-from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, PlannerSettings
-from dsse_ros.nodes.sim_parameters import RULES_SPECS, SCENARIO_SPECS, SETTINGS_SPECS
+from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SIM_PARAMETERS, PlannerSettings
 from dsse_ros.runtime.parameters import descriptor, from_ros, to_ros
 from dsse_ros.scenario.fields import FieldError, Spec, specs
 from dsse_ros.search import Scenario, profile
 
 ROOT = Path(__file__).resolve().parents[2]
-ALL_SPECS = {**SETTINGS_SPECS, **SCENARIO_SPECS, **RULES_SPECS}
-of_any_field = pytest.mark.parametrize("name", sorted(ALL_SPECS))
+of_any_field = pytest.mark.parametrize("name", sorted(SIM_PARAMETERS))
 
 numbers = st.floats(-1e5, 1e5)
 cell = st.tuples(st.integers(0, 99), st.integers(0, 99))
@@ -52,7 +50,7 @@ def test_a_value_survives_the_way_through_a_parameter(data: st.DataObject, kind:
 
 @of_any_field
 def test_the_range_of_a_descriptor_is_what_the_field_allows(name: str) -> None:
-    spec = ALL_SPECS[name]
+    spec = SIM_PARAMETERS[name]
     made = descriptor(name, spec, read_only=True)
     ranges = [*made.integer_range, *made.floating_point_range]
     largest = {"int": 2**62, "float": sys.float_info.max}.get(spec.kind)
@@ -113,10 +111,10 @@ def sim(node: Sim) -> Iterator[Sim]:
 
 def test_every_field_is_a_parameter_with_a_sentence_and_a_type(sim: Sim) -> None:
     described = sim.parameters()
-    assert set(described) >= set(ALL_SPECS)
+    assert set(described) >= set(SIM_PARAMETERS)
     of_rclpy = {"use_sim_time", "start_type_description_service"}
-    assert set(described) - set(ALL_SPECS) - of_rclpy == set()
-    for name, spec in ALL_SPECS.items():
+    assert set(described) - set(SIM_PARAMETERS) - of_rclpy == set()
+    for name, spec in SIM_PARAMETERS.items():
         made = described[name]
         assert made.type != ParameterType.PARAMETER_NOT_SET, name
         assert made.description.strip().endswith("."), name
@@ -133,7 +131,7 @@ def test_the_planner_describes_its_parameters_too() -> None:
 
 def test_the_values_are_those_in_force(sim: Sim) -> None:
     names = ["num_drones", "grid_size", "drones_positions", "vector", "cell_size", "sigma_x"]
-    count, grid, positions, vector, cell_size, sigma_x = sim.get(*names)
+    count, grid, positions, vector, cell_size, sigma_x = sim.get(*map("scenario.{}".format, names))
     assert (count, grid) == (2, 9)
     assert list(positions) == [0, 0, 1, 0]
     assert list(vector) == [0.0, 0.0]
@@ -141,17 +139,17 @@ def test_the_values_are_those_in_force(sim: Sim) -> None:
 
 
 def test_all_values_can_be_asked_for_at_once(sim: Sim) -> None:
-    names = sorted(ALL_SPECS)
+    names = sorted(SIM_PARAMETERS)
     values = dict(zip(names, sim.get(*names), strict=True))
     assert None not in values.values()
-    assert values["zone_size"] == 9 * 130.0
-    assert values["current_speed"] == 0.0
-    for name, spec in ALL_SPECS.items():
+    assert values["scenario.zone_size"] == 9 * 130.0
+    assert values["scenario.current_speed"] == 0.0
+    for name, spec in SIM_PARAMETERS.items():
         spec.check(name, from_ros(spec, values[name]))
 
 
 def test_a_node_started_with_all_values_of_another_is_its_twin(rig: Rig, sim: Sim) -> None:
-    names = sorted(ALL_SPECS)
+    names = sorted(SIM_PARAMETERS)
     values = dict(zip(names, sim.get(*names), strict=True))
     plain = {
         k: v if isinstance(v, str | bool | int | float) else list(v) for k, v in values.items()
@@ -164,8 +162,12 @@ def test_a_node_started_with_all_values_of_another_is_its_twin(rig: Rig, sim: Si
 def test_what_no_current_can_be_is_unset_and_spoils_no_answer(rig: Rig) -> None:
     # 9000 m/s: cells per step may be more than any current makes.
     sim = rig.sim({"vector": [9.0, 0.0], "drone_speed": 1000.0}, namespace="/fast")
-    assert sim.get("num_drones", "current_speed", "current_toward") == [1, None, 90.0]
-    assert set(sim.parameters()) >= set(ALL_SPECS)
+    assert sim.get("scenario.num_drones", "scenario.current_speed", "scenario.current_toward") == [
+        1,
+        None,
+        90.0,
+    ]
+    assert set(sim.parameters()) >= set(SIM_PARAMETERS)
 
 
 @pytest.mark.parametrize(
@@ -205,8 +207,9 @@ def test_of_changes_that_belong_together_all_are_refused_if_one_is(sim: Sim) -> 
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("num_drones", 3), ("vector", [1.0, 1.0]), ("rules", "paper"), ("collision", -5.0),
-     ("map_frame", "sea"), ("record_file", "x.csv"), ("origin_lat", 3.0)],
+    [("scenario.num_drones", 3), ("scenario.vector", [1.0, 1.0]), ("rules.profile", "paper"),
+     ("rules.collision", -5.0), ("scenario.file", "santos"),
+     ("map_frame", "sea"), ("record_file", "x.csv"), ("scenario.origin_lat", 3.0)],
 )  # fmt: skip
 def test_what_cannot_change_at_run_time_is_read_only(sim: Sim, name: str, value: Any) -> None:
     before = sim.get(name)
@@ -240,14 +243,14 @@ def test_a_change_counts_from_then_on(sim: Sim) -> None:
 SHARED = """
 /**:
   ros__parameters:
-    scenario: {scenario}
+    scenario.file: {scenario}
     planner: sweep
     resend_period: 0.2
     speed: 5.0
     nobody: [1, 2]
     controller: {{gain: 1.0}}
     qos_overrides: {{/b/joint_action: {{publisher: {{depth: 20}}}}}}
-dsse_planner:
+planner_node:
   ros__parameters:
     seed: 3
 """
@@ -259,11 +262,11 @@ def test_one_file_for_all_nodes_stops_none_of_them(rig: Rig) -> None:
     planner = rig.start("planner_node", {}, "--params-file", str(file), "-r", "__ns:=/b")
     sim = rig.sim({"step_rate": 0.0}, "--params-file", str(file), namespace="/b")
     rig.until(lambda: not sim.flying, "the end of the mission")
-    assert sim.get("num_drones", "grid_size") == [4, 20]
+    assert sim.get("scenario.num_drones", "scenario.grid_size") == [4, 20]
     left = "no parameters of {}, left to other nodes: "
     for process, name, own in (
-        (sim.process, "dsse_sim", "sigma"),
-        (planner, "dsse_planner", "seed"),
+        (sim.process, "sim_node", "sigma"),
+        (planner, "planner_node", "seed"),
     ):
         (line,) = (line for line in process.output.splitlines() if left.format(name) in line)
         assert "nobody" in line and "controller.gain" in line and "speed" in line
@@ -275,4 +278,7 @@ def test_a_scenario_of_the_package_is_known_by_its_name(rig: Rig, name: str) -> 
     stem = name.removesuffix(".yaml")
     sim = rig.sim({"scenario": name}, namespace=f"/{stem}")
     of_file = Scenario.from_yaml(ROOT / "config" / f"{stem}.yaml").resolve(profile("paper"))
-    assert sim.get("grid_size", "num_drones") == [of_file.grid_size, of_file.num_drones]
+    assert sim.get("scenario.grid_size", "scenario.num_drones") == [
+        of_file.grid_size,
+        of_file.num_drones,
+    ]

@@ -360,7 +360,7 @@ def test_a_planner_that_fails_is_reported_on_a_line_and_asked_again(
         "-r",
         f"__ns:=/{level}",
         "--log-level",
-        f"{level}.dsse_planner:={level}",
+        f"{level}.planner_node:={level}",
     ]
     process = Process([str(script), *options], tmp_path / "planner.log", rig.domain)
     rig.processes.append(process)

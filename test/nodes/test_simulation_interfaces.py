@@ -13,6 +13,7 @@ import rclpy
 from interfaces_double import Double, modules
 from rig import free_domain
 
+from dsse_ros.nodes.settings import FORMER_NAMES
 from dsse_ros.nodes.sim_node import SimNode
 
 STEP_NS = 13 * 10**9
@@ -68,7 +69,8 @@ def sim(monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any]) -> Iterator
     for name, module in modules().items():
         monkeypatch.setitem(sys.modules, name, module)
     given = {"num_drones": 2, "probability_of_detection": 0.0, "seed": 3} | parameters
-    options = [part for name, value in given.items() for part in ("-p", f"{name}:={value}")]
+    named = {FORMER_NAMES.get(name, name): value for name, value in given.items()}
+    options = [part for name, value in named.items() for part in ("-p", f"{name}:={value}")]
     rclpy.init(args=["--ros-args", *options], domain_id=free_domain())
     node = Simulator()
     try:

@@ -192,8 +192,8 @@ def test_names_follow_the_namespace_and_the_remaps(sim: Sim) -> None:
         "pause": "std_srvs/srv/SetBool",
         "get_map": "nav_msgs/srv/GetMap",
     }.items():
-        assert services.get(f"/sea/dsse_sim/{name}") == [kind], name
-    assert sim.rig.first(DiagnosticArray, "/diagnostics", RELIABLE).status[0].name == "sea/dsse_sim"
+        assert services.get(f"/sea/sim_node/{name}") == [kind], name
+    assert sim.rig.first(DiagnosticArray, "/diagnostics", RELIABLE).status[0].name == "sea/sim_node"
 
 
 def test_the_qos_is_that_of_the_interface_but_where_it_is_overridden(sim: Sim) -> None:

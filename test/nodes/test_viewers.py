@@ -205,7 +205,7 @@ OPERATIONS = ("arm", "hold", "return", "land")
 
 def test_an_operator_commands_vehicles_and_gets_what_the_bridge_answers(mission: Mission) -> None:
     client = mission.client
-    whom = ("dsse_bridge", *(f"drone{i}" for i in range(DRONES)))
+    whom = ("mavlink_bridge", *(f"drone{i}" for i in range(DRONES)))
     names = {f"/{who}/{what}" for who in whom for what in OPERATIONS}
     client.until(lambda: client.services.keys() >= names, "the bridge's services")
     # Those of the simulation, and of parameters, are not.
@@ -217,7 +217,7 @@ def test_an_operator_commands_vehicles_and_gets_what_the_bridge_answers(mission:
             assert service[part]["encoding"] == "json"
             assert json.loads(service[part]["schema"])["type"] == "object"
     everybody = ", ".join(f"drone{i}" for i in range(DRONES))
-    assert client.call("/dsse_bridge/hold", {}) == {
+    assert client.call("/mavlink_bridge/hold", {}) == {
         "success": True, "message": f"ordered to hold: {everybody}",
     }  # fmt: skip
     assert client.call("/drone2/arm", {"data": False}) == {
@@ -370,7 +370,7 @@ def test_a_goal_of_rviz_is_a_command(mission: Mission, rig: Rig, drone: int) -> 
 
     def obeying() -> list[Any]:
         found = rig.node.get_subscriptions_info_by_topic(f"/{topic['Value']}")
-        return [one for one in found if one.node_name == "dsse_sim"]
+        return [one for one in found if one.node_name == "sim_node"]
 
     (listener,) = rig.until(obeying, "who obeys")
     assert listener.topic_type == TYPES[tools[drone]["Class"]]

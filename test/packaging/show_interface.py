@@ -82,8 +82,8 @@ if __name__ == "__main__":
     options = [
         part
         for text in (
-            "num_drones:=1", "wait_for_vehicles:=true", "publish_belief:=true",
-            "battery_move:=1.0", "loss_steps:=[1000]",
+            "scenario.num_drones:=1", "wait_for_vehicles:=true", "publish_belief:=true",
+            "scenario.battery_move:=1.0", "scenario.loss_steps:=[1000]",
         )
         for part in ("-p", text)
     ]  # fmt: skip

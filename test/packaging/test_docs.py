@@ -15,7 +15,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ from sros2_policy import (
 from dsse_ros.cli.run_mission import parse, summary
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.mission.mission_log import COLUMNS
-from dsse_ros.nodes import launch_arguments
+from dsse_ros.nodes.settings import SHORT_NAMES
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.search import PROFILES
 from msg_adapters.agents import AgentsInfo
@@ -187,7 +187,9 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> RecordedMission:
     """A whole mission of `sim_node`, commanded by the example over DDS."""
     folder = tmp_path_factory.mktemp("mission")
     csv, planner_log = folder / "mission.csv", folder / "planner.log"
-    parameters = {"scenario": SCENARIO, "num_drones": 3, "seed": 1, "record_file": csv}
+    parameters = {
+        "scenario": SCENARIO, "scenario.num_drones": 3, "seed": 1, "record_file": csv,
+    }  # fmt: skip
     options = [part for name, value in parameters.items() for part in ("-p", f"{name}:={value}")]
     sim = ("-m", "dsse_ros.nodes.sim_node", "--ros-args", *options)
     deadline = time.monotonic() + PATIENCE_S
@@ -314,26 +316,31 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
         (
             "sim_node",
             [
-                *((PARAMETERS, heading) for heading in ("Of the simulation", "Scenario", "Rules")),
-                (DOCS / "faults.md", "Kinds of faults"),
+                (PARAMETERS, "Of the simulation", ""),
+                (PARAMETERS, "Scenario", "scenario."),
+                (PARAMETERS, "Rules", "rules."),
+                (DOCS / "faults.md", "Kinds of faults", "scenario."),
             ],
         ),
-        ("planner_node", [(PARAMETERS, "Of the planner")]),
-        ("mavlink_bridge", [(FLIGHT, "Parameters")]),
-        ("recorder", [(RECORDING, "Recording")]),
-        ("foxglove_viewer", [(VIEWERS, "Foxglove")]),
-        ("dashboard", [(DASHBOARD, "Parameters")]),
+        ("planner_node", [(PARAMETERS, "Of the planner", "")]),
+        ("mavlink_bridge", [(FLIGHT, "Parameters", "")]),
+        ("recorder", [(RECORDING, "Recording", "")]),
+        ("foxglove_viewer", [(VIEWERS, "Foxglove", "")]),
+        ("dashboard", [(DASHBOARD, "Parameters", "")]),
     ],
 )
 def test_the_parameters_are_those_of_the_tables(
-    interface: dict[str, Any], node: str, tables: list[tuple[Path, str]]
+    interface: dict[str, Any], node: str, tables: list[tuple[Path, str, str]]
 ) -> None:
     documented = {
-        name: [row["Type"], row.get("At run time") != "yes"]
-        for page, heading in tables
-        for name, row in table(page, heading, "Parameter").items()
+        prefix + name: [row["Type"], row.get("At run time") != "yes"]
+        for page, heading, prefix in tables
+        for name, row in table(page, heading, "Field" if prefix else "Parameter").items()
     }
     running = interface[node]["parameters"]
+    if node == "sim_node":
+        chosen = table(PARAMETERS, "Parameters", "Parameter")
+        documented |= {name: ["string", True] for name in chosen}
     assert documented == {k: v for k, v in running.items() if k not in COMMON_PARAMETERS}
 
 
@@ -444,31 +451,31 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     programs = set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text))
     assert programs - {"pytest", "python"} <= SCRIPTS
     known = {name for node in interface.values() for name in node["parameters"]}
-    assert set(re.findall(r"-p (\w+):=", text)) <= known
+    assert set(re.findall(r"-p ([\w.]+):=", text)) <= known | SHORT_NAMES.keys()
     for flags in re.findall(r"\brun_mission( --.*)", text):
         if "--help" not in flags:
             parse(flags.split())
 
 
-@pytest.mark.parametrize(
-    ("name", "arguments"),
-    [
-        ("mission.launch.py", launch_arguments.MISSION),
-        ("flight.launch.py", launch_arguments.FLIGHT),
-    ],
-)
-def test_the_launches_on_the_pages_have_arguments_that_exist(
-    name: str, arguments: Mapping[str, launch_arguments.Argument]
-) -> None:
-    launches = re.findall(rf"ros2 launch dsse_ros {re.escape(name)}(.*)", commands())
-    assert launches
-    for line in launches:
-        given = dict(re.findall(r"(\w+):=(\S+)", line.partition("#")[0]))
-        assert given.keys() <= arguments.keys()
-        for argument, text in given.items():
-            arguments[argument].value(argument, text)
-    documented = table(ROS, "Launch files", "Argument")
-    assert arguments.keys() <= documented.keys()
+def launch_arguments(*files: str) -> set[str]:
+    """Names of the arguments that files declare; launch itself is not there to ask."""
+    text = "".join((ROOT / file).read_text(encoding="utf-8") for file in files)
+    return set(re.findall(r'\bargument\(\s*"(\w+)"', text))
+
+
+def test_the_arguments_of_the_launch_files_are_on_the_page_and_exist() -> None:
+    of_mission = launch_arguments("dsse_ros/nodes/launching.py")
+    of_flight = of_mission | launch_arguments("launch/flight.launch.py")
+    section = re.search(
+        r"## Launch files\n.*?(?=\n## )", ROS.read_text(encoding="utf-8"), re.DOTALL
+    )
+    assert section is not None
+    assert set(re.findall(r"^\| `(\w+)` \|", section[0], re.MULTILINE)) == of_flight
+    for name, known in (("mission", of_mission), ("flight", of_flight)):
+        launches = re.findall(rf"ros2 launch dsse_ros {name}\.launch\.py(.*)", commands())
+        assert launches
+        for line in launches:
+            assert set(re.findall(r"(\w+):=", line.partition("#")[0])) <= known
 
 
 # The rest

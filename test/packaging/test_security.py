@@ -57,11 +57,11 @@ def test_only_trainings_and_people_may_change_a_simulation_but_for_the_buttons_o
 ):
     requests = {name: one["request"] for name, one in policy().items() if one["request"]}
     assert requests.keys() == {"dashboard", "ros_env", "operator"}
-    whom = ("dsse_bridge", "drone*")
+    whom = ("mavlink_bridge", "drone*")
     of_vehicles = {f"{who}/{what}" for who in whom for what in OPERATOR_SERVICES}
-    of_simulation = {f"dsse_sim/{service}" for service, *_ in _SERVICES.values()}
+    of_simulation = {f"sim_node/{service}" for service, *_ in _SERVICES.values()}
     assert requests["dashboard"] == of_simulation | of_vehicles
-    simulation = {name.replace("~", "dsse_sim") for name in policy()["sim_node"]["reply"]}
+    simulation = {name.replace("~", "sim_node") for name in policy()["sim_node"]["reply"]}
     assert requests["operator"] > simulation | of_vehicles
     assert simulation > requests["ros_env"] | of_simulation
 

@@ -222,7 +222,7 @@ def test_environments_of_two_namespaces_fly_in_turn_in_a_process_that_uses_ros(
         other.close()
         assert rclpy.ok()
         names = rig.node.get_node_names_and_namespaces
-        rig.until(lambda: ("dsse_env", "/v2") not in names(), "the node of the environment gone")
+        rig.until(lambda: ("ros_env", "/v2") not in names(), "the node of the environment gone")
     finally:
         rclpy.shutdown()
 
@@ -247,7 +247,7 @@ def test_a_mission_that_somebody_else_resets_or_steps_is_lost_and_another_can_be
 def test_a_node_that_does_not_wait_for_actions_is_refused(rig: Rig, sims: dict[str, Sim]) -> None:
     sims["v1"].set(auto_reset=True)
     try:
-        with pytest.raises(FieldError, match="auto_reset of dsse_sim must be False, got True"):
+        with pytest.raises(FieldError, match="auto_reset of sim_node must be False, got True"):
             DsseRosEnv("/v1", timeout_s=TIMEOUT_S, domain_id=rig.domain)
     finally:
         sims["v1"].set(auto_reset=False)
@@ -283,6 +283,6 @@ def test_a_killed_node_is_an_error_within_ten_seconds_and_a_new_one_is_noticed(r
 
 def test_a_simulation_that_is_not_there_is_named(rig: Rig) -> None:
     with pytest.raises(
-        TimeoutError, match="no service /nowhere/dsse_sim/get_parameters within 0.2 s"
+        TimeoutError, match="no service /nowhere/sim_node/get_parameters within 0.2 s"
     ):
         DsseRosEnv("/nowhere", timeout_s=0.2, domain_id=rig.domain)

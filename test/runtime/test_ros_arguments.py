@@ -1,127 +1,72 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""ROS arguments read without ROS: as rcl reads them."""
+"""What follows --ros-args, and which parameters a node takes from it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-import rclpy
-from rclpy.context import Context
-from rclpy.node import Node
+from domains import free_domain
 
-from dsse_ros.runtime.ros_arguments import (
-    UnreadableFileError,
-    namespace_of,
-    parameters_for,
-    split_ros_arguments,
-)
+from dsse_ros.runtime.ros_arguments import known_parameters, split_ros_arguments, typed_names
+from dsse_ros.runtime.run_node import overrides_of
+from dsse_ros.scenario.fields import FieldError
 
-OF_EVERY_NODE = {"use_sim_time", "start_type_description_service"}
-FILES = {
-    "all": "/**: {ros__parameters: {seed: 1, other: 2}}",
-    "own": "dsse_sim: {ros__parameters: {seed: 3}}",
-    "deep": "a: {b: {dsse_sim: {ros__parameters: {seed: 4}}}}",
-    "full": "/a/b/dsse_sim: {ros__parameters: {seed: 5}}",
-    "any": "/**/dsse_sim: {ros__parameters: {seed: 6}}",
-    "one": "/*/dsse_sim: {ros__parameters: {seed: 7}}\n/*: {ros__parameters: {seed: 8}}",
-    "else": "/c/**: {ros__parameters: {seed: 9}}\ndsse_planner: {ros__parameters: {seed: 10}}",
-    "nested": "/**: {ros__parameters: {part: {of: 11, list: [1, 2]}, text: on its own}}",
-    "two": "dsse_sim: {ros__parameters: {other: 12}}\n/**: {ros__parameters: {other: 13}}",
-}
-LINES = [
-    "--params-file {all}",
-    "--params-file {own} --params-file {all}",
-    "--params-file {all} --params-file {own}",
-    "--params-file {deep}",
-    "--params-file {full} -p seed:=20",
-    "-p seed:=20 --params-file {full}",
-    "--params-file {any}",
-    "--params-file {one}",
-    "--params-file {else} --params-file {nested}",
-    "--params-file {two}",
-    "-p dsse_sim:seed:=21 -p other:=true --param half:=0.5",
-    "--log-level info -p text:=word -r x:=y -p list:=[1.0,2.0] --disable-rosout-logs",
-]
-
-
-def given(line: str, folder: Path) -> list[str]:
-    for name, text in FILES.items():
-        (folder / name).write_text(text)
-    return line.format(**{name: folder / name for name in FILES}).split()
-
-
-@pytest.mark.parametrize("namespace", ["", "/a", "/a/b"])
-@pytest.mark.parametrize("line", LINES)
-def test_a_node_is_given_what_rcl_gives_it(line: str, namespace: str, tmp_path: Path) -> None:
-    ros = [*given(line, tmp_path), "-r", f"__ns:={namespace or '/'}"]
-    context = Context()
-    rclpy.init(args=["--ros-args", *ros], context=context, domain_id=0)
-    node = Node(
-        "dsse_sim", context=context, enable_rosout=False, start_parameter_services=False,
-        automatically_declare_parameters_from_overrides=True,
-    )  # fmt: skip
-    try:
-        of_rcl = {
-            name: value.value
-            for name, value in node.get_parameters_by_prefix("").items()
-            if name not in OF_EVERY_NODE
-        }
-    finally:
-        node.destroy_node()
-        context.try_shutdown()
-    ours = parameters_for(f"{namespace_of(ros)}/dsse_sim", ros)
-    as_lists = {k: list(v) if hasattr(v, "typecode") else v for k, v in of_rcl.items()}
-    assert {name: one.value for name, one in ours.items()} == as_lists
-
-
-@pytest.mark.parametrize(
-    ("line", "shared"),
-    [
-        ("--params-file {all}", {"seed", "other"}),
-        ("--params-file {all} --params-file {own}", {"other"}),
-        ("--params-file {own} --params-file {all}", {"other"}),
-        ("--params-file {two}", set()),
-        ("--params-file {all} -p seed:=3", {"other"}),
-        ("-p seed:=3", set()),
-        ("--params-file {any}", set()),
-    ],
-)
-def test_shared_is_what_no_one_gives_to_the_node_alone(
-    line: str, shared: set[str], tmp_path: Path
-) -> None:
-    found = parameters_for("/dsse_sim", given(line, tmp_path))
-    assert {name for name, one in found.items() if one.shared} == shared
+KNOWN = ("seed", "step_rate", "scenario.sigma")
+FORMER = {"sigma": "scenario.sigma"}
 
 
 def test_a_command_line_is_split_where_ros_arguments_begin_and_end() -> None:
-    line = [
-        "--seed",
-        "3",
-        "--ros-args",
-        "-p",
-        "a:=1",
-        "--",
-        "--out",
-        "x",
-        "--ros-args",
-        "-r",
-        "b:=c",
-    ]
-    own, ros = split_ros_arguments(line)
+    line = "--seed 3 --ros-args -p a:=1 -- --out x --ros-args -r b:=c"
+    own, ros = split_ros_arguments(line.split())
     assert own == ["--seed", "3", "--out", "x"]
     assert ros == ["-p", "a:=1", "-r", "b:=c"]
     assert split_ros_arguments(["--", "--seed"]) == (["--", "--seed"], [])
 
 
-@pytest.mark.parametrize("text", [None, "a: [1, 2", "- 1", "\udcff"])
-def test_a_file_that_is_none_of_parameters_is_refused_by_name(
-    text: str | None, tmp_path: Path
+def test_typed_are_the_parameters_of_the_command_line_for_any_node() -> None:
+    line = "--log-level info -p seed:=1 -r x:=-p --param sim_node:scenario.sigma:=2 --params-file f"
+    assert typed_names(line.split()) == {"seed", "scenario.sigma"}
+
+
+def test_a_file_may_have_parameters_of_other_nodes() -> None:
+    given = {"seed": 1, "planner": "sweep", "controller.gain": 2.0}
+    assert known_parameters("x", given, KNOWN, typed=()) == {"seed": 1}
+
+
+@pytest.mark.parametrize(
+    ("name", "typed", "says"),
+    [
+        ("sed", {"sed"}, "'sed' is not a field of x; did you mean seed?"),
+        ("scenario.sgma", (), "did you mean scenario.sigma?"),
+        ("sigmma", {"sigmma"}, "did you mean scenario.sigma?"),
+        ("sigma", (), "parameter sigma is now scenario.sigma"),
+    ],
+)
+def test_an_unknown_name_of_the_command_line_or_of_a_group_is_refused(
+    name: str, typed: set[str], says: str
 ) -> None:
-    file = tmp_path / "file.yaml"
-    if text is not None:
-        file.write_text(text, encoding="utf-8", errors="surrogateescape")
-    with pytest.raises(UnreadableFileError, match=r"file\.yaml: ") as caught:
-        parameters_for("/dsse_sim", ["--params-file", str(file)])
+    with pytest.raises(FieldError) as caught:
+        known_parameters("x", {name: 1}, KNOWN, typed, FORMER)
+    assert says in str(caught.value)
+
+
+def test_parameters_for_nodes_are_those_that_they_would_get(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(free_domain()))
+    file = tmp_path / "parameters.yaml"
+    file.write_text(
+        "/**: {ros__parameters: {seed: 1, use_sim_time: true, empty: []}}\n"
+        "/a/sim_node: {ros__parameters: {scenario: {cells: [1, 2]}}}\n"
+        "/a/planner_node: {ros__parameters: {seed: 3, planner: sweep}}\n"
+        "/b/**: {ros__parameters: {seed: 4}}"
+    )
+    ros = ["--params-file", str(file), "-r", "__ns:=/a", "-p", "step_rate:=2.5"]
+    found = overrides_of(("planner_node", "sim_node"), ros)
+    assert list(found.pop("scenario.cells")) == [1, 2]
+    assert found == {"seed": 1, "planner": "sweep", "empty": [], "step_rate": 2.5}
+    with pytest.raises(FieldError, match="no_such") as caught:
+        overrides_of(("sim_node",), ["--params-file", str(tmp_path / "no_such")])
     assert "\n" not in str(caught.value)
