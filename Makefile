@@ -40,11 +40,11 @@ TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py scenario.py) test/
 	test/mission/test_mission.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled conformance dashboard flight mavlink mission \
+TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled conformance dashboard drift flight mavlink mission \
 	msg_adapters packaging planners recording report runtime scenario search step targets training view)
 
 # Commands and their refusals come over DDS.
-TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled conformance flight mavlink mission msg_adapters \
+TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled conformance drift flight mavlink mission msg_adapters \
 	planners recording runtime scenario search step targets view \
 	$(addprefix nodes/test_,bad_input.py client_commands.py lost_drones.py step_modes.py))
 

@@ -37,6 +37,7 @@ setup(
     package_data={
         "dsse_ros": ["models/*"],
         "dsse_ros.dashboard": ["*.css", "*.html", "*.js"],
+        "dsse_ros.drift": ["*.csv"],
         "dsse_ros.report": ["*.html"],
         "dsse_ros.runtime": ["fastdds.xml"],
     },
@@ -63,6 +64,8 @@ setup(
         # What a scenario's fields of the same names need.
         "area": ["shapely>=2.0.3"],
         "land": ["roaring-landmask>=0.11"],
+        # Wind and current from NetCDF files.
+        "drift": ["netCDF4>=1.6", "xarray>=2024.2"],
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
         # What `recorder` and `replay` write and read.

@@ -18,7 +18,7 @@ from numba import njit
 
 _PACKAGE = Path(__file__).parents[1]
 
-_FOLDERS = ("belief", "compiled", "step", "targets")
+_FOLDERS = ("belief", "compiled", "drift", "step", "targets")
 """Packages with compiled functions and their dependencies."""
 
 MODULES = tuple(sorted(file for name in _FOLDERS for file in (_PACKAGE / name).glob("*.py")))

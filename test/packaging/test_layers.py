@@ -17,6 +17,7 @@ OURS = ("dsse_ros", "msg_adapters")
 WORLD = {
     "dsse_ros.belief",
     "dsse_ros.compiled",
+    "dsse_ros.drift",
     "dsse_ros.progress",
     "dsse_ros.scenario",
     "dsse_ros.search",
@@ -34,6 +35,10 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.progress": ({"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.compiled": ({"dsse_ros.compiled"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.drift": (
+        {"dsse_ros.drift", "dsse_ros.compiled", "dsse_ros.extras"},
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.searchers": ({"dsse_ros.searchers"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.sensors": ({"dsse_ros.sensors"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.targets": (
@@ -43,6 +48,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros.scenario": (
         {
             "dsse_ros.scenario",
+            "dsse_ros.drift",
             "dsse_ros.searchers",
             "dsse_ros.sensors",
             "dsse_ros.targets",

@@ -1,0 +1,193 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Wind and current over time and place, and how uncertain they are.
+
+Constants, tables over time and gridded files have the same form. Wind is stated by the direction
+that it blows from, a current by the direction that it flows toward.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Kind = Literal["wind", "current"]
+SENSE: dict[Kind, str] = {"wind": "from", "current": "toward"}
+"""How the direction of each is stated."""
+MAX_SPEED_MPS = 100.0
+MAX_BYTES = 10_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """The velocity of air or water.
+
+    An axis of length 1 means that the flow is the same all along it. Between the values of an axis
+    the flow is linear; beyond its ends there is none.
+
+    Attributes:
+        times_s: (T,) float64, increasing, seconds since 1970-01-01 UTC.
+        lats_deg: (Y,) float64, increasing WGS84 latitudes.
+        lons_deg: (X,) float64, increasing WGS84 longitudes; they may exceed 180.
+        east_mps: (T, Y, X) float32, velocity to the east; NaN where there is none, as on land.
+        north_mps: (T, Y, X) float32, velocity to the north.
+        source: File and variables, for messages.
+    """
+
+    times_s: NDArray[np.float64]
+    lats_deg: NDArray[np.float64]
+    lons_deg: NDArray[np.float64]
+    east_mps: NDArray[np.float32]
+    north_mps: NDArray[np.float32]
+    source: str = ""
+
+    @property
+    def arrays(self) -> FlowArrays:
+        """The arrays, as the compiled functions read them."""
+        return FlowArrays(self.times_s, self.lats_deg, self.lons_deg, self.east_mps, self.north_mps)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Flow) and self._bytes() == other._bytes()
+
+    def __hash__(self) -> int:
+        return hash(self._bytes())
+
+    def _bytes(self) -> tuple[tuple[tuple[int, ...], bytes], ...]:
+        return tuple((array.shape, array.tobytes()) for array in self.arrays)
+
+    def covered(self) -> str:
+        """Return the times and the area that it covers, for messages."""
+        parts = []
+        if len(self.times_s) > 1:
+            parts.append(f"{utc(self.times_s[0])} to {utc(self.times_s[-1])}")
+        for axis, (low, high) in ((self.lats_deg, "SN"), (self.lons_deg, "WE")):
+            if len(axis) > 1:
+                ends = (f"{abs(v):.4f} {low if v < 0 else high}" for v in (axis[0], axis[-1]))
+                parts.append(" to ".join(ends))
+        return ", ".join(parts)
+
+
+class FlowArrays(NamedTuple):
+    """The arrays of a `Flow`."""
+
+    times_s: NDArray[np.float64]
+    lats_deg: NDArray[np.float64]
+    lons_deg: NDArray[np.float64]
+    east_mps: NDArray[np.float32]
+    north_mps: NDArray[np.float32]
+
+
+class Uncertainty(NamedTuple):
+    """The error of a flow, normal and independent along each axis and for each particle.
+
+    Attributes:
+        std_mps: Standard deviation of each component in m/s.
+        correlation_s: Time after which the correlation has fallen to 1 / e, in seconds: infinite
+            for one draw per particle, 0 for a new draw in every step. The last averages out over
+            many steps.
+    """
+
+    std_mps: float = 0.0
+    correlation_s: float = math.inf
+
+
+def components(kind: Kind, speed_mps: float, direction_deg: float) -> tuple[float, float]:
+    """Return the velocity to the east and to the north in m/s.
+
+    Args:
+        kind: Whether the direction is that of wind (from) or of a current (toward).
+        speed_mps: Speed.
+        direction_deg: Direction, clockwise from north.
+    """
+    sign = -1.0 if kind == "wind" else 1.0
+    angle = math.radians(direction_deg)
+    return sign * speed_mps * math.sin(angle), sign * speed_mps * math.cos(angle)
+
+
+def constant_flow(kind: Kind, speed_mps: float, direction_deg: float) -> Flow:
+    """Return a flow that is the same always and everywhere; see `components`."""
+    return table_flow(np.zeros(1), [components(kind, speed_mps, direction_deg)])
+
+
+def table_flow(times_s: NDArray[np.float64], velocities: object, source: str = "") -> Flow:
+    """Return a flow that depends on time alone.
+
+    Args:
+        times_s: (T,) float64, increasing, seconds since 1970-01-01 UTC.
+        velocities: (T, 2), to the east and to the north in m/s.
+        source: See `Flow`.
+    """
+    east, north = np.array(velocities, np.float32).reshape(-1, 2).T.copy()
+    anywhere = np.zeros(1)
+    return Flow(times_s, anywhere, anywhere, east[:, None, None], north[:, None, None], source)
+
+
+def read_table(kind: Kind, path: str | os.PathLike[str]) -> Flow:
+    """Return a flow from a CSV file with the columns `time`, `speed_mps` and `from` or `toward`.
+
+    Times are ISO 8601, in UTC unless they state an offset, and increase.
+
+    Raises:
+        ValueError: If the file cannot be read, or has anything else.
+    """
+    name, sense = os.fspath(path), SENSE[kind]
+    columns = ["time", "speed_mps", sense]
+    try:
+        if os.path.getsize(path) > MAX_BYTES:
+            raise ValueError(f"{kind} {name!r} must have at most {MAX_BYTES} bytes")
+        with open(path, encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            header = list(reader.fieldnames or [])
+            rows = list(reader)
+    except OSError as error:
+        raise ValueError(f"{kind} {name!r}: {error.strerror}") from None
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise ValueError(f"{kind} {name!r} must be CSV: {error}") from None
+    if header != columns:
+        raise ValueError(
+            f"{kind} {name!r} must have the columns {', '.join(columns)}, got "
+            f"{', '.join(header) or 'none'}"
+        )
+    times, velocities = [], []
+    for number, row in enumerate(rows, start=2):
+        try:
+            speed, direction = float(row["speed_mps"]), float(row[sense])
+            if not (0 <= speed <= MAX_SPEED_MPS and math.isfinite(direction)):
+                raise ValueError
+            times.append(seconds(row["time"]))
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"{kind} {name!r}, line {number} must be a time, a speed from 0 to "
+                f"{MAX_SPEED_MPS:g} m/s and a direction in degrees, got {list(row.values())}"
+            ) from None
+        velocities.append(components(kind, speed, direction))
+    if not times or (np.diff(times) <= 0).any():
+        raise ValueError(f"{kind} {name!r} must have one or more rows with increasing times")
+    return table_flow(np.array(times), velocities, name)
+
+
+def seconds(time: str) -> float:
+    """Return an ISO 8601 time as seconds since 1970-01-01 UTC; without an offset it is in UTC.
+
+    Raises:
+        ValueError: If it is no such time.
+    """
+    # Python 3.10 does not read the Z.
+    read = datetime.fromisoformat(time.strip().replace("Z", "+00:00"))
+    return (read if read.tzinfo else read.replace(tzinfo=timezone.utc)).timestamp()
+
+
+def utc(time_s: float) -> str:
+    """Return a time in seconds since 1970-01-01 as ISO 8601 in UTC."""
+    # A file may state a time that no calendar has.
+    if not abs(time_s) < 2.5e11:
+        return f"{time_s:g} s"
+    epoch = np.datetime64(0, "s") + np.timedelta64(round(time_s), "s")
+    return f"{epoch}Z"

@@ -1,0 +1,229 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled motion of particles: the midpoint rule in metres on the WGS84 ellipsoid."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.compiled.jit import kernel, part
+from dsse_ros.drift.leeway import Leeway
+
+WGS84_A_M = 6378137.0
+WGS84_E2 = 6.69437999014131699e-3
+
+MOVED, NO_WIND, NO_CURRENT = 0, 1, 2
+"""Results of `move`."""
+
+
+class Particles(NamedTuple):
+    """The state of M particles.
+
+    Attributes:
+        lat_deg: (M,) float64, WGS84 latitude.
+        lon_deg: (M,) float64, WGS84 longitude; it does not wrap while particles move.
+        released_s: (M,) float64, time from which, or backwards until which, a particle drifts.
+        afloat: (M,) bool, whether a particle drifts or is stranded.
+        leeway: See `Leeway`.
+        wind_error: (2, M) float64, error of the wind to the east and to the north, in m/s.
+        current_error: (2, M) float64, the same of the current.
+    """
+
+    lat_deg: NDArray[np.float64]
+    lon_deg: NDArray[np.float64]
+    released_s: NDArray[np.float64]
+    afloat: NDArray[np.bool_]
+    leeway: Leeway
+    wind_error: NDArray[np.float64]
+    current_error: NDArray[np.float64]
+
+
+def degrees_per_metre(lat_deg):
+    """Return the degrees of latitude and of longitude in a metre on the ellipsoid.
+
+    Args:
+        lat_deg: A number or an array.
+    """
+    sine = np.sin(np.radians(lat_deg))
+    w2 = 1.0 - WGS84_E2 * sine * sine
+    normal_m = WGS84_A_M / np.sqrt(w2)
+    meridian_m = normal_m * (1.0 - WGS84_E2) / w2
+    parallel_m = normal_m * np.sqrt(1.0 - sine * sine)
+    return np.degrees(1.0 / meridian_m), np.degrees(1.0 / parallel_m)
+
+
+_degrees_per_metre = part(degrees_per_metre)
+
+
+@part
+def _below(axis, value):
+    """Return index and weight of the value after `value` on an axis; -1 if it is off the axis."""
+    last = len(axis) - 1
+    if last == 0:
+        return 0, 0.0
+    if not axis[0] <= value <= axis[last]:
+        return -1, 0.0
+    low, high = 0, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        if axis[middle] <= value:
+            low = middle
+        else:
+            high = middle
+    return low, (value - axis[low]) / (axis[low + 1] - axis[low])
+
+
+@part
+def _at_time(flow, t, j, i, v, u):
+    """Return the flow at one of its times, from the neighbours that have a value; or NaN.
+
+    The shore cells of a current have values at the sea's side only.
+    """
+    east, north, total = 0.0, 0.0, 0.0
+    for dj in range(2):
+        weight_j = v if dj else 1.0 - v
+        if weight_j == 0.0:
+            continue
+        for di in range(2):
+            weight = weight_j * (u if di else 1.0 - u)
+            if weight == 0.0:
+                continue
+            e, n = flow.east_mps[t, j + dj, i + di], flow.north_mps[t, j + dj, i + di]
+            if math.isnan(e) or math.isnan(n):
+                continue
+            east += weight * e
+            north += weight * n
+            total += weight
+    if total == 0.0:
+        return math.nan, math.nan
+    return east / total, north / total
+
+
+@part
+def flow_at(flow, lat_deg, lon_deg, time_s):
+    """Return the velocity (east, north) of a flow in m/s, or NaN where it has none."""
+    t, w = _below(flow.times_s, time_s)
+    j, v = _below(flow.lats_deg, lat_deg)
+    # Files have longitudes from -180 or from 0.
+    i, u = _below(flow.lons_deg, lon_deg)
+    if i < 0:
+        i, u = _below(flow.lons_deg, lon_deg + 360.0)
+    if i < 0:
+        i, u = _below(flow.lons_deg, lon_deg - 360.0)
+    if t < 0 or j < 0 or i < 0:
+        return math.nan, math.nan
+    east, north = _at_time(flow, t, j, i, v, u)
+    if w > 0.0:
+        later_east, later_north = _at_time(flow, t + 1, j, i, v, u)
+        east += w * (later_east - east)
+        north += w * (later_north - north)
+    return east, north
+
+
+@part
+def _velocity(p, m, lat_deg, lon_deg, time_s, wind, current):
+    """Return the velocity (east, north) of a particle in m/s, and what is missing if it is NaN."""
+    wind_east, wind_north = flow_at(wind, lat_deg, lon_deg, time_s)
+    if math.isnan(wind_east):
+        return math.nan, math.nan, NO_WIND
+    east, north = flow_at(current, lat_deg, lon_deg, time_s)
+    if math.isnan(east):
+        return math.nan, math.nan, NO_CURRENT
+    wind_east += p.wind_error[0, m]
+    wind_north += p.wind_error[1, m]
+    speed = math.hypot(wind_east, wind_north)
+    # A calm has no direction; the offsets then point as in a wind to the north.
+    x, y = (wind_east / speed, wind_north / speed) if speed > 0.0 else (0.0, 1.0)
+    leeway = p.leeway
+    down = leeway.downwind_slope[m] * speed + leeway.downwind_mps[m]
+    slope = leeway.crosswind_slope[m] + leeway.crosswind_error[m]
+    cross = slope * speed + leeway.crosswind_mps[m]
+    east += p.current_error[0, m] + down * x - cross * y
+    north += p.current_error[1, m] + down * y + cross * x
+    return east, north, MOVED
+
+
+@part
+def is_land(shore, lat_deg, lon_deg):
+    """Return whether a position is on land; beyond the raster everything is sea."""
+    row = math.floor((lat_deg - shore.south_deg) / shore.lat_step_deg)
+    col = math.floor((lon_deg - shore.west_deg) / shore.lon_step_deg)
+    rows, cols = shore.land.shape
+    return 0 <= row < rows and 0 <= col < cols and shore.land[row, col]
+
+
+@part
+def _strand_or_go(p, m, lat_deg, lon_deg, shore):
+    """Put a particle at its new position, or at the last one at sea before it reaches land."""
+    from_lat, from_lon = p.lat_deg[m], p.lon_deg[m]
+    # A step may cross a spit, so look at the way in parts no longer than a cell of the raster.
+    parts = 1 + math.floor(
+        max(
+            abs(lat_deg - from_lat) / shore.lat_step_deg,
+            abs(lon_deg - from_lon) / shore.lon_step_deg,
+        )
+    )
+    for k in range(1, parts + 1):
+        next_lat = from_lat + (lat_deg - from_lat) * k / parts
+        next_lon = from_lon + (lon_deg - from_lon) * k / parts
+        if is_land(shore, next_lat, next_lon):
+            p.afloat[m] = False
+            return
+        p.lat_deg[m], p.lon_deg[m] = next_lat, next_lon
+
+
+@kernel
+def move(p, time_s, step_s, wind, current, shore, jibing, jibing_per_hour):
+    """Move the particles that are afloat by one step.
+
+    Args:
+        p: `Particles`.
+        time_s: Time at the start of the step, in seconds since 1970-01-01 UTC.
+        step_s: Duration, negative backwards in time.
+        wind: `FlowArrays`.
+        current: `FlowArrays`.
+        shore: `Shore`, or None.
+        jibing: (M,) float64 from [0, 1), draws that decide who jibes; not read without jibing.
+        jibing_per_hour: Probability that an object has jibed after an hour.
+
+    Returns:
+        `MOVED`, or what a particle lacks, and the number of this particle.
+    """
+    for m in range(len(p.lat_deg)):
+        if not p.afloat[m]:
+            continue
+        # A particle that is released within the step moves for the rest of it.
+        end_s = time_s + step_s
+        dt = end_s - p.released_s[m]
+        dt = min(max(dt, 0.0), step_s) if step_s > 0.0 else max(min(dt, 0.0), step_s)
+        if dt == 0.0:
+            continue
+        lat, lon = p.lat_deg[m], p.lon_deg[m]
+        east, north, lacks = _velocity(p, m, lat, lon, end_s - dt, wind, current)
+        if lacks != MOVED:
+            return lacks, m
+        lat_per_m, lon_per_m = _degrees_per_metre(lat)
+        middle_lat = lat + north * 0.5 * dt * lat_per_m
+        middle_lon = lon + east * 0.5 * dt * lon_per_m
+        east, north, lacks = _velocity(
+            p, m, middle_lat, middle_lon, end_s - 0.5 * dt, wind, current
+        )
+        if lacks != MOVED:
+            return lacks, m
+        lat_per_m, lon_per_m = _degrees_per_metre(middle_lat)
+        lat += north * dt * lat_per_m
+        lon += east * dt * lon_per_m
+        if shore is None:
+            p.lat_deg[m], p.lon_deg[m] = lat, lon
+        else:
+            _strand_or_go(p, m, lat, lon, shore)
+        if jibing_per_hour > 0.0:
+            chance = 1.0 - (1.0 - jibing_per_hour) ** (abs(dt) / 3600.0)
+            if jibing[m] < chance:
+                p.leeway.crosswind_slope[m] = -p.leeway.crosswind_slope[m]
+    return MOVED, -1

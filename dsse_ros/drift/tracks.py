@@ -1,0 +1,237 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Tracks of the particles of an object that was seen at sea: the entry point of this package."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.drift.flow import Flow, Uncertainty, utc
+from dsse_ros.drift.kernels import MOVED, NO_WIND, Particles, degrees_per_metre, move
+from dsse_ros.drift.leeway import LeewayClass, draw_leeway
+from dsse_ros.drift.shore import Shore, on_land
+
+LONGEST_STEP_S = 60.0
+"""Longest step of the integration; longer steps between positions are divided."""
+MAX_REDRAWS = 1000
+
+
+class Sighting(NamedTuple):
+    """Where and when an object was seen.
+
+    Attributes:
+        lat_deg: WGS84 latitude.
+        lon_deg: WGS84 longitude.
+        time_s: Time, in seconds since 1970-01-01 UTC.
+        radius_m: Distance from there that the object exceeds in one case of a hundred; its position
+            is normal along both axes.
+        weight: Weight among several sightings of one object.
+        time_error_s: The object was there up to this time before or after.
+    """
+
+    lat_deg: float
+    lon_deg: float
+    time_s: float
+    radius_m: float = 0.0
+    weight: float = 1.0
+    time_error_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How an object drifts.
+
+    Attributes:
+        leeway: Its class.
+        wind: The wind at 10 m.
+        current: The current at the surface.
+        wind_error: Uncertainty of the wind.
+        current_error: Uncertainty of the current.
+        jibing_per_hour: Probability that its crosswind slope has changed its sign after an hour.
+            As in OpenDrift an object jibes at most once per step, after it has moved, and offset
+            and error keep their sign.
+        shore: Land to strand on; None for none.
+    """
+
+    leeway: LeewayClass
+    wind: Flow
+    current: Flow
+    wind_error: Uncertainty = Uncertainty()
+    current_error: Uncertainty = Uncertainty()
+    jibing_per_hour: float = 0.04
+    shore: Shore | None = None
+
+
+class DriftTracks(NamedTuple):
+    """Tracks of M particles.
+
+    Attributes:
+        times_s: (T,) float64, in seconds since 1970-01-01 UTC.
+        lats_deg: (T, M) float64, WGS84.
+        lons_deg: (T, M) float64.
+        stranded: (T, M) bool, which particles lie ashore; these stay where they are.
+    """
+
+    times_s: NDArray[np.float64]
+    lats_deg: NDArray[np.float64]
+    lons_deg: NDArray[np.float64]
+    stranded: NDArray[np.bool_]
+
+
+def drift_tracks(
+    drift: Drift,
+    sightings: Sequence[Sighting],
+    times_s: NDArray[np.float64],
+    count: int,
+    rng: np.random.Generator,
+    *,
+    step_s: float = LONGEST_STEP_S,
+) -> DriftTracks:
+    """Return the tracks of particles of equal weight at these times.
+
+    A particle stays where it was seen until that time. With decreasing times it drifts backward, to
+    where it came from.
+
+    Args:
+        drift: How the object drifts.
+        sightings: Where it was seen; particles are shared out by their weights.
+        times_s: (T,) float64, increasing or decreasing. The first one may be later than the
+            sightings: particles then drift until there.
+        count: M.
+        rng: Generator of all draws.
+        step_s: Longest step of the integration.
+
+    Raises:
+        ValueError: If wind or current are missing at a place or time, or a sighting is on land.
+    """
+    forward = len(times_s) < 2 or times_s[-1] > times_s[0]
+    particles = _release(drift, sightings, count, rng)
+    released = particles.released_s
+    begin = min(released.min(), times_s[0]) if forward else max(released.max(), times_s[0])
+    noises = [
+        _Noise(of, error, rng)
+        for of, error in (
+            (particles.wind_error, drift.wind_error),
+            (particles.current_error, drift.current_error),
+        )
+    ]
+    shape = len(times_s), count
+    tracks = DriftTracks(times_s, np.empty(shape), np.empty(shape), np.empty(shape, np.bool_))
+    for index, until_s in enumerate(times_s):
+        steps = max(math.ceil(abs(until_s - begin) / step_s - 1e-9), 1)
+        ends = np.linspace(begin, until_s, steps + 1)
+        for start_s, end_s in zip(ends[:-1], ends[1:], strict=True):
+            if end_s != start_s:
+                _step(drift, particles, float(start_s), float(end_s - start_s), rng)
+                for noise in noises:
+                    noise.advance(abs(end_s - start_s))
+        begin = until_s
+        tracks.lats_deg[index] = particles.lat_deg
+        tracks.lons_deg[index] = (particles.lon_deg + 180.0) % 360.0 - 180.0
+        tracks.stranded[index] = ~particles.afloat
+    return tracks
+
+
+def _step(
+    drift: Drift, particles: Particles, time_s: float, step_s: float, rng: np.random.Generator
+) -> None:
+    """Move the particles by one step.
+
+    Raises:
+        ValueError: If wind or current are missing.
+    """
+    jibing = rng.random(len(particles.lat_deg)) if drift.jibing_per_hour else np.empty(0)
+    lacks, number = move(
+        particles, time_s, step_s, drift.wind.arrays, drift.current.arrays, drift.shore, jibing,
+        drift.jibing_per_hour,
+    )  # fmt: skip
+    if lacks == MOVED:
+        return
+    flow, kind = (drift.wind, "wind") if lacks == NO_WIND else (drift.current, "current")
+    lat, lon = particles.lat_deg[number], particles.lon_deg[number]
+    raise ValueError(
+        f"{kind} {flow.source!r} has no value at {lat:.4f}, {lon:.4f} between {utc(time_s)} and "
+        f"{utc(time_s + step_s)}; it covers {flow.covered()}"
+    )
+
+
+class _Noise:
+    """The error of a flow, a stationary autoregressive process of first order per particle.
+
+    Args:
+        errors: (2, M) float64, its present value, which `advance` replaces.
+        uncertainty: Its law.
+        rng: Generator of the draws.
+    """
+
+    def __init__(
+        self, errors: NDArray[np.float64], uncertainty: Uncertainty, rng: np.random.Generator
+    ) -> None:
+        self._errors, self._law, self._rng = errors, uncertainty, rng
+        if uncertainty.std_mps > 0:
+            errors[:] = uncertainty.std_mps * rng.standard_normal(errors.shape)
+
+    def advance(self, step_s: float) -> None:
+        """Advance the error by a step."""
+        std, correlation_s = self._law
+        if not std > 0 or math.isinf(correlation_s):
+            return
+        kept = math.exp(-step_s / correlation_s) if correlation_s > 0 else 0.0
+        self._errors *= kept
+        drawn = self._rng.standard_normal(self._errors.shape)
+        self._errors += std * math.sqrt(1.0 - kept * kept) * drawn
+
+
+def _release(
+    drift: Drift, sightings: Sequence[Sighting], count: int, rng: np.random.Generator
+) -> Particles:
+    """Return the particles where the object was seen, at sea.
+
+    Raises:
+        ValueError: If a sighting is on land.
+    """
+    weights = np.array([one.weight for one in sightings], np.float64)
+    # Systematic sampling gives each sighting its share, rounded up or down. The order is random, so
+    # that the crosswind sides, which alternate, are independent of the sightings.
+    wanted = (np.arange(count) + rng.random()) / count
+    of = np.searchsorted(np.cumsum(weights) / weights.sum(), wanted, side="right")
+    of = rng.permutation(np.minimum(of, len(sightings) - 1))
+    lat, lon, time, radius, _, time_error = np.array(sightings, np.float64)[of].T
+    released = time + time_error * rng.uniform(-1.0, 1.0, count)
+    lats, lons = _near(lat, lon, radius, rng)
+    if drift.shore is not None:
+        for _ in range(MAX_REDRAWS):
+            again = np.flatnonzero(on_land(drift.shore, lats, lons))
+            lats[again], lons[again] = _near(lat[again], lon[again], radius[again], rng)
+            if not len(again):
+                break
+        else:
+            first = sightings[of[again[0]]]
+            raise ValueError(
+                f"a sighting must be at sea, got {first.lat_deg:g}, {first.lon_deg:g} within "
+                f"{first.radius_m:g} m, on land"
+            )
+    return Particles(
+        lats, lons, released, np.ones(count, np.bool_), draw_leeway(drift.leeway, count, rng),
+        np.zeros((2, count)), np.zeros((2, count)),
+    )  # fmt: skip
+
+
+NINETY_NINE_PERCENT = math.sqrt(2 * math.log(100))
+"""Radius of the circle with 99 % of a bivariate normal distribution, in standard deviations."""
+
+
+def _near(
+    lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: NDArray[np.float64],
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    """Return latitudes and longitudes drawn around positions, (M,) each."""
+    north_m, east_m = radius_m / NINETY_NINE_PERCENT * rng.standard_normal((2, len(lat)))
+    lat_per_m, lon_per_m = degrees_per_metre(lat)
+    return lat + north_m * lat_per_m, lon + east_m * lon_per_m

@@ -1,0 +1,199 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Wind and current from NetCDF files: read right, or refused in one line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.drift.flow import Flow, seconds
+from dsse_ros.drift.flow_files import Span, read_netcdf
+from dsse_ros.drift.shore import Box
+
+pytest.importorskip("xarray")
+netcdf = pytest.importorskip("netCDF4")
+
+START_S = seconds("2026-01-17T12:00Z")
+SPAN = Span(Box(-24.25, -23.75, -46.25, -45.75), START_S + 1800, START_S + 5400)
+TIMES = np.arange(4.0)
+LATS = np.linspace(-25.0, -23.0, 9)
+LONS = np.linspace(-47.0, -45.0, 9)
+
+
+def of_place(lat: np.ndarray, lon: np.ndarray, hour: np.ndarray) -> np.ndarray:
+    """Velocity to the east: linear, so that interpolation is exact."""
+    return 0.1 * (lat + 24) + 0.2 * (lon + 46) + 0.3 * hour
+
+
+def write(path: Path, *, lats: Any = LATS, lons: Any = LONS, times: Any = TIMES,
+          units: str = "hours since 2026-01-17 12:00", speed: str = "m s-1", depths: int = 0,
+          standard: bool = True, north: bool = True, fill: float | None = None, hole: Any = None,
+          hours: Any = TIMES) -> Path:  # fmt: skip
+    """Write a file of a current."""
+    with netcdf.Dataset(path, "w") as file:
+        dims = []
+        if times is not None:
+            file.createDimension("time", None)
+            time = file.createVariable("time", "f8", ("time",))
+            time[:], time.units, time.standard_name = times, units, "time"
+            dims.append("time")
+        if depths:
+            file.createDimension("depth", depths)
+            depth = file.createVariable("depth", "f4", ("depth",))
+            depth[:], depth.standard_name = np.arange(depths, 0, -1) * 10.0, "depth"
+            dims.append("depth")
+        for name, values in (("lat", lats), ("lon", lons)):
+            file.createDimension(name, len(values))
+            axis = file.createVariable(name, "f8", (name,))
+            axis[:], axis.units = values, "degrees"
+            dims.append(name)
+        hour = np.asarray(hours)[:, None, None] if times is not None else np.zeros((1, 1, 1))
+        place = (np.asarray(lons, float) + 180) % 360 - 180
+        field = of_place(np.asarray(lats, float)[None, :, None], place[None, None, :], hour)
+        for name, factor in (("uo", 1.0), ("vo", -1.0)):
+            if name == "vo" and not north:
+                continue
+            variable = file.createVariable(name, "f4", dims, fill_value=fill)
+            variable.units = speed
+            if standard:
+                word = "eastward" if name == "uo" else "northward"
+                variable.standard_name = f"{word}_sea_water_velocity"
+            values = factor * field
+            if hole is not None:
+                values[hole] = fill if fill is not None else np.nan
+            values = values if times is not None else values[0]
+            if depths:
+                # The level nearest to the surface is the last one.
+                levels = [values + 50.0] * (depths - 1) + [values]
+                values = np.stack(levels, axis=1 if times is not None else 0)
+            variable[:] = values
+    return path
+
+
+def value(flow: Flow, lat: float, lon: float, time_s: float) -> tuple[float, float]:
+    """Interpolate with NumPy alone."""
+    found = []
+    for array in (flow.east_mps, flow.north_mps):
+        east = np.array([[np.interp(lon, flow.lons_deg, row) for row in level] for level in array])
+        column = np.array([np.interp(lat, flow.lats_deg, level) for level in east])
+        found.append(float(np.interp(time_s, flow.times_s, column)))
+    return found[0], found[1]
+
+
+def check(flow: Flow, *, constant: bool = False) -> None:
+    for lat, lon, after_s in ((-24.1, -46.2, 1800), (-23.8, -45.8, 3000), (-24.25, -46.0, 5400)):
+        wanted = of_place(lat, lon, 0.0 if constant else after_s / 3600)
+        east, north = value(flow, lat, lon, START_S + after_s)
+        assert east == pytest.approx(wanted, abs=1e-5)
+        assert north == pytest.approx(-wanted, abs=1e-5)
+
+
+SINCE_1900 = (START_S - seconds("1900-01-01")) / 3600
+RIGHT: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "descending latitudes": {"lats": LATS[::-1]},
+    "longitudes from 0": {"lons": LONS + 360},
+    "longitudes around the globe from 0": {"lons": np.arange(0.0, 360.0, 0.5)},
+    "hours since 1900": {"times": TIMES + SINCE_1900, "units": "hours since 1900-01-01"},
+    "seconds since 1970": {"times": TIMES * 3600 + START_S, "units": "seconds since 1970-01-01"},
+    "depths, the deepest first": {"depths": 3},
+    "one depth": {"depths": 1},
+    "names alone": {"standard": False},
+    "another spelling of the units": {"speed": "m/s"},
+    "a fill value far from the span": {"fill": 9.96921e36, "hole": np.s_[:, 0, 0]},
+    "times out of order": {"times": TIMES[::-1], "hours": TIMES[::-1]},
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_a_file_is_read_right(tmp_path: Path, name: str) -> None:
+    check(read_netcdf("current", write(tmp_path / "sea.nc", **RIGHT[name]), SPAN))
+
+
+def test_a_file_without_times_is_constant(tmp_path: Path) -> None:
+    flow = read_netcdf("current", write(tmp_path / "sea.nc", times=None), SPAN)
+    check(flow, constant=True)
+
+
+def test_an_area_across_the_seam_of_the_file_is_read_right(tmp_path: Path) -> None:
+    file = write(tmp_path / "sea.nc", lons=np.arange(0.0, 360.0, 0.5))
+    span = SPAN._replace(box=Box(-24.25, -23.75, -1.2, 1.2))
+    flow = read_netcdf("current", file, span)
+    for lon in (-1.0, -0.1, 0.4):
+        wanted = of_place(-24.0, lon, 0.5)
+        assert value(flow, -24.0, lon, START_S + 1800)[0] == pytest.approx(wanted, abs=1e-4)
+
+
+@pytest.mark.parametrize("fill", [None, -32767.0, 1e20])
+def test_a_gap_stays_a_gap(tmp_path: Path, fill: float | None) -> None:
+    file = write(tmp_path / "sea.nc", fill=fill, hole=np.s_[:, 4, 4])
+    flow = read_netcdf("current", file, SPAN)
+    gap = np.isnan(flow.east_mps)
+    assert gap.sum() == len(flow.times_s)
+    assert gap[0, flow.lats_deg == -24.0, flow.lons_deg == -46.0].all()
+
+
+def test_only_what_is_needed_is_read(tmp_path: Path) -> None:
+    flow = read_netcdf("current", write(tmp_path / "sea.nc"), SPAN)
+    assert flow.east_mps.shape == (3, 3, 3)
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "no variable": ({"north": False}, "must have a variable northward_sea_water_velocity"),
+    "units": ({"speed": "knots"}, "uo must be in m/s, got units 'knots'"),
+    "too late": (
+        {"times": TIMES + 24},
+        "must cover time 2026-01-17T12:30:00Z to 2026-01-17T13:30:00Z, got 2026-01-18T12:00:00Z",
+    ),
+    "one time": ({"times": TIMES[:1], "hours": TIMES[:1]}, "must cover time"),
+    "elsewhere": ({"lats": LATS + 10}, "must cover latitude -24.2500 to -23.7500, got -15.0000"),
+    "another sea": ({"lons": LONS + 90}, "must cover longitude"),
+    "strange times": ({"units": "fortnights"}, "time must have units like"),
+    "nothing but gaps": ({"fill": 1e20, "hole": np.s_[:]}, "has no value in the area"),
+    "a time twice": ({"times": np.array([0.0, 1.0, 1.0, 2.0])}, "time must have each value once"),
+    "a gap in an axis": (
+        {"lats": np.where(LATS == -24.0, np.nan, LATS)}, "lat must have values without gaps",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_file_that_does_not_fit_is_refused_in_a_line(tmp_path: Path, name: str) -> None:
+    options, message = REFUSED[name]
+    with pytest.raises(ValueError) as error:
+        read_netcdf("current", write(tmp_path / "sea.nc", **options), SPAN)
+    assert message in str(error.value) and "sea.nc" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"CDF\x01", b"hello", b"\x89HDF\r\n\x1a\n" + bytes(99)])
+def test_a_file_of_another_kind_is_refused_in_a_line(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "sea.nc"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match="current .*sea.nc' must be a NetCDF file"):
+        read_netcdf("current", file, SPAN)
+
+
+def test_a_curvilinear_grid_is_refused_in_a_line(tmp_path: Path) -> None:
+    file = tmp_path / "sea.nc"
+    with netcdf.Dataset(file, "w") as made:
+        for name in ("y", "x"):
+            made.createDimension(name, 3)
+        for name in ("u", "v"):
+            made.createVariable(name, "f4", ("y", "x")).units = "m s-1"
+    with pytest.raises(ValueError, match="u must be on a regular grid of latitude and longitude"):
+        read_netcdf("current", file, SPAN)
+
+
+def test_a_missing_library_is_refused_with_the_command_that_installs_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    file = write(tmp_path / "sea.nc")
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ValueError, match=r"sea.nc': xarray is missing; pip install '.*\[drift\]'"):
+        read_netcdf("current", file, SPAN)

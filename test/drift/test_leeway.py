@@ -1,0 +1,79 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Every class drifts as its published coefficients have it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from drifting import HOUR_S, displacements, drift_of
+from exact_leeway import exact
+
+from dsse_ros.drift.flow import constant_flow
+from dsse_ros.drift.leeway import draw_leeway, leeway_class, leeway_classes
+from dsse_ros.drift.tracks import Sighting, drift_tracks
+
+COUNT = 4_000
+TIME_S = 6 * HOUR_S
+AT_SEA = Sighting(0.0, -30.0, 0.0)
+WEST = constant_flow("wind", 10.0, 270.0)
+
+
+def after(key: str, jibing: float, step_s: float, count: int = COUNT, **options):
+    """Metres to the east and to the north after six hours in a wind of 10 m/s to the east."""
+    drift = drift_of(key, wind=WEST, jibing_per_hour=jibing, **options)
+    rng = np.random.default_rng(7)
+    times = np.array([0.0, TIME_S])
+    return displacements(drift_tracks(drift, [AT_SEA], times, count, rng, step_s=step_s), AT_SEA)
+
+
+@pytest.mark.parametrize("step_s", [60.0, 600.0])
+@pytest.mark.parametrize("jibing", [0.0, 0.04, 0.5])
+@pytest.mark.parametrize("key", leeway_classes())
+def test_each_class_has_the_exact_mean_and_spread(key: str, jibing: float, step_s: float) -> None:
+    wanted = exact(leeway_class(key), 10.0, jibing, step_s, TIME_S)
+    down, cross = after(key, jibing, step_s)
+    for found, mean, std in ((down, *wanted[:2]), (cross, *wanted[2:])):
+        # Five standard errors, and what the Earth's curvature does to a plane's metres.
+        assert found.mean() == pytest.approx(mean, abs=5 * std / np.sqrt(COUNT) + 1.0)
+        # The sides make two peaks, whose kurtosis is below a normal one.
+        assert found.std() == pytest.approx(std, abs=5 * std / np.sqrt(2 * COUNT) + 1.0)
+
+
+OPENDRIFT = [
+    ("PIW-1", 0.04, (2371.6, 2304.9, 10802.8, 2301.6)),
+    ("PIW-1", 0.0, (2371.6, 2304.9, 10804.2, 2343.6)),
+    ("PIW-1", 0.5, (2371.6, 2304.9, 10802.2, 2099.6)),
+    ("PIW-4", 0.04, (3934.7, 845.1, 11212.8, 1599.4)),
+    ("SKIFF-2", 0.04, (7059.5, 716.1, 10335.0, 871.7)),
+]
+"""Class, jibing per hour; mean and deviation to the east, then to the north, in m:
+OpenDrift 1.14.11 with 100 000 particles after 6 h in steps of 600 s, wind 10 m/s to the east,
+current .5 m/s to the north."""
+
+
+@pytest.mark.parametrize(("key", "jibing", "wanted"), OPENDRIFT)
+def test_the_drift_is_that_of_opendrift(
+    key: str, jibing: float, wanted: tuple[float, float, float, float]
+) -> None:
+    count = 100_000
+    north = constant_flow("current", 0.5, 0.0)
+    found = after(key, jibing, 600.0, count, current=north)
+    for values, mean, std in zip(found, wanted[::2], wanted[1::2], strict=True):
+        # Both are samples, so their errors add up.
+        error = 4 * std * np.sqrt(2 / count)
+        assert values.mean() == pytest.approx(mean, abs=error)
+        assert values.std() == pytest.approx(std, abs=error)
+
+
+def test_the_error_spreads_particles_in_a_calm_and_the_downwind_slope_is_never_negative() -> None:
+    piw = leeway_class("PIW-1")
+    drawn = draw_leeway(piw, COUNT, np.random.default_rng(1))
+    assert (drawn.downwind_slope >= 0).all()
+    assert drawn.downwind_mps.std() > 0.03 and drawn.crosswind_mps.std() > 0.04
+    assert (drawn.crosswind_slope > 0).mean() == 0.5
+
+
+def test_an_unknown_class_is_refused_with_the_nearest_one() -> None:
+    with pytest.raises(ValueError, match="object must be a class of leeway, got 'piw1'; .*PIW-1"):
+        leeway_class("piw1")
