@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.scenario.incident import names_files
 from dsse_ros.scenario.limits import MAX_ID, MAX_SIDE
 from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import SPECS, Scenario
@@ -116,6 +117,8 @@ def definition_values(definition: SearchDefinition) -> dict[str, Any]:
         fields["probability_matrix"] = scenario.probability_matrix.reference
     if scenario.area is not None:
         fields["area"] = json.loads(scenario.area.to_geojson())
+    if scenario.incident is not None:
+        fields["incident"] = scenario.incident.to_dict()
     return {"rules": asdict(rules), "scenario": fields}
 
 
@@ -153,6 +156,8 @@ def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> Searc
         keys.inner("scenario").refuse(
             "probability_matrix", "an object with path and sha256, or null"
         )
+    if names_files(parts["scenario"].get("incident")):
+        keys.inner("scenario").refuse("incident", "an object without files or null")
     try:
         rules = profile("paper", **parts["rules"])
         scenario = Scenario.from_dict(parts["scenario"])

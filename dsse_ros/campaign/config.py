@@ -19,6 +19,7 @@ from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.planners import load_planner
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.fields import check_all, check_known, field, shown, specs
+from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import FILES, ResolvedScenario, scenario_and_rules
 from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.search import FieldError, Rules, Scenario
@@ -265,7 +266,7 @@ def _planner_of(value: Any) -> PlannerEntry:
 def _case_of(value: Any, folder: Path) -> Case:
     """Return a scenario: a name or a file, or fields with `scenario` and `rules` among them."""
     fields = dict(value) if isinstance(value, Mapping) else {"scenario": value}
-    source, rules = fields.pop("scenario", None), fields.pop("rules", "paper")
+    source, rules = fields.pop("scenario", None), fields.pop("rules", AUTO)
     check_known("a scenario", [k for k in fields if not isinstance(k, str)], specs(Scenario))
     path = None
     if source is not None:

@@ -28,6 +28,7 @@ from dsse_ros.runtime.ros_arguments import (
     without_prefix,
 )
 from dsse_ros.scenario.fields import Spec
+from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
 
@@ -57,7 +58,8 @@ class Parser(argparse.ArgumentParser):
     def add_search(self, scenario: str) -> None:
         """Add the arguments for `search_of`, with this scenario as the default."""
         self.add("--scenario", default=scenario, help="YAML file or name")
-        self.add("--rules", default="paper", choices=tuple(PROFILES), help="profile")
+        usual = "profile; auto is sea with an incident, else paper"
+        self.add("--rules", default=AUTO, choices=(AUTO, *PROFILES), help=usual)
         self.add("--planner", default="greedy", choices=PLANNER_NAMES, help="planner")
         self.add("--model", help="ONNX file of the planner onnx, by default that of this package")
         self.add("--drones", type=int, help="number of drones, by default the scenario's")
@@ -126,11 +128,13 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
     if not 0 <= arguments.seed <= MAX_SEED:
         raise FieldError(f"seed must be from 0 to 2^62, got {arguments.seed}")
     of_scenario = without_prefix("scenario.", arguments.fields)
-    rules = profile(arguments.rules, **without_prefix("rules.", arguments.fields))
-    if "planner" in arguments:
-        check_task(arguments.planner, rules)
     path = find_scenario(arguments.scenario)
     scenario = Scenario.from_yaml(path).override(**of_scenario, num_drones=arguments.drones)
+    rules = profile(
+        scenario.rules_of(arguments.rules), **without_prefix("rules.", arguments.fields)
+    )
+    if "planner" in arguments:
+        check_task(arguments.planner, rules)
     return path, scenario.resolve(rules), rules
 
 

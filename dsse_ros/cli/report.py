@@ -29,6 +29,7 @@ from dsse_ros.report.report import Report, chosen_steps
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
+from dsse_ros.scenario.rules import AUTO
 from dsse_ros.search import PROFILES, FieldError
 from dsse_ros.search.compiler import announced
 from dsse_ros.view.rendering import MissionView
@@ -44,7 +45,8 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add(
         "--scenario", help="what was searched, if the file does not state it: YAML file or name"
     )
-    parser.add("--rules", default="paper", choices=tuple(PROFILES), help="profile, with --scenario")
+    usual = "profile, with --scenario; auto is sea with an incident, else paper"
+    parser.add("--rules", default=AUTO, choices=(AUTO, *PROFILES), help=usual)
     parser.add("--out", type=Path, default=Path("report"), help="folder of the files")
     parser.add("--mission", type=int, help="its number, by default the last complete one")
     parser.add("--steps", type=int, nargs="+", metavar="STEP",

@@ -146,8 +146,8 @@ class _File:
         cols, lons = self._longitudes(lon, box)
         when, times_s = np.zeros(1, np.int64), np.zeros(1)
         if time is not None:
-            in_seconds = self._in_seconds(time)
-            when, times_s = self._within("time", in_seconds, span.begin_s, span.end_s)
+            axis = time._replace(values=self._seconds(time))
+            when, times_s = self._within("time", axis, span.begin_s, span.end_s)
         shape = len(times_s), len(lats), len(lons)
         if math.prod(shape) > MAX_VALUES:
             raise _Refusal(
@@ -207,25 +207,13 @@ class _File:
             )
         return axis
 
-    def _in_seconds(self, axis: _Axis) -> _Axis:
-        """Return an axis of times in seconds since 1970-01-01 UTC."""
-        import cftime
-
-        calendar = str(axis.attributes.get("calendar", "standard"))
-        if calendar not in ("standard", "gregorian", "proleptic_gregorian"):
-            raise _Refusal(f"{self._what}: time must have the standard calendar, got {calendar!r}")
+    def _seconds(self, time: _Axis) -> NDArray[np.float64]:
+        """Return times in seconds since 1970-01-01 UTC."""
         try:
-            # The units are linear, so the ends of a long axis suffice.
-            ends = cftime.num2date([axis.values.min(), axis.values.max()], axis.units)
-            seconds = cftime.date2num(ends, "seconds since 1970-01-01")
-        except (OverflowError, TypeError, ValueError):
-            raise _Refusal(
-                f"{self._what}: time must have units like 'hours since 1900-01-01', got "
-                f"{axis.units!r}"
-            ) from None
-        low, high = axis.values.min(), axis.values.max()
-        share = (axis.values - low) / (high - low) if high > low else np.zeros(len(axis.values))
-        return axis._replace(values=seconds[0] + share * (seconds[1] - seconds[0]))
+            calendar = str(time.attributes.get("calendar", "standard"))
+            return in_seconds(time.values, time.units, calendar)
+        except ValueError as error:
+            raise _Refusal(f"{self._what}: {time.name} must have {error}") from None
 
     def _within(
         self, what: str, axis: _Axis, low: float, high: float
@@ -310,3 +298,31 @@ def _as_slice(index: NDArray[np.int64]) -> Any:
     low, high = int(index.min()), int(index.max())
     # Longitudes across the file's own seam are no slice.
     return slice(low, high + 1) if high - low + 1 == len(index) else index
+
+
+def in_seconds(
+    times: NDArray[np.float64], units: str, calendar: str = "standard"
+) -> NDArray[np.float64]:
+    """Return times of a file in seconds since 1970-01-01 UTC, (T,) float64.
+
+    Args:
+        times: (T,).
+        units: CF units such as `hours since 1900-01-01`.
+        calendar: CF calendar.
+
+    Raises:
+        ValueError: If units or calendar are no such; says what is allowed.
+    """
+    import cftime
+
+    if calendar not in ("standard", "gregorian", "proleptic_gregorian"):
+        raise ValueError(f"the standard calendar, got {calendar!r}")
+    values = np.asarray(times, np.float64)
+    low, high = values.min(), values.max()
+    try:
+        # The units are linear, so the ends of a long axis suffice.
+        ends = cftime.date2num(cftime.num2date([low, high], units), "seconds since 1970-01-01")
+    except (OverflowError, TypeError, ValueError):
+        raise ValueError(f"units like 'hours since 1900-01-01', got {units!r}") from None
+    share = (values - low) / (high - low) if high > low else np.zeros(len(values))
+    return np.asarray(ends[0] + share * (ends[1] - ends[0]), np.float64)

@@ -194,6 +194,7 @@ def move(p, time_s, step_s, wind, current, shore, jibing, jibing_per_hour):
     Returns:
         `MOVED`, or what a particle lacks, and the number of this particle.
     """
+    of_step = 1.0 - (1.0 - jibing_per_hour) ** (abs(step_s) / 3600.0)
     for m in range(len(p.lat_deg)):
         if not p.afloat[m]:
             continue
@@ -223,7 +224,9 @@ def move(p, time_s, step_s, wind, current, shore, jibing, jibing_per_hour):
         else:
             _strand_or_go(p, m, lat, lon, shore)
         if jibing_per_hour > 0.0:
-            chance = 1.0 - (1.0 - jibing_per_hour) ** (abs(dt) / 3600.0)
+            chance = of_step
+            if dt != step_s:
+                chance = 1.0 - (1.0 - jibing_per_hour) ** (abs(dt) / 3600.0)
             if jibing[m] < chance:
                 p.leeway.crosswind_slope[m] = -p.leeway.crosswind_slope[m]
     return MOVED, -1

@@ -71,7 +71,7 @@ def shore_of(is_land: IsLand, box: Box) -> Shore:
     cols = (box.east_deg - box.west_deg) / lon_step
     coarser = max(1.0, math.sqrt(rows * cols / MAX_CELLS))
     lat_step, lon_step = lat_step * coarser, lon_step * coarser
-    shape = math.ceil(rows / coarser), math.ceil(cols / coarser)
+    shape = max(math.ceil(rows / coarser), 1), max(math.ceil(cols / coarser), 1)
     land = np.zeros(shape, np.bool_)
     lons = box.west_deg + (np.arange(shape[1]) + 0.5) * lon_step
     count = max(_BLOCK_CELLS // shape[1], 1)

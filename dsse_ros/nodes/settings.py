@@ -12,7 +12,7 @@ from dsse_ros.mission.vehicle_missions import ArrivalSettings
 from dsse_ros.planners import PLANNER_NAMES
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, field, specs
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, MAX_ID
-from dsse_ros.scenario.rules import PROFILES, Rules
+from dsse_ros.scenario.rules import AUTO, PROFILES, Rules
 from dsse_ros.scenario.scenario import Scenario
 
 LARGEST_AUTO_GRID = 50
@@ -175,7 +175,11 @@ SIM_PARAMETERS: Mapping[str, Spec] = {
     ),
     **_SCENARIO,
     **_RULES,
-    PROFILE: Spec("str", "Profile of the rules.", choices=tuple(PROFILES)),
+    PROFILE: Spec(
+        "str",
+        "Profile of the rules; auto is sea with an incident, else paper.",
+        choices=(AUTO, *PROFILES),
+    ),  # fmt: skip
 }
 """All parameters of `sim_node`: its settings, and the groups `scenario.` and `rules.`."""
 

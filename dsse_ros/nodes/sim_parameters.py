@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dsse_ros.drift.flow import utc
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.nodes.settings import (
@@ -27,6 +28,7 @@ from dsse_ros.runtime.ros_arguments import from_ros, without_prefix
 from dsse_ros.runtime.run_node import AlarmNode
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.limits import MAX_ID, check_cells
+from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules, Scenario, SearchEnv, profile
 from dsse_ros.search.compiler import prepared_env
@@ -47,17 +49,18 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
     for name, value in given.items():
         spec = SIM_PARAMETERS[name]
         given[name] = spec.check(name, from_ros(spec, value))
-    file, base = given.pop(SCENARIO_FILE, ""), given.pop(PROFILE, "paper")
+    file, base = given.pop(SCENARIO_FILE, ""), given.pop(PROFILE, AUTO)
     settings = SimSettings(**{name: value for name, value in given.items() if "." not in name})
-    rules = profile(base, **without_prefix("rules.", given))
+    path = find_scenario(file) if file else None
+    scenario = Scenario.of(path).override(**without_prefix("scenario.", given))
+    rules = profile(scenario.rules_of(base), **without_prefix("rules.", given))
     if rules.covers and settings.publish_belief:
         raise FieldError(
             f"publish_belief: true is not allowed with rules {rules.profile}, which have no persons"
         )
-    path = find_scenario(file) if file else None
-    scenario = Scenario.of(path).override(**without_prefix("scenario.", given))
     _check_size(settings, scenario, rules)
     env = prepared_env(scenario, rules, node.get_logger().info, has_belief=settings.has_belief)
+    _log_incident(node, env.scenario)
     values = {
         **vars(settings),
         SCENARIO_FILE: file,
@@ -66,6 +69,18 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
     }
     declare(node, SIM_PARAMETERS, values, RUN_TIME_SETTINGS)
     return settings, env, Endpoints(node, qos)
+
+
+def _log_incident(node: AlarmNode, scenario: ResolvedScenario) -> None:
+    """Log what became of the particles of an incident."""
+    if scenario.incident is None or scenario.incident.laid is None:
+        return
+    begins_s, inside, stranded = scenario.incident.laid
+    node.get_logger().info(
+        f"incident: the search begins at {utc(begins_s)} on {scenario.grid_size} x "
+        f"{scenario.grid_size} cells; {inside:.1%} of the particles stay there until its end, "
+        f"{stranded:.1%} strand"
+    )
 
 
 def _check_size(settings: SimSettings, scenario: Scenario, rules: Rules) -> None:

@@ -205,7 +205,7 @@ def play_missions(
     planner: str | PlannerFactory,
     scenario: ScenarioSource = None,
     *,
-    rules: str | Rules = "paper",
+    rules: str | Rules = "auto",
     seed: int | Sequence[int] = 0,
     planner_seeds: Sequence[int] | None = None,
     options: Mapping[str, Any] | None = None,

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Collection, Iterable, Mapping
@@ -35,6 +36,7 @@ _TYPES = {
     "names": Parameter.Type.STRING_ARRAY,
     "area": Parameter.Type.STRING,
     "matrix": Parameter.Type.STRING,
+    "incident": Parameter.Type.STRING,
 }
 
 QOS_PREFIX = "qos_overrides."
@@ -96,6 +98,8 @@ def to_ros(spec: Spec, value: Any) -> Any:
         return "" if value is None else value.to_geojson()
     if spec.kind == "matrix":
         return "" if value is None else value.path
+    if spec.kind == "incident":
+        return "" if value is None else json.dumps(value.to_dict())
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if spec.kind == "cells":

@@ -30,6 +30,7 @@ Kind = Literal[
     "names",
     "area",
     "matrix",
+    "incident",
 ]
 
 
@@ -45,7 +46,8 @@ class Spec:
         kind: bool, int, float, str; `vector` is a pair of floats, `cell` a pair of integers
             (col, row), `cells` a list of cells, `floats`, `ints` and `names` are lists, `area` is
             any value that `area.Area` reads, `matrix` any value that
-            `probability_matrix.ProbabilityMatrix` reads.
+            `probability_matrix.ProbabilityMatrix` reads, `incident` any value that
+            `incident.Incident` reads.
         doc: One sentence for users, without the unit.
         unit: Unit of the value or of each element, "" if it has none.
         low: Smallest allowed value, inclusive.
@@ -78,6 +80,7 @@ class Spec:
             "ints": "a list of integers",
             "names": "a list of names",
             "matrix": "a square matrix of numbers >= 0, or a .npy, CSV or GeoTIFF file of one",
+            "incident": "a mapping with object, seen and search_start",
             "area": "a GeoJSON file of a Polygon or MultiPolygon, or a list of [lat, lon]",
         }[self.kind]
         if self.choices:
@@ -141,7 +144,7 @@ class Spec:
                 if not all(isinstance(item, str) for item in items):
                     raise TypeError
                 return items
-            case "area" | "matrix":
+            case "area" | "matrix" | "incident":
                 return value
 
     def _cell(self, value: Any) -> tuple[int, int]:

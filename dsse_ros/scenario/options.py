@@ -9,16 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import (
-    SPECS,
-    ResolvedScenario,
+from dsse_ros.scenario.cell_checks import (
     check_cell,
     check_multipliers,
     check_positions,
     check_scatter,
 )
+from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import SPECS, ResolvedScenario
 
 RESET_OPTIONS = (
     "drones_positions",
@@ -62,6 +61,12 @@ def check_options(
             raise FieldError(
                 f"{name}: {shown(options[name])} is not allowed as an option of a reset with rules "
                 f"{rules.profile}: the map stands still; drones_positions"
+            )
+    for name in ("vector", "person_initial_position") if scenario.incident is not None else ():
+        if options.get(name) is not None:
+            raise FieldError(
+                f"{name} must not be an option of a reset with an incident, got "
+                f"{shown(options[name])}"
             )
     mask = scenario.area_mask
     start = {

@@ -336,6 +336,8 @@ _COVERAGE = _V2.override(
     person_initial_position=None,
 )
 
+_SEA = _PAPER.override(profile="sea", circle=False, person_motion="leeway")
+
 GROUPS: dict[str, type] = {
     "Actions": ActionRules,
     "Rewards": RewardRules,
@@ -346,8 +348,11 @@ GROUPS: dict[str, type] = {
 }
 """The fields of the rules by topic, without the defaults of the scenario."""
 
-PROFILES: dict[str, Rules] = {rules.profile: rules for rules in (_PAPER, _V1, _V2, _COVERAGE)}
+PROFILES: dict[str, Rules] = {rules.profile: rules for rules in (_PAPER, _V1, _V2, _COVERAGE, _SEA)}
 """The profiles by name."""
+
+AUTO = "auto"
+"""In place of a profile: the usual one of a scenario, see `IncidentFields.rules_of`."""
 
 
 def profile(name: str, **overrides: Any) -> Rules:

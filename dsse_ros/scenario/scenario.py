@@ -15,10 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.area import Area, area_mask
+from dsse_ros.scenario.cell_checks import (
+    check_cell,
+    check_multipliers,
+    check_positions,
+    check_scatter,
+)
 from dsse_ros.scenario.current import mean_drift, resolve_vector
 from dsse_ros.scenario.ensemble_fields import EnsembleFields
 from dsse_ros.scenario.fault_fields import FaultFields, hold_up
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
+from dsse_ros.scenario.incident import Incident
+from dsse_ros.scenario.incident_fields import IncidentFields, on_incident_grid
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.searcher_fields import SearcherFields
@@ -36,7 +44,7 @@ SYNONYMS = {"dispersion_start": "sigma"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario(EnsembleFields, SearcherFields, FaultFields):
+class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
     """The setting of a search; None means "derive it" or "the profile's default".
 
     `resolve` fills in every such field.
@@ -139,7 +147,11 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
 
     def __post_init__(self) -> None:
         check_all(self, Scenario)
-        for name, make in (("area", Area.of), ("probability_matrix", ProbabilityMatrix.of)):
+        for name, make in (
+            ("area", Area.of),
+            ("probability_matrix", ProbabilityMatrix.of),
+            ("incident", Incident.of),
+        ):
             if (value := getattr(self, name)) is not None:
                 empty = isinstance(value, str) and not value
                 object.__setattr__(self, name, None if empty else make(value))
@@ -169,6 +181,8 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
             for name in FILES if isinstance(values, dict) else ():
                 if values.get(name) and isinstance(values[name], str):
                     values[name] = os.path.join(os.path.dirname(path), values[name])
+            if isinstance(values, dict) and values.get("incident") is not None:
+                values["incident"] = Incident.of(values["incident"], os.path.dirname(path))
             return cls.from_dict({} if values is None else values)
         except FieldError as error:
             raise FieldError(f"scenario {os.fspath(path)!r}: {error}") from None
@@ -212,6 +226,9 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         Raises:
             FieldError: If fields contradict each other or do not fit the grid.
         """
+        on_grid = on_incident_grid(self, rules)
+        if on_grid is not self:
+            return dataclasses.replace(on_grid.resolve(rules), stated=self)
         grid, cell = self.grid_of(rules)
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
         if self.probability_matrix is not None:
@@ -274,14 +291,29 @@ class Scenario(EnsembleFields, SearcherFields, FaultFields):
         Raises:
             FieldError: If fields contradict each other, or the grid is impossible.
         """
+        on_grid, cell = on_incident_grid(self, rules), self.cell_m
+        return on_grid.cells_along_side(rules, cell), cell
+
+    @property
+    def cell_m(self) -> float:
+        """Side of a cell in metres.
+
+        Raises:
+            FieldError: If altitude and field of view give none that is allowed.
+        """
         cell = self.cell_size
         if cell is None:
             cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
             derived_from = "cell_size (of altitude and field_of_view)"
             cell = SPECS["cell_size"].check(derived_from, round(cell, 3))
-        return self._resolve_grid(rules, cell), cell
+        return cell
 
-    def _resolve_grid(self, rules: Rules, cell: float) -> int:
+    def cells_along_side(self, rules: Rules, cell: float) -> int:
+        """Return the number of cells along a side of the grid, without regard to an incident.
+
+        Raises:
+            FieldError: If fields contradict each other.
+        """
         matrix = self.probability_matrix
         if matrix is not None and not rules.covers:
             raise FieldError(
@@ -361,6 +393,21 @@ class ResolvedScenario(Scenario):
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
         return area_mask(self.area, self.land, self.grid_size, self.cell_size, origin)
 
+    def incident_positions(
+        self, steps: int, rng: np.random.Generator, count: int
+    ) -> NDArray[np.float64]:
+        """Return positions of particles of the incident, see `targets.ensemble.Tracks`.
+
+        Raises:
+            FieldError: If wind, current or given tracks do not cover them.
+        """
+        from dsse_ros.scenario.incident_grid import positions
+
+        assert self.incident is not None
+        origin = (self.origin_lat, self.origin_lon, self.origin_alt)
+        side_m = self.grid_size * self.cell_size
+        return positions(self.incident, origin, side_m, self.step_duration_s, steps, rng, count)
+
     @property
     def step_duration_s(self) -> float:
         """Time that the fastest drone needs for a cell (13 s for the paper's), in seconds."""
@@ -399,21 +446,23 @@ ScenarioSource = Scenario | Mapping[str, Any] | str | os.PathLike[str] | None
 
 
 def scenario_and_rules(
-    scenario: ScenarioSource = None, rules: str | Rules = "paper", **fields: Any
+    scenario: ScenarioSource = None, rules: str | Rules = "auto", **fields: Any
 ) -> tuple[Scenario, Rules]:
     """Return scenario and rules with single fields of either overridden by name.
 
-    A field of both is overridden in the scenario. A None leaves a field as it is.
+    A field of both is overridden in the scenario. A None leaves a field as it is. The rules may be
+    `auto`, see `IncidentFields.rules_of`.
 
     Raises:
         FieldError: If a field is unknown or a value is not allowed.
     """
     of_scenario = {*SPECS, *SYNONYMS}
     check_known("the scenario or the rules", fields, [*of_scenario, *specs(Rules)])
-    chosen = rules if isinstance(rules, Rules) else profile(rules)
     of_rules = {k: v for k, v in fields.items() if k not in of_scenario and v is not None}
     given = {k: v for k, v in fields.items() if k in of_scenario}
-    return Scenario.of(scenario).override(**given), chosen.override(**of_rules)
+    stated = Scenario.of(scenario).override(**given)
+    chosen = rules if isinstance(rules, Rules) else profile(stated.rules_of(rules))
+    return stated, chosen.override(**of_rules)
 
 
 def _renamed(values: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -428,79 +477,3 @@ def _renamed(values: Mapping[str, Any], given: Mapping[str, Any] | None = None) 
     if len(renamed) < len(given):
         raise FieldError("dispersion_start and sigma are the same field; give one")
     return renamed
-
-
-def check_cell(
-    name: str, cell: tuple[int, int], grid_size: int, mask: NDArray[np.bool_] | None = None
-) -> None:
-    """Raise unless the cell (col, row) is on the grid and, with a mask (G, G), in the area.
-
-    Raises:
-        FieldError: If the cell is outside.
-    """
-    if not all(0 <= c < grid_size for c in cell):
-        raise FieldError(
-            f"{name}: {list(cell)} is not allowed; col and row from 0 to {grid_size - 1}"
-        )
-    if mask is not None and not mask[cell[1], cell[0]]:
-        raise FieldError(
-            f"{name}: {list(cell)} is not allowed; one of the {int(mask.sum())} cells of the area"
-        )
-
-
-def check_positions(
-    positions: tuple[tuple[int, int], ...],
-    grid_size: int,
-    count: int | None,
-    mask: NDArray[np.bool_] | None = None,
-) -> None:
-    """Raise unless these are `count` different cells of the grid and, with a mask, of the area.
-
-    Raises:
-        FieldError: If there are too few or too many, or a cell is outside or occurs twice.
-    """
-    if not positions or (count is not None and len(positions) != count):
-        raise FieldError(
-            f"drones_positions: {len(positions)} cells are not allowed; "
-            f"one per drone ({count or 'at least 1'})"
-        )
-    for cell in positions:
-        check_cell("drones_positions", cell, grid_size, mask)
-    if len(set(positions)) != len(positions):
-        raise FieldError("drones_positions: two drones in one cell are not allowed")
-
-
-def check_multipliers(multipliers: tuple[float, ...] | None, person_amount: int) -> None:
-    """Raise unless there is one multiplier per person.
-
-    Raises:
-        FieldError: If the numbers differ.
-    """
-    if multipliers is not None and len(multipliers) != person_amount:
-        raise FieldError(
-            f"person_pod_multipliers: {len(multipliers)} values are not allowed; "
-            f"one per person ({person_amount})"
-        )
-
-
-def check_scatter(
-    amount: int,
-    cell: tuple[int, int],
-    grid_size: int,
-    scatter: int,
-    mask: NDArray[np.bool_] | None = None,
-) -> None:
-    """Raise unless the cells within `scatter` of the cell have room for every person.
-
-    Raises:
-        FieldError: If there are more persons than cells.
-    """
-    cols, rows = (range(max(c - scatter, 0), min(c + scatter + 1, grid_size)) for c in cell)
-    room = len(cols) * len(rows)
-    if mask is not None:
-        room = int(mask[rows.start : rows.stop, cols.start : cols.stop].sum())
-    if amount > room:
-        raise FieldError(
-            f"person_amount: {amount} is not allowed; at most {room}, the cells within "
-            f"{scatter} of person_initial_position {list(cell)}"
-        )

@@ -426,7 +426,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
 def parallel_env(
     scenario: ScenarioSource = None,
     *,
-    rules: str | Rules = "paper",
+    rules: str | Rules = "auto",
     grid_size: int | None = None,
     num_drones: int | None = None,
     vector: tuple[float, float] | None = None,
@@ -445,7 +445,8 @@ def parallel_env(
     Args:
         scenario: A `Scenario`, a mapping of its fields, the path of a YAML file, or None for the
             profile's defaults.
-        rules: The name of a profile or a `Rules` value.
+        rules: The name of a profile or a `Rules` value; `auto` is `sea` with an incident, else
+            `paper`.
         grid_size: Cells along a side.
         num_drones: Number of drones.
         vector: Drift (x to the east, y to the south) in cells per step.

@@ -361,7 +361,7 @@ def vector_env(
     num_envs: int,
     scenario: ScenarioSource = None,
     *,
-    rules: str | Rules = "paper",
+    rules: str | Rules = "auto",
     lazy: bool = False,
     copy: bool = True,
     threads: int = 1,

@@ -18,6 +18,7 @@ from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.area import Area
+from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, Scenario
@@ -48,8 +49,10 @@ def word_of_seed(seed: int) -> np.uint64:
     return word
 
 
-def _plain(value: Area | ProbabilityMatrix) -> Any:
+def _plain(value: Area | Incident | ProbabilityMatrix) -> Any:
     """Return a value of a scenario for JSON, without the file that it came from."""
+    if isinstance(value, Incident):
+        return value.to_dict()
     return value.sha256 if isinstance(value, ProbabilityMatrix) else dataclasses.asdict(value)
 
 

@@ -10,6 +10,7 @@ from dsse_ros.targets.best_cell import BEST_CELL
 from dsse_ros.targets.constant_drift import CONSTANT_DRIFT
 from dsse_ros.targets.drawn_cell import DRAWN_CELL
 from dsse_ros.targets.ensemble import Ensemble
+from dsse_ros.targets.leeway import LEEWAY
 from dsse_ros.targets.motion import PersonMotion
 
 TargetModel: TypeAlias = PersonMotion | Ensemble
@@ -17,7 +18,11 @@ TargetModel: TypeAlias = PersonMotion | Ensemble
 MOTIONS: dict[str, PersonMotion] = {"window": BEST_CELL, "drift": DRAWN_CELL}
 """The motions by name; `c.motion` is the number of the one in use."""
 
-TARGET_MODELS: dict[str, TargetModel] = {**MOTIONS, "constant_drift": CONSTANT_DRIFT}
+TARGET_MODELS: dict[str, TargetModel] = {
+    **MOTIONS,
+    "constant_drift": CONSTANT_DRIFT,
+    "leeway": LEEWAY,
+}
 """The choices for `person_motion` of the rules."""
 
 

@@ -153,7 +153,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "one time": ({"times": TIMES[:1], "hours": TIMES[:1]}, "must cover time"),
     "elsewhere": ({"lats": LATS + 10}, "must cover latitude -24.2500 to -23.7500, got -15.0000"),
     "another sea": ({"lons": LONS + 90}, "must cover longitude"),
-    "strange times": ({"units": "fortnights"}, "time must have units like"),
+    "strange times": ({"units": "fortnights"}, "units like 'hours since"),
     "nothing but gaps": ({"fill": 1e20, "hole": np.s_[:]}, "has no value in the area"),
     "a time twice": ({"times": np.array([0.0, 1.0, 1.0, 2.0])}, "time must have each value once"),
     "a gap in an axis": (

@@ -5,6 +5,7 @@
 import dataclasses
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from msg_adapters.agents import (
 )
 from msg_adapters.frames import GridFrame
 
+KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"
 NAMES = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=5, unique=True).map(tuple)
 NUMBERS = st.floats(-1e5, 1e5)
 INFOS = st.builds(
@@ -123,6 +125,27 @@ def test_what_is_to_be_covered_comes_back_from_its_file_by_path_and_digest(tmp_p
     path.unlink()
     with pytest.raises(ValueError, match=rf"^agents.definition: .* '{path}': No such file"):
         agents_from_message(message)
+
+
+def test_an_incident_comes_back_with_its_grid():
+    rules = profile("sea")
+    scenario = Scenario.from_yaml(KAYAK).resolve(rules)
+    info = dataclasses.replace(
+        INFO, agents=tuple(f"drone{i}" for i in range(4)), grid_size=scenario.grid_size,
+        definition=SearchDefinition(rules, scenario),
+    )  # fmt: skip
+    heard = agents_from_message(agents_message(info)).definition.scenario
+    assert heard == scenario
+
+
+def test_a_message_names_no_file_of_an_incident():
+    seen = {"lat": 0.0, "lon": 0.0, "time": "2026-01-17"}
+    given = {"object": "PIW-1", "seen": [seen], "search_start": "2026-01-17"}
+    message = json.loads(agents_message(INFO).data)
+    for files in ({"wind": {"file": "wind.csv"}}, {"shore": "land.json"}, {"tracks": "drift.nc"}):
+        message["definition"] = {"rules": {}, "scenario": {"incident": {**given, **files}}}
+        with pytest.raises(ValueError, match="incident.* an object without files or null"):
+            agents_from_message(String(data=json.dumps(message)))
 
 
 def test_a_message_names_no_file_to_be_read(tmp_path):

@@ -61,14 +61,16 @@ def test_a_million_steps_keep_the_world_whole(rules: str) -> None:
         assert np.isfinite(p).all() and (p >= 0).all()
         total = p.sum(axis=(1, 2), dtype=float)
         assert total.max() <= 1 + 1e-6
-        assert env.rules.covers or total.min() >= 1 - 1e-6
+        drifts_off = env.world.ensemble is not None
+        assert env.rules.covers or drifts_off or total.min() >= 1 - 1e-6
         cells = observations["positions"]
         assert ((cells >= -margin) & (cells < grid + margin)).all()
         persons = env.world.persons
         walked_out = (persons["x"] < 0) | (persons["y"] < 0)
-        if rules != "v1":
+        if rules != "v1" and not drifts_off:
             assert not walked_out.any()
-        assert (persons["x"] < grid).all() and (persons["y"] < grid).all()
+        beyond = (persons["x"] >= grid) | (persons["y"] >= grid)
+        assert drifts_off or not beyond.any()
         assert np.isfinite(rewards).all()
         now_out = terminated | truncated
         if not env.rules.ends_together:

@@ -1,0 +1,138 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Tracks of particles from a NetCDF file of OpenDrift, or of another model in its format.
+
+The file has the variables `lon` and `lat` along the dimensions `trajectory` and `time` (CF, feature
+type trajectory). A particle has no positions before its release and after its deactivation.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.drift.flow import utc
+from dsse_ros.drift.flow_files import in_seconds
+from dsse_ros.drift.tracks import DriftTracks
+from dsse_ros.extras import pip_install
+
+MAX_POSITIONS = 20_000_000
+_DIMENSIONS = ("time", "trajectory")
+
+
+def read_tracks(path: str | os.PathLike[str]) -> DriftTracks:
+    """Return the tracks of a file.
+
+    A particle waits at its first position until its release and stays at its last one from its
+    deactivation on, as if it were stranded. Particles without any position are left out.
+
+    Raises:
+        ValueError: If the file cannot be read, or has no such tracks; one line.
+    """
+    name = os.fspath(path)
+    try:
+        import netCDF4  # noqa: F401  xarray reads with it.
+        import xarray
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"tracks {name!r}: {error.name} is missing; {pip_install('drift')}"
+        ) from None
+    try:
+        with warnings.catch_warnings():
+            # xarray warns about several fill values, all of which it handles.
+            warnings.simplefilter("ignore")
+            with xarray.open_dataset(
+                path, engine="netcdf4", decode_times=False, cache=False
+            ) as dataset:
+                times_s, lats, lons = _positions(dataset)
+    except _Unfit as unfit:
+        raise ValueError(f"tracks {name!r} must have {unfit}") from None
+    except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ValueError(f"tracks {name!r} must be a NetCDF file of OpenDrift: {reason}") from None
+    return _filled(times_s, lats, lons)
+
+
+class _Unfit(Exception):
+    """What a file lacks."""
+
+
+def _positions(
+    dataset: Any,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return times (T,), latitudes and longitudes (T, M) of a data set, NaN where there are none.
+
+    Raises:
+        _Unfit: If it does not have them.
+    """
+    for name in ("time", "lat", "lon"):
+        if name not in dataset.variables:
+            raise _Unfit(f"a variable {name}, got {', '.join(map(str, dataset.variables))}")
+    for name in ("lat", "lon"):
+        if set(dataset[name].dims) != set(_DIMENSIONS):
+            raise _Unfit(
+                f"{name} along {' and '.join(_DIMENSIONS)}, got {', '.join(dataset[name].dims)}"
+            )
+    if dataset["lat"].size > MAX_POSITIONS:
+        raise _Unfit(f"at most {MAX_POSITIONS} positions, got {dataset['lat'].size}")
+    time = dataset["time"]
+    try:
+        times_s = in_seconds(time.values, str(time.attrs.get("units", "")))
+    except ValueError as error:
+        raise _Unfit(str(error)) from None
+    if not len(times_s) or not (np.diff(times_s) > 0).all():
+        raise _Unfit("increasing times")
+    lats, lons = (
+        np.asarray(dataset[name].transpose(*_DIMENSIONS).values, np.float64)
+        for name in ("lat", "lon")
+    )
+    on_earth = (np.abs(lats) <= 90) & (np.abs(lons) <= 360)
+    lats, lons = np.where(on_earth, lats, np.nan), np.where(on_earth, lons, np.nan)
+    some = on_earth.any(axis=0)
+    if not some.any():
+        raise _Unfit("positions")
+    return times_s, lats[:, some], lons[:, some]
+
+
+def _filled(
+    times_s: NDArray[np.float64], lats: NDArray[np.float64], lons: NDArray[np.float64]
+) -> DriftTracks:
+    """Return tracks without gaps: each position missing is the last one, or else the first."""
+    there = np.isfinite(lats)
+    steps = np.arange(len(times_s))[:, None]
+    last = np.maximum.accumulate(np.where(there, steps, -1), axis=0)
+    index = np.where(last >= 0, last, there.argmax(axis=0))
+    final = len(times_s) - 1 - there[::-1].argmax(axis=0)
+    return DriftTracks(
+        times_s,
+        np.take_along_axis(lats, index, axis=0),
+        np.take_along_axis(lons, index, axis=0),
+        steps > final,
+    )
+
+
+def at_times(tracks: DriftTracks, times_s: NDArray[np.float64]) -> DriftTracks:
+    """Return tracks at other times, by linear interpolation.
+
+    Raises:
+        ValueError: If they do not cover these times.
+    """
+    first, last = float(tracks.times_s[0]), float(tracks.times_s[-1])
+    if times_s.min() < first or times_s.max() > last:
+        raise ValueError(
+            f"the tracks must cover {utc(times_s.min())} to {utc(times_s.max())}, got {utc(first)} "
+            f"to {utc(last)}"
+        )
+    low = np.clip(np.searchsorted(tracks.times_s, times_s, "right") - 1, 0, None)
+    high = np.minimum(low + 1, len(tracks.times_s) - 1)
+    length = np.where(high > low, tracks.times_s[high] - tracks.times_s[low], 1.0)
+    share = ((times_s - tracks.times_s[low]) / length)[:, None]
+    lats = tracks.lats_deg[low] + share * (tracks.lats_deg[high] - tracks.lats_deg[low])
+    # A track may cross the antimeridian.
+    turn = (tracks.lons_deg[high] - tracks.lons_deg[low] + 180.0) % 360.0 - 180.0
+    lons = tracks.lons_deg[low] + share * turn
+    return DriftTracks(times_s, lats, lons, tracks.stranded[low])

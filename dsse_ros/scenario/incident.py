@@ -1,0 +1,418 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""An incident: what is missing, where it was seen, in which wind and current, and who searches.
+
+A grid follows from it: see `incident_grid`.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.drift.flow import (
+    SENSE,
+    Flow,
+    Uncertainty,
+    constant_flow,
+    seconds,
+    utc,
+)
+from dsse_ros.drift.flow_files import Span
+from dsse_ros.drift.leeway import leeway_class
+from dsse_ros.drift.shore import Box, Shore, box_around, shore_of
+from dsse_ros.drift.track_files import at_times, read_tracks
+from dsse_ros.drift.tracks import Drift, DriftTracks, Sighting, drift_tracks
+from dsse_ros.scenario.area import Area
+from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
+from dsse_ros.scenario.incident_flow import flow_dict, mapping, read_flow
+
+LONGEST_SEARCH_S = 6 * 3600.0
+"""Time after the start of a search for which wind and current are read from files."""
+FASTEST_DRIFT_MPS = 2.0
+"""Speed of a drift up to which wind, current and shore are read around the sightings."""
+MAX_SPREAD_M = 500_000.0
+"""Greatest distance at which wind, current and shore are read around the sightings."""
+
+_LAT = Spec("float", "", low=-85, high=85, unit="deg")
+_LON = Spec("float", "", low=-360, high=360, unit="deg")
+_OF_INCIDENT = (
+    "object", "seen", "search_start", "base", "wind", "current", "jibing", "shore", "tracks",
+    "laid",
+)  # fmt: skip
+_OF_TRACKS = ("tracks", "search_start", "base", "laid")
+_OF_SIGHTING = {
+    "lat": (_LAT, None),
+    "lon": (_LON, None),
+    "time": (Spec("str", ""), None),
+    "radius": (Spec("float", "", low=0, high=1e5, unit="m"), 0.0),
+    "weight": (Spec("float", "", above=0, high=1e6), 1.0),
+    "time_error": (Spec("float", "", low=0, high=1e4, unit="min"), 0.0),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class GivenTracks:
+    """Tracks of particles that another model has made.
+
+    Attributes:
+        times_s: (T,) float64, increasing, in seconds since 1970-01-01 UTC.
+        lats_deg: (T, M) float32, WGS84.
+        lons_deg: (T, M) float32.
+    """
+
+    times_s: NDArray[np.float64]
+    lats_deg: NDArray[np.float32]
+    lons_deg: NDArray[np.float32]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, GivenTracks) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash((self.times_s.tobytes(), self.lats_deg.tobytes(), self.lons_deg.tobytes()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return times as numbers, and positions row by row, little-endian, in base64."""
+        positions = {"lats_deg": self.lats_deg, "lons_deg": self.lons_deg}
+        return {"times_s": self.times_s.tolist()} | {
+            name: base64.b64encode(values.astype("<f4").tobytes()).decode()
+            for name, values in positions.items()
+        }
+
+    @classmethod
+    def of(cls, value: Any, folder: str) -> GivenTracks:
+        """Return the tracks of a file, or those of `to_dict`.
+
+        Raises:
+            ValueError: If the value is neither.
+        """
+        if isinstance(value, str):
+            read = read_tracks(os.path.join(folder, value))
+            return cls(
+                read.times_s, read.lats_deg.astype(np.float32), read.lons_deg.astype(np.float32)
+            )
+        try:
+            times_s = np.array(value["times_s"], np.float64)
+            lats, lons = (
+                np.frombuffer(base64.b64decode(value[name], validate=True), "<f4")
+                .astype(np.float32)
+                .reshape(len(times_s), -1)
+                for name in ("lats_deg", "lons_deg")
+            )
+            fits = lats.shape == lons.shape and lats.size and (np.diff(times_s) > 0).all()
+            fits = fits and np.isfinite(times_s).all() and np.isfinite(lats + lons).all()
+        except (KeyError, TypeError, ValueError):
+            fits = False
+        if not fits:
+            raise FieldError(
+                f"incident.tracks must be a NetCDF file of OpenDrift, got {shown(value)}"
+            )
+        return cls(times_s, lats, lons)
+
+
+class Laid(NamedTuple):
+    """What follows from the grid of an incident.
+
+    Attributes:
+        begins_s: Time at which the drones are at the grid, in seconds since 1970-01-01 UTC.
+        inside: Share of the particles that stay on the grid until the end of the search.
+        stranded: Share of the particles that lie ashore by then.
+    """
+
+    begins_s: float
+    inside: float
+    stranded: float
+
+
+@dataclass(frozen=True)
+class Incident:
+    """An object that is missing at sea.
+
+    Attributes:
+        key: Its class of leeway; empty with given tracks.
+        sightings: Where and when it was seen; none with given tracks.
+        search_start_s: Time at which the drones start, in seconds since 1970-01-01 UTC.
+        base: Latitude and longitude from where they start; None for the grid itself.
+        wind: The wind.
+        wind_error: Its uncertainty.
+        current: The current.
+        current_error: Its uncertainty.
+        jibing: See `drift.tracks.Drift`.
+        land: Polygons of land to strand on; None for none.
+        laid: What follows from the grid, once it is laid; None before.
+        given: Tracks of another model, which then replace sightings, wind, current and land.
+    """
+
+    key: str
+    sightings: tuple[Sighting, ...]
+    search_start_s: float
+    base: tuple[float, float] | None
+    wind: Flow
+    wind_error: Uncertainty
+    current: Flow
+    current_error: Uncertainty
+    jibing: float = 0.04
+    land: Area | None = None
+    laid: Laid | None = None
+    given: GivenTracks | None = None
+
+    @classmethod
+    def of(cls, value: Any, folder: str = "") -> Incident:
+        """Return the incident from its fields, or from JSON text of them.
+
+        Args:
+            value: The fields as in YAML, or `to_dict` of an incident.
+            folder: Folder to which paths of files are relative.
+
+        Raises:
+            FieldError: If a field is missing or not allowed, or a file does not fit.
+        """
+        if isinstance(value, cls):
+            return value
+        if isinstance(value, str):
+            try:
+                value = json.loads(value)
+            except (RecursionError, ValueError):
+                value = None
+        try:
+            return _incident(mapping("incident", value), folder)
+        except FieldError:
+            raise
+        except ValueError as error:
+            # What the package drift refuses.
+            raise FieldError(f"incident: {error}") from None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields of an equal incident, without names of files, for JSON."""
+        if self.given is not None:
+            return {
+                "tracks": self.given.to_dict(),
+                "search_start": utc(self.search_start_s),
+                "base": None if self.base is None else list(self.base),
+                "laid": None if self.laid is None else self.laid._asdict(),
+            }
+        return {
+            "object": self.key,
+            "seen": [
+                {
+                    "lat": one.lat_deg, "lon": one.lon_deg, "time": utc(one.time_s),
+                    "radius": one.radius_m, "weight": one.weight,
+                    "time_error": one.time_error_s / 60,
+                }
+                for one in self.sightings
+            ],
+            "search_start": utc(self.search_start_s),
+            "base": None if self.base is None else list(self.base),
+            "wind": flow_dict(self.wind, self.wind_error),
+            "current": flow_dict(self.current, self.current_error),
+            "jibing": self.jibing,
+            "shore": None if self.land is None else json.loads(self.land.to_geojson()),
+            "laid": None if self.laid is None else self.laid._asdict(),
+        }  # fmt: skip
+
+    def tracks(
+        self, times_s: NDArray[np.float64], count: int, rng: np.random.Generator
+    ) -> DriftTracks:
+        """Return tracks of particles, see `drift_tracks`; given ones are as many as there are.
+
+        Raises:
+            FieldError: If wind, current or given tracks do not cover them, or a sighting is on
+                land.
+        """
+        if self.given is not None:
+            return self._given_tracks(self.given, times_s)
+        drift = Drift(
+            leeway_class(self.key), self.wind, self.current, self.wind_error, self.current_error,
+            self.jibing, None if self.land is None else _shore(self.land, self._box()),
+        )  # fmt: skip
+        try:
+            return drift_tracks(drift, self.sightings, times_s, count, rng)
+        except ValueError as error:
+            raise FieldError(f"incident: {error}") from None
+
+    def _given_tracks(self, given: GivenTracks, times_s: NDArray[np.float64]) -> DriftTracks:
+        lats, lons = given.lats_deg.astype(np.float64), given.lons_deg.astype(np.float64)
+        # Of another model only the last positions are known to be final.
+        stranded = np.zeros(lats.shape, np.bool_)
+        try:
+            return at_times(DriftTracks(given.times_s, lats, lons, stranded), times_s)
+        except ValueError as error:
+            raise FieldError(f"incident: {error}") from None
+
+    def _box(self) -> Box:
+        return _span(self.sightings, self.search_start_s).box
+
+
+def names_files(incident: Any) -> bool:
+    """Return whether fields of an incident name files, which a message must not do."""
+    if not isinstance(incident, Mapping):
+        return incident is not None
+    flows = [incident.get(kind) for kind in SENSE]
+    return any(isinstance(incident.get(name), str) for name in ("shore", "tracks")) or any(
+        isinstance(flow, Mapping) and "file" in flow for flow in flows
+    )
+
+
+def _incident(values: Mapping[str, Any], folder: str) -> Incident:
+    """Return the incident with these fields.
+
+    Raises:
+        ValueError: If one is missing or not allowed.
+    """
+    check_known("the incident", values, _OF_INCIDENT)
+    has_tracks = values.get("tracks") is not None
+    for name in ("search_start",) if has_tracks else ("object", "seen", "search_start"):
+        if values.get(name) is None:
+            raise FieldError(f"incident.{name} must be given")
+    start_s = _time("incident.search_start", values["search_start"])
+    base, laid = _base(values.get("base")), _laid(values.get("laid"))
+    if has_tracks:
+        check_known("an incident with tracks", values, _OF_TRACKS)
+        calm, still = (constant_flow(kind, 0.0, 0.0) for kind in SENSE)
+        return Incident(
+            "", (), start_s, base, calm, Uncertainty(), still, Uncertainty(), laid=laid,
+            given=GivenTracks.of(values["tracks"], folder),
+        )  # fmt: skip
+    key = Spec("str", "").check("incident.object", values["object"])
+    leeway_class(key)
+    sightings = _sightings(values["seen"])
+    last = max(one.time_s + one.time_error_s for one in sightings)
+    if start_s < last:
+        raise FieldError(
+            f"incident.search_start must not be before a sighting, got {utc(start_s)} and "
+            f"{utc(last)}"
+        )
+    span = _span(sightings, start_s)
+    (wind, wind_error), (current, current_error) = (
+        read_flow(kind, values.get(kind), folder, span) for kind in SENSE
+    )
+    jibing = Spec("float", "", low=0, high=0.999).check(
+        "incident.jibing", values.get("jibing", 0.04)
+    )
+    land = values.get("shore")
+    if isinstance(land, str) and not land.lstrip().startswith("{"):
+        land = os.path.join(folder, land)
+    return Incident(
+        key, sightings, start_s, base, wind, wind_error, current, current_error, jibing,
+        None if land is None else Area.of(land), laid,
+    )  # fmt: skip
+
+
+def _laid(value: Any) -> Laid | None:
+    """Return what follows from the grid of an incident.
+
+    Raises:
+        FieldError: If it is not such.
+    """
+    if value is None:
+        return None
+    values = mapping("incident.laid", value)
+    check_known("incident.laid", values, Laid._fields)
+    return Laid(
+        **{
+            name: Spec("float", "").check(f"incident.laid.{name}", values.get(name))
+            for name in Laid._fields
+        }
+    )
+
+
+def _base(value: Any) -> tuple[float, float] | None:
+    """Return latitude and longitude of a base.
+
+    Raises:
+        FieldError: If they are not such.
+    """
+    if value is None:
+        return None
+    try:
+        lat, lon = value
+    except (TypeError, ValueError):
+        raise FieldError(f"incident.base must be [lat, lon], got {shown(value)}") from None
+    return _LAT.check("incident.base", lat), _LON.check("incident.base", lon)
+
+
+def _sightings(values: Any) -> tuple[Sighting, ...]:
+    """Return the sightings.
+
+    Raises:
+        FieldError: If there is none, or one is not allowed.
+    """
+    if isinstance(values, Mapping):
+        values = [values]
+    if not isinstance(values, list | tuple) or not values:
+        raise FieldError(f"incident.seen must be a list of sightings, got {shown(values)}")
+    sightings = []
+    for number, value in enumerate(values):
+        name = f"incident.seen[{number}]"
+        one = mapping(name, value)
+        check_known(name, one, _OF_SIGHTING)
+        checked: dict[str, Any] = {}
+        for part, (spec, default) in _OF_SIGHTING.items():
+            given = one.get(part, default)
+            if given is None:
+                raise FieldError(f"{name}.{part} must be given")
+            checked[part] = spec.check(f"{name}.{part}", given)
+        sightings.append(
+            Sighting(
+                checked["lat"], checked["lon"], _time(f"{name}.time", checked["time"]),
+                checked["radius"], checked["weight"], round(checked["time_error"] * 60),
+            )
+        )  # fmt: skip
+    # Positions on both sides of the antimeridian are near each other.
+    first = sightings[0].lon_deg
+    return tuple(
+        one._replace(lon_deg=one.lon_deg + 360 * round((first - one.lon_deg) / 360))
+        for one in sightings
+    )
+
+
+def _span(sightings: tuple[Sighting, ...], start_s: float) -> Span:
+    """Return where and when a drift may need wind and current."""
+    begin = min(one.time_s - one.time_error_s for one in sightings)
+    end = start_s + LONGEST_SEARCH_S
+    spread = min(FASTEST_DRIFT_MPS * (end - begin), MAX_SPREAD_M)
+    lats = np.array([one.lat_deg for one in sightings])
+    lons = np.array([one.lon_deg for one in sightings])
+    radius = max(one.radius_m for one in sightings)
+    return Span(box_around(lats, lons, spread + 2 * radius), begin, end)
+
+
+def _time(name: str, value: Any) -> float:
+    """Return a time in whole seconds since 1970-01-01 UTC.
+
+    Raises:
+        FieldError: If it is none.
+    """
+    try:
+        return float(round(seconds(value)))
+    except (AttributeError, OverflowError, TypeError, ValueError):
+        raise FieldError(
+            f"{name} must be a time like 2026-01-17T14:00Z, got {shown(value)}"
+        ) from None
+
+
+@lru_cache(maxsize=4)
+def _shore(land: Area, box: Box) -> Shore:
+    """Return the shore of the land within a box."""
+    points = [point for polygon in land.polygons for point in polygon[0]]
+    lats, lons = np.array(points).T
+    # Bring the land to the half turn on either side of the box.
+    centre = (box.west_deg + box.east_deg) / 2
+    turns = 360 * round((centre - float(lons.mean())) / 360)
+    south, north = max(box.south_deg, lats.min()), min(box.north_deg, lats.max())
+    west, east = max(box.west_deg, lons.min() + turns), min(box.east_deg, lons.max() + turns)
+    contains = land.prepared()
+
+    def is_land(lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return contains(lat, lon - turns)
+
+    # A box without land has a raster of one cell.
+    return shore_of(is_land, Box(south, max(north, south), west, max(east, west)))

@@ -1,0 +1,113 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Wind and current of an incident: constants, files, and values in a message."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dsse_ros.drift.flow import (
+    MAX_SPEED_MPS,
+    SENSE,
+    Flow,
+    Kind,
+    Uncertainty,
+    constant_flow,
+    read_table,
+)
+from dsse_ros.drift.flow_files import Span, read_netcdf
+from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
+
+_NOT_NEGATIVE = Spec("float", "", low=0, high=1e6)
+_OF_ERROR = ("error", "correlation_minutes")
+
+
+def read_flow(kind: Kind, value: Any, folder: str, span: Span) -> tuple[Flow, Uncertainty]:
+    """Return wind or current, and its uncertainty.
+
+    Raises:
+        ValueError: If it is not allowed, or a file does not fit.
+    """
+    name, sense = f"incident.{kind}", SENSE[kind]
+    values = mapping(name, {"speed": 0.0, sense: 0.0} if value is None else value)
+    std = _NOT_NEGATIVE.check(f"{name}.error", values.get("error", 0.0))
+    minutes = values.get("correlation_minutes")
+    if minutes is not None:
+        minutes = _NOT_NEGATIVE.check(f"{name}.correlation_minutes", minutes)
+    law = Uncertainty(std, math.inf if minutes is None else 60 * minutes)
+    if "times_s" in values:
+        return _flow_of(name, values), law
+    if "file" in values:
+        check_known(name, values, ("file", *_OF_ERROR))
+        path = os.path.join(folder, Spec("str", "").check(f"{name}.file", values["file"]))
+        is_table = path.lower().endswith(".csv")
+        return read_table(kind, path) if is_table else read_netcdf(kind, path, span), law
+    check_known(name, values, ("speed", sense, "file", *_OF_ERROR))
+    for part in ("speed", sense):
+        if part not in values:
+            raise FieldError(f"{name} must have speed and {sense}, or a file")
+    speed = Spec("float", "", low=0, high=MAX_SPEED_MPS, unit="m/s").check(
+        f"{name}.speed", values["speed"]
+    )
+    toward = Spec("float", "", low=-360, high=360, unit="deg").check(
+        f"{name}.{sense}", values[sense]
+    )
+    return constant_flow(kind, speed, toward), law
+
+
+_AXES = ("times_s", "lats_deg", "lons_deg")
+_COMPONENTS = ("east_mps", "north_mps")
+
+
+def flow_dict(flow: Flow, law: Uncertainty) -> dict[str, Any]:
+    """Return a flow and its uncertainty for JSON, without the name of a file to read."""
+    values: dict[str, Any] = {name: getattr(flow, name).tolist() for name in _AXES}
+    for name in _COMPONENTS:
+        numbers = getattr(flow, name).ravel().tolist()
+        # JSON has no NaN.
+        values[name] = [None if math.isnan(number) else number for number in numbers]
+    values |= {"source": flow.source, "error": law.std_mps}
+    if math.isfinite(law.correlation_s):
+        values["correlation_minutes"] = law.correlation_s / 60
+    return values
+
+
+def _flow_of(name: str, values: Mapping[str, Any]) -> Flow:
+    """Return the flow of `flow_dict`.
+
+    Raises:
+        FieldError: If the values are not such a flow.
+    """
+    check_known(name, values, (*_AXES, *_COMPONENTS, "source", *_OF_ERROR))
+    try:
+        axes = [np.array(values[part], np.float64) for part in _AXES]
+        shape = tuple(len(axis) for axis in axes)
+        parts = [np.array(values[part], np.float32).reshape(shape) for part in _COMPONENTS]
+        fits = all(
+            axis.ndim == 1 and len(axis) and np.isfinite(axis).all() and (np.diff(axis) > 0).all()
+            for axis in axes
+        ) and not any((np.abs(part) > MAX_SPEED_MPS).any() for part in parts)
+    except (KeyError, TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise FieldError(
+            f"{name} must have increasing axes and a velocity for each of their points"
+        )
+    (times, lats, lons), (east, north) = axes, parts
+    return Flow(times, lats, lons, east, north, str(values.get("source", "")))
+
+
+def mapping(name: str, value: Any) -> Mapping[str, Any]:
+    """Return a value that is a mapping.
+
+    Raises:
+        FieldError: If it is none.
+    """
+    if not isinstance(value, Mapping):
+        raise FieldError(f"{name} must be a mapping of fields to values, got {shown(value)}")
+    return value

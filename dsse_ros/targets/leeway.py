@@ -1,0 +1,28 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The ensemble of an incident: objects that drift with wind and current."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dsse_ros.targets import constant_drift
+from dsse_ros.targets.ensemble import Ensemble, Tracks
+
+
+def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
+    """Return tracks of equal weight; see `targets.ensemble.TracksOf`.
+
+    They are those of the scenario's incident. Without one there is only the drift of the datum, and
+    the tracks are those of `constant_drift`.
+    """
+    if scenario.incident is None:
+        return constant_drift.tracks(scenario, steps, rng, count)
+    positions = scenario.incident_positions(steps, rng, count)
+    number = positions.shape[1]
+    return Tracks(positions, np.full(number, 1.0 / number))
+
+
+LEEWAY = Ensemble("drifts with wind and current as the object of the incident does", tracks)

@@ -1,0 +1,252 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""An incident becomes a grid, an ensemble of particles and a search."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.scenario.incident import Incident, names_files
+from dsse_ros.search import FieldError, Scenario, World, parallel_env, profile
+from dsse_ros.step.sea_tracks import tracks_of
+
+KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"
+SEA = profile("sea")
+SEEN = {"lat": -24.0, "lon": -46.0, "time": "2026-01-17T13:00Z", "radius": 300}
+FIELDS: dict[str, Any] = {
+    "object": "PIW-1",
+    "seen": [SEEN],
+    "search_start": "2026-01-17T14:00Z",
+    "wind": {"from": 270, "speed": 8.0},
+}
+
+
+LAND = {
+    "type": "Polygon",
+    "coordinates": [[[-45.99, -25], [-45, -25], [-45, -23], [-45.99, -23], [-45.99, -25]]],
+}
+
+
+def scenario(**changes: Any) -> Scenario:
+    return Scenario(incident={**FIELDS, **changes}, particles=2000, timestep_limit=60)
+
+
+@pytest.mark.parametrize(
+    ("key", "hours", "wind", "shore"),
+    [("PIW-1", 1, 8.0, False), ("SPORT-BOAT", 2, 12.0, False), ("SLDMB", 1, 0.0, False),
+     ("PIW-1", 1, 8.0, True)],
+)  # fmt: skip
+def test_99_percent_of_the_particles_are_on_the_grid_while_the_search_lasts(
+    key: str, hours: int, wind: float, shore: bool
+) -> None:
+    made = scenario(
+        object=key, search_start=f"2026-01-17T{13 + hours}:00Z",
+        wind={"from": 270, "speed": wind, "error": 1.0}, current={"speed": 0.4, "toward": 30},
+        **({"shore": LAND} if shore else {}),
+    ).override(particles=20_000)  # fmt: skip
+    resolved = made.resolve(SEA)
+    tracks = tracks_of(resolved, SEA)
+    assert tracks is not None
+    for cells in (tracks.particles, tracks.truth):
+        inside = ((cells >= 0) & (cells < resolved.grid_size)).all(axis=2).mean(axis=1)
+        assert inside.min() >= 0.99
+    # The grid is no larger than this takes.
+    assert (tracks.maps > 0).any(axis=0).mean() > 0.3
+
+
+def test_the_belief_counts_no_probability_beyond_the_grid() -> None:
+    belief = forecast_for(scenario().override(grid_size=10), SEA).belief()
+    assert 0.1 < belief.outside < 0.9
+    assert belief.poc().sum() + belief.outside == pytest.approx(1.0)
+
+
+def test_persons_drift_by_the_same_law_with_other_draws() -> None:
+    resolved = scenario().resolve(SEA)
+    tracks = tracks_of(resolved, SEA)
+    assert tracks is not None and not np.array_equal(tracks.truth, tracks.particles)
+    for step in (0, -1):
+        truth, belief = (c[step].astype(float) for c in (tracks.truth, tracks.particles))
+        assert truth.mean(axis=0) == pytest.approx(belief.mean(axis=0), abs=0.5)
+        assert truth.std(axis=0) == pytest.approx(belief.std(axis=0), rel=0.1)
+
+
+def test_the_datum_drifts_with_the_particles() -> None:
+    resolved = scenario().resolve(SEA)
+    tracks = tracks_of(resolved, SEA)
+    assert tracks is not None
+    first, last = (tracks.particles[i].astype(float).mean(axis=0) for i in (0, 60))
+    assert np.subtract(last, first) / 60 == pytest.approx(np.array(resolved.drift), abs=0.01)
+    assert np.floor(first) == pytest.approx(resolved.person_initial_position, abs=1)
+
+
+def test_drones_reach_the_grid_from_a_base_beyond_it_after_their_transit() -> None:
+    near = scenario(base=[-24.0, -46.0]).override(num_drones=3).resolve(SEA)
+    far = scenario(base=[-24.0, -46.2]).override(num_drones=3).resolve(SEA)
+    assert near.incident.laid.begins_s == near.incident.search_start_s
+    transit_s = far.incident.laid.begins_s - far.incident.search_start_s
+    # 0.2 deg of longitude are 20.35 km, less half of the grid, at 10 m/s.
+    half_m = far.grid_size * far.cell_size / 2
+    assert transit_s == pytest.approx((20_350 - half_m) / 10, abs=150)
+    assert all(col == 0 for col, _ in far.drones_positions)
+    assert len(set(far.drones_positions)) == 3
+
+
+def test_a_resolved_incident_needs_no_file_and_lays_no_grid_again() -> None:
+    resolved = Scenario.from_yaml(KAYAK).resolve(SEA)
+    stated = resolved.incident.to_dict()
+    assert not names_files(stated)
+    again = Incident.of(json.loads(json.dumps(stated, allow_nan=False)))
+    assert again == resolved.incident and hash(again) == hash(resolved.incident)
+    names = ("origin_lat", "origin_lon", "grid_size", "drones_positions", "vector")
+    fields = {name: getattr(resolved, name) for name in names}
+    twin = Scenario(incident=stated, **fields, timestep_limit=5).resolve(SEA)
+    assert all(getattr(twin, name) == value for name, value in fields.items())
+
+
+def test_another_altitude_lays_another_grid() -> None:
+    resolved = scenario().resolve(SEA)
+    higher = resolved.override(altitude=240.0).resolve(SEA)
+    assert higher.cell_size == 260.0 and higher.grid_size < resolved.grid_size
+
+
+def test_the_kayak_is_searched_and_a_seed_gives_the_same_mission() -> None:
+    world, twin = (World(Scenario.from_yaml(KAYAK), SEA, 2) for _ in range(2))
+    for one in (world, twin):
+        one.seed(5)
+        one.reset()
+        one.step(np.zeros(one.drones.shape, np.int8))
+    assert world.state_bytes() == twin.state_bytes()
+    assert world.maps[0].sum() > 0.99
+    assert Scenario.from_yaml(KAYAK).rules_of("auto") == "sea"
+
+
+def test_stranded_persons_lie_on_the_grid_and_stay_there() -> None:
+    resolved = scenario(current={"toward": 90, "speed": 1.0}, shore=LAND).resolve(SEA)
+    tracks = tracks_of(resolved, SEA)
+    assert tracks is not None
+    still = (tracks.particles[0] == tracks.particles[-1]).all(axis=1)
+    assert still.mean() > 0.8
+    assert ((tracks.particles >= 0) & (tracks.particles < resolved.grid_size)).all(
+        axis=2
+    ).mean() > 0.99
+
+
+def test_a_snapshot_of_an_incident_is_restored() -> None:
+    env = parallel_env(scenario(), rules="sea")
+    env.reset(seed=1)
+    snapshot = env.snapshot()
+    before = env.world.state_bytes()
+    env.step(dict.fromkeys(env.agents, 0))
+    env.restore(snapshot)
+    assert env.world.state_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"object": "PIW"}, "object must be a class of leeway, got 'PIW'; did you mean PIW-"),
+        ({"object": None}, "incident.object must be given"),
+        ({"seen": []}, "incident.seen must be a list of sightings"),
+        ({"seen": [{**SEEN, "lat": 91}]}, "incident.seen[0].lat"),
+        ({"seen": [{**SEEN, "time": "noon"}]}, "incident.seen[0].time must be a time like"),
+        ({"seen": [{"lat": 1.0, "lon": 1.0}]}, "incident.seen[0].time must be given"),
+        ({"search_start": "2026-01-17T12:00Z"}, "incident.search_start must not be before"),
+        ({"base": 3}, "incident.base must be [lat, lon], got 3"),
+        ({"wind": {"toward": 3, "speed": 1}}, "'toward' is not a field of incident.wind"),
+        ({"wind": {"speed": 1}}, "incident.wind must have speed and from, or a file"),
+        ({"current": {"file": "none.csv"}}, "current 'none.csv': No such file"),
+        ({"wind": {"times_s": [1, 0]}}, "incident.wind must have increasing axes"),
+        ({"winds": {}}, "'winds' is not a field of the incident; did you mean wind?"),
+        ({"shore": {"type": "Point"}}, "area"),
+    ],
+)
+def test_what_is_not_allowed_is_refused_in_a_line(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(FieldError) as error:
+        scenario(**changes).resolve(SEA)
+    assert message in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("value", ["kayak", 3, [], "{"])
+def test_an_incident_is_a_mapping(value: Any) -> None:
+    with pytest.raises(FieldError, match="incident must be a mapping of fields to values"):
+        Scenario(incident=value)
+
+
+def test_other_rules_and_fields_that_the_incident_determines_are_refused() -> None:
+    with pytest.raises(FieldError, match="incident must come with rules sea, got paper"):
+        scenario().resolve(profile("paper"))
+    with pytest.raises(FieldError, match="vector must not be given with an incident"):
+        scenario().override(vector=(1.0, 0.0)).resolve(SEA)
+    env = parallel_env(scenario(), rules="sea")
+    with pytest.raises(FieldError, match="vector must not be an option of a reset"):
+        env.reset(seed=1, options={"vector": (1.0, 0.0)})
+
+
+def test_wind_that_ends_before_the_search_is_refused_in_a_line(tmp_path: Path) -> None:
+    file = tmp_path / "wind.csv"
+    file.write_text("time,speed_mps,from\n2026-01-17T12:00Z,5,0\n2026-01-17T14:05Z,5,0\n")
+    with pytest.raises(FieldError, match="wind .*wind.csv' has no value at .*2026-01-17T14:05:00Z"):
+        scenario(wind={"file": str(file)}).resolve(SEA)
+
+
+def write_tracks(path: Path) -> np.ndarray:
+    """Write an OpenDrift file of our own drift; latitudes (T, M)."""
+    netcdf = pytest.importorskip("netCDF4")
+    made = Incident.of(FIELDS)
+    times = made.search_start_s + 600.0 * np.arange(10)
+    tracks = made.tracks(times, 5000, np.random.default_rng(1))
+    with netcdf.Dataset(path, "w") as file:
+        file.createDimension("trajectory", 5000)
+        file.createDimension("time", len(times))
+        time = file.createVariable("time", "f8", ("time",))
+        time[:], time.units = times, "seconds since 1970-01-01 00:00:00"
+        for name, values in (("lat", tracks.lats_deg), ("lon", tracks.lons_deg)):
+            file.createVariable(name, "f4", ("trajectory", "time"))[:] = values.T
+    return tracks.lats_deg
+
+
+def test_tracks_of_another_model_are_the_ensemble(tmp_path: Path) -> None:
+    write_tracks(tmp_path / "drift.nc")
+    stated = {"tracks": str(tmp_path / "drift.nc"), "search_start": FIELDS["search_start"]}
+    ours = scenario().resolve(SEA)
+    given = Scenario(incident=stated, timestep_limit=60).resolve(SEA)
+    theirs = tracks_of(given, SEA)
+    assert theirs is not None and theirs.particles.shape[1] == 5000
+    inside = (theirs.particles >= 0) & (theirs.particles < given.grid_size)
+    assert inside.all(axis=2).mean(axis=1).min() >= 0.99
+    assert given.grid_size == pytest.approx(ours.grid_size, abs=3)
+    assert given.sigma_x == pytest.approx(ours.sigma_x, rel=0.1)
+    fields = given.incident.to_dict()
+    assert not names_files(fields) and names_files(stated)
+    assert Incident.of(json.dumps(fields, allow_nan=False)) == given.incident
+    with pytest.raises(FieldError, match="incident: the tracks must cover .* got 2026-01-17T14:00"):
+        Scenario(incident=stated, timestep_limit=900).resolve(SEA)
+    with pytest.raises(FieldError, match="'wind' is not a field of an incident with tracks"):
+        Scenario(incident={**stated, "wind": {"speed": 1, "from": 2}})
+
+
+@pytest.mark.parametrize("key", ["PIW-1", "LIFE-RAFT-DB-10", "SLDMB"])
+@pytest.mark.parametrize("shore", [None, LAND])
+def test_a_search_finds_as_many_persons_as_its_pos_has_it(key: str, shore: Any) -> None:
+    made = scenario(object=key, shore=shore, current={"speed": 0.4, "toward": 80, "error": 0.1})
+    resolved = made.override(particles=10_000).resolve(SEA)
+    tracks = tracks_of(resolved, SEA)
+    assert tracks is not None
+    rng = np.random.default_rng(4)
+    for drones in (2, 8, 30):
+        # Each drone searches a cell that a particle is in, and the next one a step later.
+        hit = [np.zeros(10_000, bool) for _ in range(2)]
+        for step in range(60):
+            cells = tracks.particles[step][rng.integers(0, 10_000, drones)]
+            for found, of in zip(hit, (tracks.particles, tracks.truth), strict=True):
+                found |= (of[step][:, None, :] == cells).all(axis=2).any(axis=1)
+        pos, share = (found.mean() for found in hit)
+        # Both are samples; each searched cell was drawn from one of the particles.
+        error = 4 * np.sqrt(2 * pos * (1 - pos) / 10_000) + 60 * drones / 10_000 * (1 - pos)
+        assert share == pytest.approx(pos, abs=error)
