@@ -224,8 +224,8 @@ def check_known(
     known, former = list(known), former or {}
     for name in names:
         if name not in known:
-            to_match = [*known, *former] if isinstance(name, str) else []
-            near = difflib.get_close_matches(name, to_match, n=1)
+            # A key of YAML need not be a string.
+            near = difflib.get_close_matches(str(name), [*known, *former], n=1)
             hint = (
                 f"did you mean {former.get(near[0], near[0])}?"
                 if near

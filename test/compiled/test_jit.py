@@ -18,13 +18,18 @@ PACKAGE = Path(dsse_ros.__file__).parent
 OF_SEARCH = ("belief", "compiled", "scenario", "search", "step", "targets")
 RUN = """
 import numpy as np
-from dsse_ros.belief.drift_estimate import per_step
+from dsse_ros.belief.drift_estimate import misfits
 from dsse_ros.step.constants import CONSTANTS
-print(per_step(np.zeros(1, CONSTANTS), 1.0, 2.0))
+from dsse_ros.step.kernels import WORLDS
+constants = np.zeros(1, CONSTANTS)
+constants["grid_size"] = 10
+out = np.zeros(1, np.int64)
+misfits(constants, np.zeros(1, WORLDS), None, np.array([[1, 2]]), np.array([[1.0, 2.0]]), out)
+print(out)
 """
 BEFORE, AFTER = (
-    f"    if not c.drift_by_speed or norm == 0.0:\n        return {vector}\n"
-    for vector in ("x, y", "y, x")
+    f"    w.remainder_x += w.drift_{first}\n    w.remainder_y += w.drift_{second}\n"
+    for first, second in ("xy", "yx")
 )
 
 
@@ -45,9 +50,9 @@ def test_a_change_of_a_function_that_is_called_has_its_callers_compiled_anew(
     called = tmp_path / "dsse_ros" / "targets" / "sea_map.py"
     text = called.read_text()
     assert text.count(BEFORE) == 1
-    assert run() == "(1.0, 2.0)"
+    assert run() == "[0]"
     called.write_text(text.replace(BEFORE, AFTER))
-    assert run() == "(2.0, 1.0)"
+    assert run() == "[2]"
 
 
 def test_every_compiled_module_of_the_search_is_one_that_the_cache_depends_on() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import base64
 import io
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -103,10 +104,14 @@ def test_an_earlier_step_is_shown_with_its_map_while_the_mission_goes_on(page: S
     assert frame is not None and frame["shown"] == steps[-1].number
 
 
-def test_where_all_is_covered_no_drone_is_lost_and_each_cell_entered_is_searched() -> None:
+def test_where_all_is_covered_no_drone_is_lost_and_each_cell_entered_is_searched(
+    tmp_path: Path,
+) -> None:
     matrix = np.zeros((5, 5))
     matrix[2, 1:4] = 1.0
-    page = Shown(rules="coverage", probability_matrix=matrix, num_drones=2, timestep_limit=400)
+    file = tmp_path / "matrix.npy"
+    np.save(file, matrix)
+    page = Shown(rules="coverage", probability_matrix=file, num_drones=2, timestep_limit=400)
     for step in page.played.play(1):
         page.take(step)
     assert step.number < 400
