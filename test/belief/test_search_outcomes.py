@@ -21,7 +21,7 @@ from dsse_ros.search import World
 from dsse_ros.search.world_beliefs import WorldBeliefs
 
 CENTRE, GRID = (4, 4), 9
-MISSIONS = 2000
+MISSIONS = 1000
 SIGMAS = 3.0
 
 
@@ -158,9 +158,7 @@ def plan(world: World, steps: int) -> NDArray[np.int8]:
 @pytest.mark.slow
 @pytest.mark.parametrize("one_find", [True, False])
 @pytest.mark.parametrize("scatter", [2, 0])
-@pytest.mark.parametrize(
-    "multipliers", [[0.8], [0.8] * 2, [0.9, 0.2], [0.8] * 4, [0.2, 0.9, 0.5, 0.5]], ids=str
-)
+@pytest.mark.parametrize("multipliers", [[0.8], [0.9, 0.2], [0.2, 0.9, 0.5, 0.5]], ids=str)
 def test_missions_with_the_same_searches_find_as_many_as_the_pos_says(
     multipliers: list[float], scatter: int, one_find: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -27,7 +27,7 @@ from msg_adapters.geodesy import geodetic_to_map
 
 ARM, TAKE_OFF, SET_MODE, START = 400, 22, 176, 300
 STARTS = (ARM, TAKE_OFF, START)
-NEAR_TOP_M = 51.0
+NEAR_TOP_M = 31.0
 TURN_S = 0.2
 """How long it may take from a message about the search to an order."""
 HERE_M = 25.0

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsse_ros.bridge.custody import Custody
@@ -39,6 +39,8 @@ RECORDS = st.dictionaries(
 )
 
 
+# Each example waits for the disk.
+@settings(max_examples=25)
 @given(records=RECORDS, later=RECORDS)
 def test_what_was_kept_of_a_vehicle_is_known_again(
     tmp_path_factory: pytest.TempPathFactory,

@@ -30,7 +30,7 @@ from msg_adapters.step_report import step_report_dtype
 ACTIONS = ("left", "right", "up", "down", "search")
 MOVES = ((-1, 0), (1, 0), (0, -1), (0, 1), (0, 0))
 SEARCH = 4
-FRAME = GridFrame(4, 60.0, -24.04, -46.17, 0.0, 60.0)
+FRAME = GridFrame(4, 60.0, -24.04, -46.17, 0.0, 40.0)
 TURN_STEPS = 2
 
 

@@ -242,6 +242,8 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add("--autopilot", default="ardupilot", choices=autopilots, help="which autopilots")
     parser.add("--speedup", type=float, default=20.0, help="of vehicle time")
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
+    # It has no ROS arguments.
+    parser.set_defaults(fields={})
     return parser.parse_args(argv)
 
 

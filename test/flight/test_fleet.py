@@ -24,7 +24,9 @@ TIMEOUT_S = 300.0
 
 
 @contextlib.contextmanager
-def flying_fleet(number: int, **options: Any) -> Iterator[tuple[Fleet, list[Running]]]:
+def flying_fleet(
+    number: int, speedup: float = 1.0, **options: Any
+) -> Iterator[tuple[Fleet, list[Running]]]:
     with contextlib.ExitStack() as stack:
         autopilots = [
             stack.enter_context(
@@ -33,6 +35,7 @@ def flying_fleet(number: int, **options: Any) -> Iterator[tuple[Fleet, list[Runn
                     system=index + 1,
                     home=(-24.0 + 0.001 * index, -46.3, 0.0),
                     ready_s=5.0,
+                    speedup=speedup,
                 )
             )
             for index in range(number)
@@ -73,7 +76,7 @@ def test_twenty_vehicles_fly_and_each_gets_a_heartbeat_a_second() -> None:
 
 
 def test_a_vehicle_that_drops_out_does_not_stop_the_others() -> None:
-    with flying_fleet(3) as (fleet, autopilots):
+    with flying_fleet(3, speedup=10.0) as (fleet, autopilots):
         for vehicle in fleet:
             vehicle.give(TakeOff(5.0))
         until_all(fleet, "done")

@@ -33,13 +33,9 @@ def test_three_vehicles_find_the_person_over_every_cell_and_come_home(tmp_path: 
 @pytest.mark.parametrize(
     ("option", "value"),
     [
-        ("speedup", "0"),
         ("speedup", "nan"),
         ("autopilot", "foo"),
-        ("planner", "foo"),
-        ("seed", "-4"),
         ("drones", "0"),
-        ("scenario", "foo"),
     ],
 )
 def test_what_is_not_allowed_ends_it_with_one_line_and_code_2(

@@ -28,6 +28,17 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
         made.close()
 
 
+# The tests of the fleet controller have the others, without ROS.
+SITUATIONS = pytest.mark.parametrize(
+    ("search", "where"),
+    [
+        ("running", "on the ground"),
+        ("running", "in the air"),
+        ("over", "on the ground"),
+        ("drone lost", "in the air"),
+    ],
+)
+
 SEARCHED_FOR_LONG: dict[str, Any] = SEARCHED | {
     "drones_positions": [0, 5],
     "wait_for_vehicles": True,
@@ -72,8 +83,7 @@ def stays(rig: Rig, bridge: Bridge) -> None:
     assert [bridge.state(0)[key] for key in keys] == [before[key] for key in keys]
 
 
-@pytest.mark.parametrize("where", ["on the ground", "in the air"])
-@pytest.mark.parametrize("search", ["running", "over", "drone lost"])
+@SITUATIONS
 def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
     rig: Rig, search: str, where: str
 ) -> None:
@@ -102,8 +112,7 @@ def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
         assert take_off_orders(again) == 0
 
 
-@pytest.mark.parametrize("where", ["on the ground", "in the air"])
-@pytest.mark.parametrize("search", ["running", "over", "drone lost"])
+@SITUATIONS
 def test_a_simulation_started_again_moves_nobody_without_a_person(
     rig: Rig, search: str, where: str
 ) -> None:

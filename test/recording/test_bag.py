@@ -260,6 +260,7 @@ def test_a_bag_takes_no_more_memory_than_it_states(
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["", "zstd", "lz4"])
 def test_a_bag_of_any_compression_is_read_message_by_message(
     compression: str, tmp_path: Path, little_memory: Any

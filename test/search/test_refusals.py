@@ -153,7 +153,7 @@ def test_any_value_of_a_rule_is_accepted_or_refused(field: str, value: Any) -> N
     assert (refusal(lambda: PAPER.override(**{field: value})) is None) == (message is None)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=100)
 @given(st.fixed_dictionaries({}, optional=plausible))
 @example({"altitude": 1e-9, "zone_size": 1000.0})
 @example({"cell_size": 5e-324, "zone_size": 1000.0})

@@ -20,7 +20,7 @@ from play_trace import digest
 from dsse_ros.scenario.rules import PROFILES
 from dsse_ros.search import Scenario, SearchEnv, World, parallel_env, profile
 
-SEEDS = (0, 1, 7, 2026, 2**40)
+SEEDS = (0, 7, 2**40)
 
 
 def play(env: SearchEnv, steps: int, seed: int) -> None:

@@ -74,7 +74,7 @@ def wrapped(env: Any, encoding: Encoding | None, discount: int, retained: bool) 
     return env if encoding is None else EncodedObservations(env, encoding)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=60)
 @given(searches(), st.none() | encodings, st.integers(0, 3), st.booleans(), st.integers(0, 2**32))
 def test_what_agents_observe_lies_in_their_spaces_through_any_wrappers(
     fields: dict[str, Any], encoding: Encoding | None, discount: int, retained: bool, seed: int
@@ -109,7 +109,7 @@ def test_what_agents_observe_in_turn_lies_in_their_spaces(
             break
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=60)
 @given(searches(), st.none() | encodings, st.integers(0, 3), st.booleans(), st.integers(0, 2**16))
 def test_what_worlds_of_a_batch_observe_lies_in_their_spaces(
     fields: dict[str, Any], encoding: Encoding | None, discount: int, retained: bool, seed: int
