@@ -225,7 +225,8 @@ def check_known(
     for name in names:
         if name not in known:
             # A key of YAML need not be a string.
-            near = difflib.get_close_matches(str(name), [*known, *former], n=1)
+            to_match = [*known, *former]
+            near = difflib.get_close_matches(name, to_match, n=1) if isinstance(name, str) else []
             hint = (
                 f"did you mean {former.get(near[0], near[0])}?"
                 if near

@@ -39,7 +39,7 @@ class IncidentFields:
 
     def rules_of(self, name: str) -> str:
         """Return the profile of this name; for auto, sea with an incident and else paper."""
-        if name != AUTO:
+        if not isinstance(name, str) or name != AUTO:
             return name
         return "paper" if self.incident is None else "sea"
 
