@@ -394,7 +394,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     arguments = parser.parse_args(argv)
     if arguments.missions < 100:
-        parser.error(f"missions: {arguments.missions} is not allowed; at least 100")
+        parser.error(f"missions must be at least 100, got {arguments.missions}")
     began, workers = time.perf_counter(), os.cpu_count() or 1
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / "compare.json"

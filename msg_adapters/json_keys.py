@@ -113,4 +113,4 @@ def _is_finite(value: Any) -> bool:
 
 
 def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not allowed")
+    raise ValueError(f"numbers must be finite, got {name}")

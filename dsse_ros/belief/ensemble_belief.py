@@ -49,7 +49,7 @@ class EnsembleForecast(ForecastBase):
         super().__init__(scenario, rules, horizon)
         tracks = tracks_of(self.scenario, rules)
         if tracks is None:
-            raise ValueError(f"person_motion: {rules.person_motion!r} is not an ensemble")
+            raise ValueError(f"person_motion must be an ensemble, got {rules.person_motion!r}")
         self.cells, self.weights, self.maps = tracks.particles, tracks.weights, tracks.maps
 
     @cached_property

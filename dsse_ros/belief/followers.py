@@ -119,9 +119,9 @@ class MotionFollower:
         steps = forecast.first_step + scenario.timestep_limit + rules.time_out_grace
         if self._num_worlds > 1 and len(forecast.directions) <= steps:
             raise FieldError(
-                f"grid_size: {scenario.grid_size} is not allowed with beliefs for "
-                f"{self._num_worlds} worlds and {scenario.timestep_limit} steps; "
-                "a smaller one, or fewer steps"
+                f"grid_size must be smaller, or the steps fewer, with beliefs for "
+                f"{self._num_worlds} worlds and {scenario.timestep_limit} steps, "
+                f"got {scenario.grid_size}"
             )
         return forecast
 

@@ -147,6 +147,6 @@ def make_folder(name: str, folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise FieldError(f"{name}: {str(folder)!r} is a file; a folder is allowed") from None
+        raise FieldError(f"{name}: {str(folder)!r} must be a folder, got a file") from None
     except OSError as error:
         raise FieldError(f"{name}: {str(folder)!r}: {error.strerror}") from None

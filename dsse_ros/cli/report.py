@@ -149,10 +149,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         missions, bag = read(arguments)
         at = missions.index(choose(missions, arguments.mission))
-        try:
-            wanted = chosen_steps(missions[at], arguments.steps or ())
-        except ValueError as error:
-            raise FieldError(f"steps: {error}") from None
+        wanted = chosen_steps(missions[at], arguments.steps or ())
         with announced(lambda line: print(line, file=sys.stderr, flush=True)):
             forecast: TargetForecast | None = None
             missions = [with_coverage(one) for one in missions]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.mission.vehicle_missions import ArrivalSettings
 from dsse_ros.planners import PLANNER_NAMES
-from dsse_ros.scenario.fields import FieldError, Spec, check_all, field, specs
+from dsse_ros.scenario.fields import FieldError, Spec, check_all, field, shown, specs
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, MAX_ID
 from dsse_ros.scenario.rules import AUTO, PROFILES, Rules
 from dsse_ros.scenario.scenario import Scenario
@@ -133,19 +133,19 @@ class SimSettings(ArrivalSettings):
     def __post_init__(self) -> None:
         check_all(self)
         if self.run_id == 0:
-            raise FieldError(f"run_id: 0 is not allowed; -1 or 1 to {MAX_ID}")
+            raise FieldError(f"run_id must be -1 or 1 to {MAX_ID}, got 0")
         if self.publish_belief and self.compute_pos == "never":
-            raise FieldError("compute_pos: 'never' is not allowed with publish_belief")
+            raise FieldError("compute_pos must be auto or always with publish_belief, got 'never'")
         if not self.map_frame:
-            raise FieldError("map_frame: '' is not allowed; a name")
+            raise FieldError("map_frame must be a name, got ''")
         for name in ("map_frame", "frame_prefix"):
             if getattr(self, name).startswith("/"):
                 raise FieldError(
-                    f"{name}: {getattr(self, name)!r} is not allowed; tf2 has no frame that begins "
-                    "with a slash"
+                    f"{name} must not begin with a slash, as no frame of tf2 does, got "
+                    f"{shown(getattr(self, name))}"
                 )
         if self.resume and not self.snapshot_file:
-            raise FieldError("resume: True is not allowed without snapshot_file, to start from")
+            raise FieldError("resume must be false without snapshot_file, got true")
 
     def has_belief(self, grid_size: int) -> bool:
         """Return whether a belief follows a mission on a grid of this size."""

@@ -56,7 +56,8 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
     rules = profile(scenario.rules_of(base), **without_prefix("rules.", given))
     if rules.covers and settings.publish_belief:
         raise FieldError(
-            f"publish_belief: true is not allowed with rules {rules.profile}, which have no persons"
+            f"publish_belief must be false with rules {rules.profile}, which have no persons, "
+            "got true"
         )
     _check_size(settings, scenario, rules)
     env = prepared_env(scenario, rules, node.get_logger().info, has_belief=settings.has_belief)

@@ -116,8 +116,8 @@ class Policy:
         scores = np.asarray(self._session.run(None, {k: given[k] for k in self._inputs})[0])
         if scores.shape != masks.shape:
             raise ValueError(
-                f"model: scores of shape {scores.shape} are not allowed; {masks.shape}, one per "
-                "drone and action"
+                f"model must give scores {masks.shape}, one per drone and action, got "
+                f"{scores.shape}"
             )
         # A mask that allows nothing counts as no mask.
         barred = (masks == 0) & masks.any(axis=1, keepdims=True)
@@ -255,7 +255,7 @@ def read_model(model: str = "") -> onnxruntime.InferenceSession:
     """
     path = Path(model).expanduser() if model else SHIPPED
     if not path.is_file():
-        raise FieldError(f"model: {shown(model)} is not allowed; no such file")
+        raise FieldError(f"model must be an ONNX file, got {shown(model)}: no such file")
     options = onnxruntime.SessionOptions()
     # One thread: the same sums in the same order on any machine, and all other cores stay free.
     options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -264,10 +264,12 @@ def read_model(model: str = "") -> onnxruntime.InferenceSession:
         session = onnxruntime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
     except Exception as error:  # The exception classes of onnxruntime are not public.
         reason = " ".join(str(error).split())
-        raise FieldError(f"model: {shown(model)} cannot be read: {reason}") from None
+        raise FieldError(f"model must be an ONNX file, got {shown(model)}: {reason}") from None
     unknown = [one.name for one in session.get_inputs() if one.name not in INPUTS]
     if unknown:
-        raise FieldError(f"model: input {unknown[0]!r} is not known; {', '.join(INPUTS)}")
+        raise FieldError(
+            f"model must have inputs among {', '.join(INPUTS)}, got {shown(unknown[0])}"
+        )
     return session
 
 
@@ -318,7 +320,6 @@ def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:
     for name, value in of_search.items():
         if of_model.get(name, value) != value:
             raise FieldError(
-                f"model: {name} {of_model[name]!r} of the model is not allowed; the search has "
-                f"{value!r}"
+                f"model must have {name} {value!r}, as the search has, got {shown(of_model[name])}"
             )
     return {**of_model, "observe": observed}

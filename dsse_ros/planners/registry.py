@@ -30,7 +30,7 @@ from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.planners.sector import sector_routes
 from dsse_ros.planners.spiral import spiral_routes
 from dsse_ros.planners.sweep import sweep_routes
-from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.rules import Rules
 
 GROUP = "dsse_ros.planners"
@@ -109,7 +109,7 @@ def load_planner(name: str) -> PlannerFactory:
         return _FACTORIES[name]
     entries = _registered().get(name, []) if isinstance(name, str) else []
     if not entries:
-        raise FieldError(f"planner: {name!r} is not known; one of {', '.join(PLANNER_NAMES)}")
+        raise FieldError(f"planner must be one of {', '.join(PLANNER_NAMES)}, got {shown(name)}")
     if len(entries) > 1:
         values = ", ".join(entry.value for entry in entries)
         raise FieldError(f"planner: {name!r} is registered more than once: {values}")
@@ -153,8 +153,8 @@ def check_task(name: str, rules: Rules) -> None:
         ours = {*PLANNERS, *(for_cells if rules.covers else for_persons)}
         task = "covers cells and has no persons" if rules.covers else "looks for persons"
         raise FieldError(
-            f"planner: {name!r} is not allowed with rules {rules.profile}, whose task {task}; "
-            f"one of {', '.join(sorted(ours))}"
+            f"planner must be one of {', '.join(sorted(ours))} with rules {rules.profile}, whose "
+            f"task {task}, got {shown(name)}"
         )
 
 
@@ -183,4 +183,4 @@ def make_planner(
         return PLANNERS[name](actions, seed=seed, area=area, **options)
     if name in PLANNER_NAMES:
         raise FieldError(f"planner: {name!r} has to know the rules and the scenario too")
-    raise FieldError(f"planner: {name!r} is not known; one of {', '.join(PLANNER_NAMES)}")
+    raise FieldError(f"planner must be one of {', '.join(PLANNER_NAMES)}, got {shown(name)}")

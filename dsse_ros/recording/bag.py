@@ -87,7 +87,7 @@ class BagWriter:
         try:
             self._file: BinaryIO = Path(path).open("xb")  # noqa: SIM115
         except FileExistsError:
-            raise FieldError(f"bag: {os.fspath(path)!r} exists; a new file is allowed") from None
+            raise FieldError(f"bag must be a new file, got {os.fspath(path)!r}") from None
         except OSError as error:
             raise FieldError(f"bag: {os.fspath(path)!r}: {error.strerror}") from None
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)

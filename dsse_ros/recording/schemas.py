@@ -65,7 +65,7 @@ def definition(type_name: str) -> str:
 def _parts(type_name: str) -> tuple[str, str]:
     match = _NAME.fullmatch(type_name)
     if match is None:
-        raise FieldError(f"type: {type_name!r} is not allowed; package/msg/Name")
+        raise FieldError(f"type must be package/msg/Name, got {type_name!r}")
     return match[1], match[2]
 
 
@@ -103,4 +103,4 @@ def _prefixes(package: str) -> list[Path]:
 
 
 def _not_installed(type_name: str) -> FieldError:
-    return FieldError(f"type: {type_name!r} is not installed; source the ROS 2 that has it")
+    return FieldError(f"type must be installed, got {type_name!r}; source the ROS 2 that has it")

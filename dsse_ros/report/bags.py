@@ -122,7 +122,7 @@ class MissionBag:
             return next(iter(found))
         wanted = f"/{namespace.strip('/')}".rstrip("/")
         if wanted not in found:
-            raise FieldError(f"namespace: {namespace!r} is not allowed; of the file: {shown}")
+            raise FieldError(f"namespace must be one of the file ({shown}), got {namespace!r}")
         return wanted
 
     def beliefs(self, record: RecordedMission, wanted: Collection[int]) -> Maps:

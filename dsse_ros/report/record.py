@@ -286,8 +286,8 @@ def _steps(
             continue
         if max(map(len, row)) > _LONGEST_FIELD:
             raise FieldError(
-                f"{name}: a field of {max(map(len, row))} characters is not allowed; at most "
-                f"{_LONGEST_FIELD}"
+                f"{name}: a field must have at most {_LONGEST_FIELD} characters, got "
+                f"{max(map(len, row))}"
             )
         if key is not None and (row[0], row[1]) != key:
             yield key[0], rows

@@ -26,6 +26,7 @@ from dsse_ros.report.metrics import (
 )
 from dsse_ros.report.page import Illustration, Page, Table
 from dsse_ros.report.record import RecordedMission
+from dsse_ros.scenario.fields import FieldError
 from dsse_ros.view.rendering import MissionView
 
 DEFAULT_MAPS = 6
@@ -282,7 +283,7 @@ def chosen_steps(record: RecordedMission, wanted: Sequence[int]) -> list[int]:
         wanted: Steps of the mission; none for the start, the end and some between.
 
     Raises:
-        ValueError: If a wanted step was not recorded; the message begins with it.
+        FieldError: If a wanted step was not recorded.
     """
     if not wanted:
         last = len(record.steps) - 1
@@ -291,5 +292,5 @@ def chosen_steps(record: RecordedMission, wanted: Sequence[int]) -> list[int]:
     for step in wanted:
         if step not in places:
             first, last = record.steps[0], record.steps[-1]
-            raise ValueError(f"{step} is not allowed; a recorded step, {first} to {last}")
+            raise FieldError(f"steps must be recorded ones, {first} to {last}, got {step}")
     return sorted({places[step] for step in wanted})

@@ -23,6 +23,6 @@ def array_header(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """
     version = np.lib.format.read_magic(file)
     if version not in _READERS:
-        raise ValueError(f"version {version} of the header of an array is not allowed; 1 or 2")
+        raise ValueError(f"version of the header of an array must be 1 or 2, got {version}")
     shape, _, dtype = _READERS[version](file)
     return shape, dtype

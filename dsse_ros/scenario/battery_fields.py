@@ -56,11 +56,11 @@ class BatteryFields:
         if not self.battery_move:
             for name, value in {**given, "relief_steps": self.relief_steps}.items():
                 if value:
-                    raise FieldError(f"{name} is not allowed without battery_move; give both")
+                    raise FieldError(f"{name} must be 0 without battery_move, got {value:g}")
         energies = {n: self.battery_move if e is None else e for n, e in given.items()}
         if self.battery_reserve + energies["battery_search"] > FULL:
             raise FieldError(
-                f"battery_reserve: {self.battery_reserve:g} is not allowed; at most "
-                f"{FULL - energies['battery_search']:g} %, or there is no energy for a search"
+                f"battery_reserve must be at most {FULL - energies['battery_search']:g} %, or "
+                f"there is no energy for a search, got {self.battery_reserve:g}"
             )
         return energies

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.fields import FieldError, shown
 
 
 def check_cell(
@@ -20,11 +20,11 @@ def check_cell(
     """
     if not all(0 <= c < grid_size for c in cell):
         raise FieldError(
-            f"{name}: {list(cell)} is not allowed; col and row from 0 to {grid_size - 1}"
+            f"{name} must have col and row from 0 to {grid_size - 1}, got {list(cell)}"
         )
     if mask is not None and not mask[cell[1], cell[0]]:
         raise FieldError(
-            f"{name}: {list(cell)} is not allowed; one of the {int(mask.sum())} cells of the area"
+            f"{name} must be one of the {int(mask.sum())} cells of the area, got {list(cell)}"
         )
 
 
@@ -41,13 +41,13 @@ def check_positions(
     """
     if not positions or (count is not None and len(positions) != count):
         raise FieldError(
-            f"drones_positions: {len(positions)} cells are not allowed; "
-            f"one per drone ({count or 'at least 1'})"
+            f"drones_positions must be one cell per drone ({count or 'at least 1'}), got "
+            f"{len(positions)}"
         )
     for cell in positions:
         check_cell("drones_positions", cell, grid_size, mask)
     if len(set(positions)) != len(positions):
-        raise FieldError("drones_positions: two drones in one cell are not allowed")
+        raise FieldError(f"drones_positions must be different cells, got {shown(list(positions))}")
 
 
 def check_multipliers(multipliers: tuple[float, ...] | None, person_amount: int) -> None:
@@ -58,8 +58,8 @@ def check_multipliers(multipliers: tuple[float, ...] | None, person_amount: int)
     """
     if multipliers is not None and len(multipliers) != person_amount:
         raise FieldError(
-            f"person_pod_multipliers: {len(multipliers)} values are not allowed; "
-            f"one per person ({person_amount})"
+            f"person_pod_multipliers must be one per person ({person_amount}), got "
+            f"{len(multipliers)}"
         )
 
 
@@ -81,6 +81,6 @@ def check_scatter(
         room = int(mask[rows.start : rows.stop, cols.start : cols.stop].sum())
     if amount > room:
         raise FieldError(
-            f"person_amount: {amount} is not allowed; at most {room}, the cells within "
-            f"{scatter} of person_initial_position {list(cell)}"
+            f"person_amount must be at most {room}, the cells within {scatter} of "
+            f"person_initial_position {list(cell)}, got {amount}"
         )

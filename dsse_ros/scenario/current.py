@@ -80,16 +80,16 @@ def resolve_vector(
         if math.dist(mean_drift(rules, vector, drone_speed), nearest) > 1e-9 * cells:
             raise FieldError("vector and current_speed state the same thing, not alike; give one")
         return vector
-    where = f"current_speed: {speed:g} is not allowed with rules {rules.profile}, whose datum"
     if rules.drift_remainder == "less_one" and max(map(abs, drift)) > 1.0:
         raise FieldError(
-            f"{where} drifts by a cell in a step at most; up to drone_speed ({drone_speed:g}) "
-            "along each axis"
+            f"current_speed must be at most drone_speed ({drone_speed:g}) along each axis with "
+            f"rules {rules.profile}, whose datum drifts by a cell in a step at most, got {speed:g}"
         )
     if math.dist(drift, nearest) > MAX_ERROR * cells:
         raise FieldError(
-            f"{where} takes whole steps for a cell: the nearest current is "
-            f"{drone_speed * math.hypot(*nearest):.4g} m/s; a slower one, or vector"
+            f"current_speed must be lower, or vector be given, with rules {rules.profile}, whose "
+            f"datum takes whole steps for a cell, got {speed:g}: the nearest current is "
+            f"{drone_speed * math.hypot(*nearest):.4g} m/s"
         )
     return of_current
 

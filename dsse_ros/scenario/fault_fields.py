@@ -82,8 +82,8 @@ class FaultFields(BatteryFields):
         """
         if len(self.loss_steps) not in (1, num_drones):
             raise FieldError(
-                f"loss_steps: {len(self.loss_steps)} steps are not allowed; "
-                f"one for all drones or one per drone ({num_drones})"
+                f"loss_steps must be one for all drones or one per drone ({num_drones}), got "
+                f"{len(self.loss_steps)}"
             )
         if self.wind_speed >= drone_speed:
             raise FieldError(

@@ -35,7 +35,7 @@ Kind = Literal[
 
 
 class FieldError(ValueError):
-    """A value that is not allowed; the message is one line: field, value and allowed values."""
+    """A value that is not allowed; the message is one line: "field must be ..., got ..."."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Spec:
         try:
             return self._convert(value)
         except (TypeError, ValueError, OverflowError):
-            raise FieldError(f"{name}: {shown(value)} is not allowed; {self.allowed()}") from None
+            raise FieldError(f"{name} must be {self.allowed()}, got {shown(value)}") from None
 
     def _convert(self, value: Any) -> Any:
         match self.kind:

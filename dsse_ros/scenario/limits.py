@@ -24,6 +24,6 @@ def check_cells(grid_size: int, max_cells: int) -> None:
     """
     if grid_size * grid_size > max_cells:
         raise FieldError(
-            f"grid_size: {grid_size} is not allowed; at most {math.isqrt(max_cells)}, for "
-            f"max_cells {max_cells}"
+            f"grid_size must be at most {math.isqrt(max_cells)} with max_cells {max_cells}, "
+            f"got {grid_size}"
         )

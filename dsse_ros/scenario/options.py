@@ -42,7 +42,7 @@ def check_mapping(options: Mapping[str, Any] | None) -> Mapping[str, Any]:
     if options is None:
         return {}
     if not isinstance(options, Mapping):
-        raise FieldError(f"options: {shown(options)} is not allowed; a mapping")
+        raise FieldError(f"options must be a mapping, got {shown(options)}")
     return options
 
 
@@ -59,8 +59,8 @@ def check_options(
     for name in RESET_OPTIONS[1:] if rules.covers else ():
         if options.get(name) is not None:
             raise FieldError(
-                f"{name}: {shown(options[name])} is not allowed as an option of a reset with rules "
-                f"{rules.profile}: the map stands still; drones_positions"
+                f"{name} must not be an option of a reset with rules {rules.profile}, whose map "
+                f"stands still, got {shown(options[name])}"
             )
     for name in ("vector", "person_initial_position") if scenario.incident is not None else ():
         if options.get(name) is not None:
@@ -93,5 +93,5 @@ def check_seed(seed: Any) -> int:
         FieldError: If it is not an integer >= 0.
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise FieldError(f"seed: {shown(seed)} is not allowed; an integer >= 0")
+        raise FieldError(f"seed must be an integer >= 0, got {shown(seed)}")
     return int(seed)

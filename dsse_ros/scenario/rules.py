@@ -212,7 +212,8 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
                 check_known("the actions", [name], ACTION_VECTORS)
         if "search" not in self.actions or len(set(self.actions)) != len(self.actions):
             raise FieldError(
-                f"actions: {list(self.actions)!r} is not allowed; different names, search included"
+                f"actions must be different names that include search, got "
+                f"{shown(list(self.actions))}"
             )
 
     @property
@@ -367,5 +368,5 @@ def profile(name: str, **overrides: Any) -> Rules:
     """
     if not isinstance(name, str) or name not in PROFILES:
         known = ", ".join(PROFILES)
-        raise FieldError(f"rules: {shown(name)} is not allowed; one of {known}")
+        raise FieldError(f"rules must be one of {known}, got {shown(name)}")
     return PROFILES[name].override(**overrides)

@@ -275,8 +275,8 @@ class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
         resolved = ResolvedScenario(**{**given, **derived, "stated": self})
         if resolved.pre_search_steps > MAX_PRE_SEARCH_STEPS:
             raise FieldError(
-                f"pre_search_minutes: {self.pre_search_minutes:g} is not allowed; at most "
-                f"{MAX_PRE_SEARCH_STEPS} steps of {resolved.step_duration_s:g} s"
+                f"pre_search_minutes must be at most {MAX_PRE_SEARCH_STEPS} steps of "
+                f"{resolved.step_duration_s:g} s, got {self.pre_search_minutes:g}"
             )
         return resolved
 
@@ -339,7 +339,7 @@ class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
             if count > most:
                 place = f"a {grid} x {grid} grid" if mask is None else "the area"
                 raise FieldError(
-                    f"num_drones: {count} is not allowed; at most {most}, one per cell of {place}"
+                    f"num_drones must be at most {most}, one per cell of {place}, got {count}"
                 )
             cells = range(count) if mask is None else np.flatnonzero(mask)[:count].tolist()
             return tuple((i % grid, i // grid) for i in cells)

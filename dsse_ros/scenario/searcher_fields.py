@@ -10,7 +10,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from dsse_ros.scenario.actions import STRAIGHT
-from dsse_ros.scenario.fields import FieldError, field
+from dsse_ros.scenario.fields import FieldError, field, shown
 from dsse_ros.scenario.paths import ROUNDING
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.searchers.registry import DEFAULT, SEARCHERS
@@ -89,11 +89,13 @@ class SearcherFields:
         names = self.searchers
         for name in names:
             if name not in SEARCHERS:
-                raise FieldError(f"searchers: {name!r} is not allowed; {', '.join(SEARCHERS)}")
+                raise FieldError(
+                    f"searchers must be among {', '.join(SEARCHERS)}, got {shown(name)}"
+                )
         if len(names) not in (1, num_drones):
             raise FieldError(
-                f"searchers: {len(names)} kinds are not allowed; "
-                f"one for all drones or one per drone ({num_drones})"
+                f"searchers must be one kind for all drones or one per drone ({num_drones}), got "
+                f"{len(names)}"
             )
         for name in dict.fromkeys(names):
             _check_kind(name, SEARCHERS[name], rules.actions, has_battery=has_battery)
@@ -106,23 +108,27 @@ def _check_kind(name: str, kind: Searcher, actions: Collection[str], *, has_batt
     Raises:
         FieldError: If it cannot.
     """
-    where = f"searchers: {name!r} with"
+    where = f"searchers: {name!r}"
     for what in ("speed", "altitude", "endurance_min"):
         value = getattr(kind, what)
         if value is not None and not (math.isfinite(value) and value > 0):
-            raise FieldError(f"{where} {what} {value!r} is not allowed; a number above 0")
+            raise FieldError(f"{where}: {what} must be a number > 0, got {shown(value)}")
     if kind.sensor is not None and kind.sensor not in SENSORS:
-        raise FieldError(f"{where} sensor {kind.sensor!r} is not allowed; {', '.join(SENSORS)}")
+        raise FieldError(
+            f"{where}: sensor must be one of {', '.join(SENSORS)}, got {shown(kind.sensor)}"
+        )
     if kind.moves is None:
         return
     for move in kind.moves:
         if move not in actions:
-            raise FieldError(f"{where} move {move!r} is not allowed; {', '.join(actions)}")
+            raise FieldError(
+                f"{where}: moves must be among {', '.join(actions)}, got {shown(move)}"
+            )
     missing = [move for move in STRAIGHT if move not in kind.moves]
     if has_battery and missing:
         raise FieldError(
-            f"{where} moves {', '.join(kind.moves)} is not allowed with battery_move; "
-            f"{', '.join(missing)} too, or it would not find home"
+            f"{where}: moves must include {', '.join(missing)} with battery_move, or it would not "
+            f"find home, got {shown(list(kind.moves))}"
         )
 
 

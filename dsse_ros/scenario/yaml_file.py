@@ -31,7 +31,7 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
         with Path(path).open("rb") as file:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
-            raise FieldError(f"more than {MAX_BYTES} bytes are not allowed")
+            raise FieldError(f"size must be at most {MAX_BYTES} bytes")
         return yaml.load(data.decode("utf-8"), _Loader)
     except OSError as error:
         raise FieldError(str(error.strerror)) from None
@@ -55,9 +55,9 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
-            raise FieldError(f"{_line(self.peek_event())}: an alias is not allowed")
+            raise FieldError(f"{_line(self.peek_event())}: value must be written out, got an alias")
         if self._depth >= MAX_DEPTH:
-            raise FieldError(f"{_line(self.peek_event())}: {MAX_DEPTH} levels are the most allowed")
+            raise FieldError(f"{_line(self.peek_event())}: levels must be at most {MAX_DEPTH}")
         self._depth += 1
         node = super().compose_node(parent, index)
         self._depth -= 1
@@ -68,7 +68,9 @@ class _Loader(yaml.SafeLoader):
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if not isinstance(key, Hashable):
-                raise FieldError(f"{_line(key_node)}: {shown(key)} is no name of a field")
+                raise FieldError(
+                    f"{_line(key_node)}: key must be the name of a field, got {shown(key)}"
+                )
             if key in lines:
                 raise FieldError(f"{shown(key)} stands twice: {lines[key]} and {_line(key_node)}")
             lines[key] = _line(key_node)
@@ -83,7 +85,7 @@ def _number(loader: Any, node: Any) -> int | float:
         return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
     except ValueError:
         # The tag does not fit, or there are more digits than Python reads.
-        raise FieldError(f"{_line(node)}: {shown(text)} is no number") from None
+        raise FieldError(f"{_line(node)}: value must be a number, got {shown(text)}") from None
 
 
 def _line(place: Any) -> str:

@@ -49,8 +49,8 @@ def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
     poc[poc < rules.cover_min_probability] = 0.0
     if not poc.any():
         raise FieldError(
-            f"cover_min_probability: {rules.cover_min_probability:g} is not allowed; no cell of "
-            "the area has as much probability"
+            "cover_min_probability must be at most that of the likeliest cell of the area, got "
+            f"{rules.cover_min_probability:g}"
         )
     return poc
 

@@ -134,7 +134,7 @@ class DroneSlots:
         self, env: VectorEnv, encoding: Encoding = FLATTENED, reward: Reward | None = None
     ) -> None:
         if env.lazy:
-            raise FieldError("lazy: true is not allowed with slots")
+            raise FieldError("lazy must be false with slots, got true")
         self.env = env
         self._encoding, self._reward = encoding, reward
         self._drones = env.world.num_drones
@@ -143,8 +143,8 @@ class DroneSlots:
         space = encoding.space(self._drones, env.world.grid_size, env.rules.margin)
         if not isinstance(space, spaces.Box):
             raise FieldError(
-                f"encoding: observations of a {type(space).__name__} are not allowed with slots; "
-                "those of a Box"
+                "encoding must have observations of a Box with slots, got those of a "
+                f"{type(space).__name__}"
             )
         self.single_observation_space = spaces.Box(
             space.low.astype(np.float32), space.high.astype(np.float32), dtype=np.float32
@@ -221,7 +221,7 @@ class DroneSlots:
         wrong = (numbers < 0) | (numbers >= self.num_actions)
         if wrong.any():
             raise FieldError(
-                f"actions: {numbers[wrong][0]} is not allowed; from 0 to {self.num_actions - 1}"
+                f"actions must be from 0 to {self.num_actions - 1}, got {numbers[wrong][0]}"
             )
         if self.order is not None:
             numbers = np.take_along_axis(self.order, numbers[:, None].astype(np.int64), axis=1)

@@ -78,7 +78,8 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     ) -> None:
         modes: list[str] = self.metadata["render_modes"]  # type: ignore[assignment]
         if render_mode is not None and not (isinstance(render_mode, str) and render_mode in modes):
-            raise FieldError(f"render_mode: {shown(render_mode)} is not allowed; one of {modes}")
+            known = ", ".join(modes)
+            raise FieldError(f"render_mode must be one of {known}, got {shown(render_mode)}")
         self.render_mode = render_mode
         self.rules = rules
         self.observed = OBSERVED.check("observe", observe)
@@ -390,7 +391,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         except (AttributeError, KeyError, TypeError, ValueError):
             if not isinstance(actions, Mapping):
                 raise FieldError(
-                    f"actions: {shown(actions)} is not allowed; one number per live agent"
+                    f"actions must be one number per live agent, got {shown(actions)}"
                 ) from None
             numbers = bytearray(
                 self._byte_of(agent, actions) if self._alive[i] else HOLD & 0xFF
@@ -419,7 +420,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             if noop:
                 return HOLD & 0xFF
         raise FieldError(
-            f"{agent}: action {shown(value)} is not allowed; {self.rules.action_set}"
+            f"action of {agent} must be one of {self.rules.action_set}, got {shown(value)}"
         ) from None
 
 

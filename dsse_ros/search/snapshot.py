@@ -161,12 +161,12 @@ def _check_sizes(body: bytes) -> None:
     with zipfile.ZipFile(io.BytesIO(body)) as archive:
         parts = archive.infolist()
         if any(part.compress_type != zipfile.ZIP_STORED for part in parts):
-            raise ValueError("compressed arrays are not allowed")
+            raise ValueError("arrays must be uncompressed")
         if sum(part.file_size for part in parts) > len(body):
-            raise ValueError("arrays that are larger than the file are not allowed")
+            raise ValueError("arrays must not be larger than the file")
         for part in parts:
             with archive.open(part) as file:
                 shape, dtype = array_header(file)
                 stated, there = math.prod(shape) * dtype.itemsize, part.file_size - file.tell()
                 if stated != there:
-                    raise ValueError(f"{part.filename}: {stated} bytes are not allowed; {there}")
+                    raise ValueError(f"{part.filename} must be {there} bytes, got {stated}")

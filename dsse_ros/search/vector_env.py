@@ -140,7 +140,7 @@ class VectorEnv:
     ) -> None:
         of_belief = OBSERVED.check("observe", observe) == "belief"
         if of_belief and lazy:
-            raise FieldError("lazy: true is not allowed with observe: 'belief'")
+            raise FieldError("lazy must be false with observe belief, got true")
         self.num_envs = Spec("int", "", low=1).check("num_envs", num_envs)
         threads = Spec("int", "", low=1, high=1024).check("threads", threads)
         self.rules = rules
@@ -274,10 +274,12 @@ class VectorEnv:
             start = check_options(others, self.scenario, self.rules)
             return start, np.ones(self.num_envs, np.bool_)
         if others:
-            raise FieldError(f"{RESET_MASK}: not allowed together with {shown(next(iter(others)))}")
+            raise FieldError(
+                f"{RESET_MASK} must be the only option, got {shown(next(iter(others)))} too"
+            )
         shape = (self.num_envs,)
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != shape:
-            raise FieldError(f"{RESET_MASK}: {shown(mask)} is not allowed; bool {shape}")
+            raise FieldError(f"{RESET_MASK} must be bool {shape}, got {shown(mask)}")
         return None, mask
 
     def _write(self, outputs: list[NDArray[Any]], first: int, last: int) -> None:
@@ -334,7 +336,7 @@ def _check_seeds(seed: Any, count: int) -> Any:
     if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str | bytes):
         return check_seed(seed)
     if len(seed) != count:
-        raise FieldError(f"seed: {len(seed)} numbers are not allowed; one for each of {count}")
+        raise FieldError(f"seed must be one number for each of {count} worlds, got {len(seed)}")
     return [None if number is None else check_seed(number) for number in seed]
 
 
@@ -348,12 +350,12 @@ def check_integers(name: str, value: Any, shape: tuple[int | None, ...]) -> NDAr
     try:
         array = np.asarray(value)
     except ValueError:
-        raise FieldError(f"{name}: {shown(value)} is not allowed; {wanted}") from None
+        raise FieldError(f"{name} must be {wanted}, got {shown(value)}") from None
     fits = len(array.shape) == len(shape) and all(
         n in (None, length) for n, length in zip(shape, array.shape, strict=True)
     )
     if not fits or array.dtype.kind not in "iu":
-        raise FieldError(f"{name}: {array.dtype} {array.shape} is not allowed; {wanted}")
+        raise FieldError(f"{name} must be {wanted}, got {array.dtype} {array.shape}")
     return array
 
 
@@ -396,7 +398,7 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         # Set before any check: Gymnasium also closes environments whose `__init__` failed.
         self.env = env
         if env.lazy:
-            raise FieldError("lazy: true is not allowed here; observations must be arrays")
+            raise FieldError("lazy must be false, so that observations are arrays, got true")
         self.num_envs = env.num_envs
         g, n = env.world.grid_size, env.world.num_drones
         margin = env.rules.margin

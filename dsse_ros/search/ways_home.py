@@ -56,8 +56,8 @@ def ways_home(
     """
     if 5 * len(homes) * grid_size**2 > MAX_BYTES:
         raise FieldError(
-            f"battery_move is not allowed with {len(homes)} drones on {grid_size} x {grid_size} "
-            "cells; fewer of either"
+            f"drones x cells must be at most {MAX_BYTES // 5} with battery_move, got {len(homes)} "
+            f"drones on {grid_size} x {grid_size} cells"
         )
     try:
         actions.with_moves()

@@ -46,8 +46,8 @@ class WorldBeliefs:
     def __init__(self, world: World) -> None:
         if world.coverage is not None:
             raise FieldError(
-                f"observe: 'belief' is not allowed with rules {world.rules.profile}, which have no "
-                "persons; map"
+                f"observe must be map with rules {world.rules.profile}, which have no persons, got "
+                "'belief'"
             )
         self._world = world
         self._follower: Follower

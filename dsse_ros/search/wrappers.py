@@ -217,8 +217,8 @@ class RetainedPositions(BaseParallelWrapper[str, Any, int]):
         super().__init__(env)
         if len(drones_positions) != len(env.possible_agents):
             raise FieldError(
-                f"drones_positions: {shown(drones_positions)} is not allowed; "
-                f"{len(env.possible_agents)} cells, one per drone"
+                f"drones_positions must be {len(env.possible_agents)} cells, one per drone, got "
+                f"{shown(drones_positions)}"
             )
         self.drones_positions = drones_positions
 
@@ -335,7 +335,7 @@ class EncodedVectorEnv:
         drones_positions: Any = None,
     ) -> None:
         if env.lazy:
-            raise FieldError("lazy: true is not allowed with other observations")
+            raise FieldError("lazy must be false with other observations, got true")
         self.env = env
         self._encoding, self._seen = encoding, seen
         self._start = {}
@@ -357,7 +357,7 @@ class EncodedVectorEnv:
         options = check_mapping(options)
         if options.get(RESET_MASK) is not None:
             if not self._begun:
-                raise FieldError(f"{RESET_MASK}: not allowed before a reset of every world")
+                raise FieldError(f"{RESET_MASK} must come after a reset of every world")
             # The first reset placed the drones; worlds at step 0 forget visits by themselves.
             observations, infos = self.env.reset(seed, options)
             return self._observe(observations, infos), infos

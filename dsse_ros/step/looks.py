@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.actions import ACTION_VECTORS, Cell
-from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.sensors.registry import SENSORS
@@ -161,9 +161,9 @@ def _check(sensor: str, action: str, looks: list[Look], multipliers: tuple[float
     """
     where = f"sensor: {sensor} at {action}"
     if len(looks) > MAX_LOOKS:
-        raise FieldError(f"{where}: {len(looks)} looks are not allowed; at most {MAX_LOOKS}")
+        raise FieldError(f"{where}: looks must be at most {MAX_LOOKS}, got {len(looks)}")
     if len({(look.dx, look.dy) for look in looks}) < len(looks):
-        raise FieldError(f"{where}: two looks at one cell are not allowed; one POD for it")
+        raise FieldError(f"{where}: looks must be at different cells, got two at one cell")
     alike = {
         (multiplier, *(look.pods[p] for look in looks))
         for p, multiplier in enumerate(multipliers)
@@ -175,6 +175,6 @@ def _check(sensor: str, action: str, looks: list[Look], multipliers: tuple[float
         chances = np.array([*look.pods, look.false_alarms], float)
         if len(look.pods) != len(multipliers) or not ((chances >= 0.0) & (chances <= 1.0)).all():
             raise FieldError(
-                f"{where}: {tuple(look)!r} is not allowed; dx, dy, the POD of each person "
-                f"({len(multipliers)}) and the rate of false alarms, each from 0 to 1"
+                f"{where}: a look must be dx, dy, the POD of each person ({len(multipliers)}) and "
+                f"the rate of false alarms, each from 0 to 1, got {shown(tuple(look))}"
             )

@@ -82,9 +82,9 @@ def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> SeaTrack
     size = (steps + 1) * (8 * scenario.particles + 4 * g * g)
     if size > LARGEST_BYTES:
         raise FieldError(
-            f"person_motion: {rules.person_motion!r} is not allowed with {scenario.particles} "
-            f"particles, {steps} steps and a grid of {g}; up to {LARGEST_BYTES >> 20} MiB of "
-            "tracks and maps"
+            f"tracks and maps of person_motion {rules.person_motion} must be at most "
+            f"{LARGEST_BYTES >> 20} MiB, got {scenario.particles} particles, {steps} steps and a "
+            f"grid of {g}"
         )
     of_truth, of_belief = (
         np.random.default_rng(seed)

@@ -68,13 +68,13 @@ def check_tracks(tracks: Tracks, steps: int) -> None:
     """
     positions, weights = tracks
     if weights.ndim != 1 or not len(weights):
-        raise ValueError(f"weights of shape {weights.shape} are not allowed; (M,) with M >= 1")
+        raise ValueError(f"weights must be (M,) with M >= 1, got {weights.shape}")
     shape = (steps + 1, len(weights), 2)
     if positions.shape != shape:
-        raise ValueError(f"positions of shape {positions.shape} are not allowed; {shape}")
+        raise ValueError(f"positions must be {shape}, got {positions.shape}")
     # This form of the comparison also refuses NaN.
     if not (weights >= 0.0).all():
-        raise ValueError("weights below 0 are not allowed")
+        raise ValueError(f"weights must be >= 0, got {weights.min():g}")
     total = float(weights.sum())
     if not abs(total - 1.0) <= SUM_TOLERANCE:
-        raise ValueError(f"weights that sum to {total:.9g} are not allowed; 1")
+        raise ValueError(f"weights must sum to 1, got {total:.9g}")

@@ -101,14 +101,14 @@ def test_ros_arguments_count_as_the_options_of_their_names(tmp_path: Path) -> No
     ("arguments", "line"),
     [
         (("--ros-args", "-p", "scenario.sigmma:=1.0"), "did you mean scenario.sigma?"),
-        (("--ros-args", "-p", "search_hold:=-1.0"), "search_hold: -1.0 is not allowed"),
+        (("--ros-args", "-p", "search_hold:=-1.0"), "search_hold must be a finite number >= 0"),
         (("--scenario", "nowhere"), "scenario: 'nowhere' is no file and none of those shipped"),
         (("--home", "1,2"), "home must be LAT,LON,ALT, got '1,2'"),
         (("--home", "nan,0,0"), "a place on Earth"),
-        (("--search-hold", "-1"), "search_hold: -1.0 is not allowed"),
+        (("--search-hold", "-1"), "search_hold must be a finite number >= 0"),
         (("--seed", "-1"), "seed must be from 0"),
         (("--planner", "nobody"), "--planner"),
-        (("--drones", "0"), "num_drones: 0 is not allowed"),
+        (("--drones", "0"), "num_drones must be an integer >= 1"),
         (("--out", "/dev/null/here"), "out: '/dev/null/here'"),
     ],
 )

@@ -29,7 +29,7 @@ def test_a_sensor_of_somebody_else_keeps_them_too(rules: str) -> None:
 BAD: dict[str, tuple[Any, str]] = {
     "POD": (lambda s, k, a, h: [Look(0, 0, (1.5, 0.5))], "from 0 to 1"),
     "persons": (lambda s, k, a, h: [Look(0, 0, (0.5,))], "POD of each person"),
-    "twice": (lambda s, k, a, h: [Look(0, 0, (0.5, 0.2))] * 2, "one POD for it"),
+    "twice": (lambda s, k, a, h: [Look(0, 0, (0.5, 0.2))] * 2, "at different cells, got two"),
     "many": (lambda s, k, a, h: [Look(i, 0, (0.5, 0.2)) for i in range(65)], "at most 64"),
     "none": (lambda s, k, a, h: [], "no action looks at anything"),
     "NaN": (lambda s, k, a, h: [Look(0, 0, (float("nan"), 0.2))], "from 0 to 1"),

@@ -254,9 +254,7 @@ def check_speedup(speedup: float) -> None:
         FieldError: If it is not allowed.
     """
     if not 0 < speedup <= MAX_SPEEDUP:
-        raise FieldError(
-            f"speedup: {speedup:g} is not allowed; above 0 and at most {MAX_SPEEDUP:g}"
-        )
+        raise FieldError(f"speedup must be > 0 and <= {MAX_SPEEDUP:g}, got {speedup:g}")
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -47,7 +47,7 @@ def test_a_mission_over_ros_is_step_by_step_the_direct_one(rig: Rig, tmp_path: P
     )  # fmt: skip
     # One that looks for persons says why it does not fly, and another one can.
     refused = rig.start("planner_node", {"planner": "belief"})
-    line = "'belief' is not allowed with rules coverage"
+    line = "with rules coverage, whose task covers cells and has no persons, got 'belief'"
     rig.until(lambda: line in refused.output, "the line")
     assert refused.running and sim.step_number == 0
     refused.stop()
@@ -83,4 +83,4 @@ def test_a_belief_of_persons_is_not_published_where_there_are_none(rig: Rig) -> 
     process = rig.start("sim_node", {"rules": "coverage", "publish_belief": True})
     rig.until(lambda: not process.running, "the end of the node")
     assert process.child.returncode == 2
-    assert "publish_belief: true is not allowed" in process.output.splitlines()[-1]
+    assert "publish_belief must be false with rules coverage" in process.output.splitlines()[-1]

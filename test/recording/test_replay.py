@@ -371,6 +371,6 @@ def test_a_mission_on_a_larger_grid_than_is_allowed_is_not_replayed() -> None:
     of.fly(5)
     cells = of.mission.env.scenario.grid_size**2
     (mission,) = replay(of.messages, max_cells=cells - 1)
-    assert mission.incomplete.startswith("grid_size: ") and mission.steps == 0
+    assert mission.incomplete.startswith("grid_size must ") and mission.steps == 0
     (mission,) = replay(of.messages, max_cells=cells)
     assert not mission.incomplete and not mission.difference

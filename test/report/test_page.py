@@ -170,13 +170,13 @@ def test_a_mission_of_one_step_on_a_large_grid_has_a_report(
         (["nothing.csv"], "report: file: 'nothing.csv': No such file or directory"),
         ([__file__], "is neither the CSV of a mission nor a bag (MCAP)"),
         (["LOG", "--mission", "7"], "report: mission must be one of the file (1, 2, 3), got 7"),
-        (["LOG", "--steps", "99"], "report: steps: 99 is not allowed; a recorded step, 0 to "),
+        (["LOG", "--steps", "99"], "report: steps must be recorded ones, 0 to "),
         (["LOG", "--scenario", "atlantis"], "mission 1: scenario: 'atlantis' is no file"),
         (
             ["LOG", "--scenario", "santos"],
             "mission 1: scenario: 20 cells of 130 m a side do not have the recorded",
         ),
-        (["LOG", "--out", "LOG"], "is a file; a folder is allowed"),
+        (["LOG", "--out", "LOG"], "must be a folder, got a file"),
     ],
 )
 def test_wrong_input_gets_one_line(

@@ -179,7 +179,7 @@ def test_missions_without_a_seed_differ_and_come_again_after_the_same_seed(env: 
     ("arguments", "line"),
     [
         ({"options": {"vector": (1, 0)}}, "options must be empty over ROS, got 'vector'"),
-        ({"seed": -1}, "seed: -1 is not allowed"),
+        ({"seed": -1}, "seed must be an integer >= 0, got -1"),
         ({"seed": 2**63}, f"got {2**63}"),
     ],
 )

@@ -286,9 +286,9 @@ def test_an_area_that_cannot_be_searched_is_refused_in_one_line(area: Any, error
 @pytest.mark.parametrize(
     ("fields", "error"),
     [
-        ({"person_initial_position": (0, 0)}, "person_initial_position: [0, 0] is not allowed"),
-        ({"drones_positions": [(8, 8), (1, 1)]}, "drones_positions: [1, 1] is not allowed"),
-        ({"num_drones": 200}, "num_drones: 200 is not allowed; at most 156, one per cell of the"),
+        ({"person_initial_position": (0, 0)}, "person_initial_position must be one of"),
+        ({"drones_positions": [(8, 8), (1, 1)]}, "cells of the area, got [1, 1]"),
+        ({"num_drones": 200}, "num_drones must be at most 156, one per cell of the"),
     ],
 )
 def test_nobody_starts_outside_the_area(fields: dict[str, Any], error: str) -> None:
@@ -310,7 +310,7 @@ def test_persons_have_room_in_the_area_or_are_refused() -> None:
     for seed in range(20):
         env.reset(seed=seed)
         assert set(env.world.persons["x"][0].tolist()) <= {1, 2, 3}
-    with pytest.raises(FieldError, match="person_amount: 4 is not allowed; at most 3"):
+    with pytest.raises(FieldError, match="person_amount must be at most 3, .* got 4"):
         parallel_env(given, rules="v2", person_amount=4)
 
 

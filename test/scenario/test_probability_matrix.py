@@ -196,7 +196,7 @@ def test_a_matrix_with_nothing_in_the_area_is_refused() -> None:
     matrix = np.zeros((20, 20))
     matrix[0, 0] = 1.0
     square = [[-24.035, -46.165], [-24.035, -46.15], [-24.02, -46.15], [-24.02, -46.165]]
-    with pytest.raises(FieldError, match=r"^cover_min_probability: .* no cell of the area"):
+    with pytest.raises(FieldError, match=r"^cover_min_probability must .* cell of the area, got "):
         parallel_env(rules="coverage", probability_matrix=matrix, area=square, **PLACE)
 
 

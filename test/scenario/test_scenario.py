@@ -297,7 +297,7 @@ def test_the_person_is_in_the_centre_by_default() -> None:
 
 def test_every_cell_may_have_a_drone_and_no_more() -> None:
     assert len(resolved(grid_size=4, num_drones=16).drones_positions) == 16
-    with pytest.raises(FieldError, match="num_drones: 17 .* 16"):
+    with pytest.raises(FieldError, match="num_drones must be at most 16, .* got 17"):
         resolved(grid_size=4, num_drones=17)
 
 

@@ -155,7 +155,7 @@ def test_every_field_of_the_rules_changes_the_search(name: str) -> None:
 
 def test_a_number_that_is_no_action_is_refused_or_does_nothing() -> None:
     env = started(num_drones=2)
-    with pytest.raises(FieldError, match="action 99 is not allowed"):
+    with pytest.raises(FieldError, match="action of drone0 must be one of .*, got 99"):
         env.step({"drone0": 99, "drone1": 4})
     env = started(num_drones=2, noop_actions=True)
     env.step({"drone0": 99, "drone1": 4})
@@ -225,7 +225,7 @@ def test_v2_detects_as_often_as_the_probability_says() -> None:
 
 
 def test_v2_persons_without_room_are_refused() -> None:
-    with pytest.raises(ValueError, match="person_amount: 10 is not allowed; at most 9"):
+    with pytest.raises(ValueError, match="person_amount must be at most 9, .* got 10"):
         parallel_env(rules="v2", person_amount=10, person_initial_position=(0, 0))
     parallel_env(rules="v2", person_amount=9, person_initial_position=(0, 0)).reset(seed=0)
 

@@ -361,7 +361,7 @@ def test_deep_nesting_is_refused_without_being_read_to_its_end(
     path = tmp_path / "place.yaml"
     path.write_text(brackets * 100_000)
     text = refusal(lambda: Scenario.from_yaml(path))
-    assert text is not None and "line 1: 8 levels are the most allowed" in text
+    assert text is not None and "line 1: levels must be at most 8" in text
 
 
 def test_aliases_are_refused_and_not_expanded(tmp_path: Path) -> None:
@@ -370,7 +370,7 @@ def test_aliases_are_refused_and_not_expanded(tmp_path: Path) -> None:
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 20)]
     path.write_text("\n".join(lines))
     text = refusal(lambda: Scenario.from_yaml(path))
-    assert text is not None and "line 2: an alias is not allowed" in text
+    assert text is not None and "line 2: value must be written out, got an alias" in text
 
 
 def test_a_key_that_stands_twice_is_refused_with_both_lines(tmp_path: Path) -> None:

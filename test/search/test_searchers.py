@@ -313,7 +313,7 @@ def test_turns_of_an_aec_environment_end_with_the_drones_of_any_kind() -> None:
     [
         ({"searchers": ("plane",)}, ["searchers", "plane", "drone"]),
         ({"searchers": ("drone", "slow")}, ["searchers", "2", "one per drone (3)"]),
-        ({"searchers": ("still",)}, ["searchers", "still", "speed", "above 0"]),
+        ({"searchers": ("still",)}, ["searchers", "still", "speed", "> 0"]),
         ({"searchers": ("odd",)}, ["searchers", "odd", "hop", "left"]),
         ({"searchers": ("blind",)}, ["searchers", "blind", "sonar", "own_cell"]),
         ({"searchers": ("one_way",), **BATTERY}, ["searchers", "one_way", "right", "battery_move"]),

@@ -68,13 +68,13 @@ def parts(observed: Any) -> list[Any]:
 def test_a_mask_needs_worlds_that_have_begun_and_stands_alone() -> None:
     batch = EncodedVectorEnv(vector_env(2, **MISSION), FLATTENED)
     mask = np.array([True, False])
-    with pytest.raises(FieldError, match="^reset_mask: not allowed before a reset of every world$"):
+    with pytest.raises(FieldError, match="^reset_mask must come after a reset of every world$"):
         batch.reset(options={"reset_mask": mask})
     batch.reset(seed=0)
     state = batch.env.world.state_bytes()
-    with pytest.raises(FieldError, match="^reset_mask: not allowed together with 'vector'$"):
+    with pytest.raises(FieldError, match="^reset_mask must be the only option, got 'vector' too$"):
         batch.reset(options={"reset_mask": mask, "vector": (0, 0)})
-    with pytest.raises(FieldError, match=r"^reset_mask: \[True\] is not allowed; bool \(2,\)$"):
+    with pytest.raises(FieldError, match=r"^reset_mask must be bool \(2,\), got \[True\]$"):
         batch.reset(options={"reset_mask": [True]})
     assert batch.env.world.state_bytes() == state
 
@@ -107,7 +107,7 @@ def test_options_that_are_no_mapping_are_refused() -> None:
         EncodedVectorEnv(vector_env(2, **MISSION), FLATTENED),
     ):
         for options in (5, [1], ""):
-            with pytest.raises(FieldError, match=r"^options: .* is not allowed; a mapping$"):
+            with pytest.raises(FieldError, match=r"^options must be a mapping, got "):
                 wrapped.reset(options=options)
 
 

@@ -47,8 +47,8 @@ class Fault:
         match = _FORM.fullmatch(text)
         if match is None or match["kind"] not in KINDS:
             raise ValueError(
-                f"{text!r} is not allowed; KIND@[airborne:]SECONDS[+SECONDS][=VALUE], KIND "
-                + ", ".join(KINDS)
+                "fault must be KIND@[airborne:]SECONDS[+SECONDS][=VALUE] with a KIND of "
+                f"{', '.join(KINDS)}, got {text!r}"
             )
         return cls(
             match["kind"],

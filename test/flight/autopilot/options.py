@@ -68,7 +68,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     modes = _MODES[options.autopilot].__members__
     for fault in options.fault:
         if fault.kind == "pilot" and fault.value not in {"", *modes}:
-            parser.error(f"pilot: {fault.value} is not allowed; one of {', '.join(modes)}")
+            parser.error(f"pilot must be one of {', '.join(modes)}, got {fault.value}")
     options.settings = Settings(
         system=options.sysid,
         autopilot=options.autopilot,
@@ -90,7 +90,7 @@ def address(text: str) -> Address:
     host, _, port = text.rpartition(":")
     number = int(port)
     if not 0 <= number < 1 << 16:
-        raise ValueError(f"port {number} is not allowed; 0 to 65535")
+        raise ValueError(f"port must be 0 to 65535, got {number}")
     return host or "127.0.0.1", number
 
 
@@ -109,7 +109,7 @@ def _argument(read: Callable[[str], T]) -> Callable[[str], T]:
 def _positive(text: str) -> float:
     number = float(text)
     if not number > 0:
-        raise ValueError(f"{text} is not allowed; more than 0")
+        raise ValueError(f"number must be > 0, got {text}")
     return number
 
 
@@ -117,14 +117,14 @@ def _positive(text: str) -> float:
 def _system(text: str) -> int:
     number = int(text)
     if not 1 <= number <= 255:
-        raise ValueError(f"{text} is not allowed; 1 to 255")
+        raise ValueError(f"system id must be 1 to 255, got {text}")
     return number
 
 
 def _place(text: str) -> Place:
     numbers = [float(part) for part in text.split(",")]
     if len(numbers) != 3 or abs(numbers[0]) > 90 or abs(numbers[1]) > 180:
-        raise ValueError(f"{text} is not allowed; latitude,longitude,altitude")
+        raise ValueError(f"place must be latitude,longitude,altitude, got {text}")
     return Place(*numbers)
 
 
@@ -133,7 +133,7 @@ def _key(text: str) -> bytes:
     if len(key.strip()) == 64:
         key = bytes.fromhex(key.strip().decode("ascii"))
     if len(key) != 32:
-        raise ValueError(f"{text}: {len(key)} bytes are not allowed; 32")
+        raise ValueError(f"{text} must have 32 bytes, got {len(key)}")
     return key
 
 

@@ -172,7 +172,7 @@ def _address(text: str) -> Address:
 def _share(text: str) -> float:
     number = float(text)
     if not 0 <= number <= 1:
-        raise ValueError(f"{text} is not allowed; 0 to 1")
+        raise ValueError(f"share must be 0 to 1, got {text}")
     return number
 
 

@@ -58,7 +58,7 @@ class Codec(mavlink.MAVLink):
         self.robust_parsing = True
         if key is not None:
             if len(key) != 32:
-                raise ValueError(f"key: {len(key)} bytes are not allowed; 32 bytes")
+                raise ValueError(f"key must have 32 bytes, got {len(key)}")
             self.signing.secret_key = key
             self.signing.sign_outgoing = True
             self._keep_time()
