@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.jit import kernel, part
+from dsse_ros.compiled.jit import inlined, kernel
 from dsse_ros.drift.leeway import Leeway
 
 WGS84_A_M = 6378137.0
@@ -57,10 +57,10 @@ def degrees_per_metre(lat_deg):
     return np.degrees(1.0 / meridian_m), np.degrees(1.0 / parallel_m)
 
 
-_degrees_per_metre = part(degrees_per_metre)
+_degrees_per_metre = inlined(degrees_per_metre)
 
 
-@part
+@inlined
 def _below(axis, value):
     """Return index and weight of the value after `value` on an axis; -1 if it is off the axis."""
     last = len(axis) - 1
@@ -78,7 +78,7 @@ def _below(axis, value):
     return low, (value - axis[low]) / (axis[low + 1] - axis[low])
 
 
-@part
+@inlined
 def _at_time(flow, t, j, i, v, u):
     """Return the flow at one of its times, from the neighbours that have a value; or NaN.
 
@@ -104,7 +104,7 @@ def _at_time(flow, t, j, i, v, u):
     return east / total, north / total
 
 
-@part
+@inlined
 def flow_at(flow, lat_deg, lon_deg, time_s):
     """Return the velocity (east, north) of a flow in m/s, or NaN where it has none."""
     t, w = _below(flow.times_s, time_s)
@@ -125,7 +125,7 @@ def flow_at(flow, lat_deg, lon_deg, time_s):
     return east, north
 
 
-@part
+@inlined
 def _velocity(p, m, lat_deg, lon_deg, time_s, wind, current):
     """Return the velocity (east, north) of a particle in m/s, and what is missing if it is NaN."""
     wind_east, wind_north = flow_at(wind, lat_deg, lon_deg, time_s)
@@ -148,7 +148,7 @@ def _velocity(p, m, lat_deg, lon_deg, time_s, wind, current):
     return east, north, MOVED
 
 
-@part
+@inlined
 def is_land(shore, lat_deg, lon_deg):
     """Return whether a position is on land; beyond the raster everything is sea."""
     row = math.floor((lat_deg - shore.south_deg) / shore.lat_step_deg)
@@ -157,7 +157,7 @@ def is_land(shore, lat_deg, lon_deg):
     return 0 <= row < rows and 0 <= col < cols and shore.land[row, col]
 
 
-@part
+@inlined
 def _strand_or_go(p, m, lat_deg, lon_deg, shore):
     """Put a particle at its new position, or at the last one at sea before it reaches land."""
     from_lat, from_lon = p.lat_deg[m], p.lon_deg[m]
