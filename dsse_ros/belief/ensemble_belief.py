@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dsse_ros.belief import particle_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
 from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
@@ -60,6 +61,17 @@ class EnsembleForecast(ForecastBase):
         columns: NDArray[np.int32] = within[..., 1] * self.side + within[..., 0]
         return columns
 
+    @cached_property
+    def by_column(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """The particles of each step sorted by column: starts and members, see `index`.
+
+        A look finds its particles without a search through all of them.
+        """
+        starts = np.empty((len(self.columns), self.side**2 + 1), np.int32)
+        members = np.empty_like(self.columns)
+        index(self.columns, starts, members)
+        return starts, members
+
     def row(self, step: int) -> int:
         """Return the index of a step of the sea in the tracks."""
         return min(step, len(self.cells) - 1)
@@ -96,9 +108,13 @@ class EnsembleBelief(BeliefBase):
         shares = np.bincount(self.class_of) / len(self.class_of)
         self.density[:] = shares[:, None] * self.forecast.weights
 
+    @property
+    def _sea_step(self) -> int:
+        return self.forecast.first_step + self.step
+
     def _cells(self) -> NDArray[np.int16]:
         """Return the present cells of the particles, (M, 2)."""
-        return self.forecast.cells[self.forecast.row(self.forecast.first_step + self.step)]
+        return self.forecast.cells[self.forecast.row(self._sea_step)]
 
     def advance(self) -> None:
         """Advance the sea by one step, after the update with this step's looks."""
@@ -149,7 +165,10 @@ class EnsembleBelief(BeliefBase):
         last = int(np.searchsorted(sums, sums[-1]))
         drawn = np.minimum(np.searchsorted(sums, wanted, side="right"), last)
         of_class, particle = np.divmod(drawn, len(self.forecast.weights))
-        cells = self._columns(horizon)[:, particle].astype(np.int64)
+        columns = self.forecast.columns
+        steps = np.arange(self._sea_step, self._sea_step + horizon + 1)
+        rows = np.minimum(steps, len(columns) - 1)
+        cells = columns[rows[:, None], particle].astype(np.int64)
         return Futures(np.ascontiguousarray(cells), self.examples[of_class])
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
@@ -160,17 +179,11 @@ class EnsembleBelief(BeliefBase):
             horizon: H.
             gamma: Discount of a find per step.
         """
-        left = np.empty(self.forecast.side**2)
+        forecast = self.forecast
+        left = np.empty(forecast.side**2)
         finds = particle_kernels.expect_particles(
-            self._columns(horizon), self.of_missing(), looks.steps, looks.columns,
-            np.ascontiguousarray(looks.pods[:, self.examples]), gamma,
-            self.forecast.scenario.grid_size, left,
+            *forecast.by_column, self.of_missing(), looks.steps, looks.columns,
+            np.ascontiguousarray(looks.pods[:, self.examples]), self._sea_step, horizon, gamma,
+            forecast.scenario.grid_size, left,
         )  # fmt: skip
         return Expected(float(finds), left)
-
-    def _columns(self, horizon: int) -> NDArray[np.int32]:
-        """Return the columns of the particles now and in the next H steps, (H + 1, M)."""
-        forecast = self.forecast
-        first = forecast.first_step + self.step
-        rows = np.minimum(np.arange(first, first + horizon + 1), len(forecast.columns) - 1)
-        return forecast.columns[rows]

@@ -16,6 +16,29 @@ GOLDEN = 0.6180339887498949
 
 
 @compiled()
+def index(cells, starts, members):
+    """Sort the scenarios of each step by cell.
+
+    Args:
+        cells: (H or more, M) as in `Futures`.
+        starts: (H, S S + 1) integers out.
+        members: (H, M) integers out: those in cell i at step h are, in increasing order,
+            members[h, starts[h, i] : starts[h, i + 1]].
+    """
+    for h in range(len(starts)):
+        start = starts[h]
+        start[:] = 0
+        for s in range(cells.shape[1]):
+            start[cells[h, s] + 1] += 1
+        for i in range(1, len(start)):
+            start[i] += start[i - 1]
+        place = start[:-1].copy()
+        for s in range(cells.shape[1]):
+            members[h, place[cells[h, s]]] = s
+            place[cells[h, s]] += 1
+
+
+@compiled()
 def sample(density, count, offset, rows, cells):
     """Draw scenarios systematically: each cell gets its share of them, rounded up or down.
 

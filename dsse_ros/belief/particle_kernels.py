@@ -239,38 +239,46 @@ def write_particles(
 
 
 @compiled()
-def expect_particles(columns, weights, steps, looked, pods, gamma, grid_size, left):
+def expect_particles(
+    starts, members, weights, steps, looked, pods, first, horizon, gamma, grid_size, left
+):  # fmt: skip
     """Return the discounted finds of future looks, exactly for the particles.
 
     Args:
-        columns: (H + 1, M) int32, columns of the particles now and in the next H steps.
+        starts: (T, S S + 1) int32, see `members`.
+        members: (T, M) int32, the particles sorted by column, see `future_kernels.index`; after the
+            last step of the sea nothing moves.
         weights: (C, M) float64, of the missing persons.
         steps: (Q,) of `LooksToCome`.
         looked: (Q,) int64, the columns of `LooksToCome`.
         pods: (Q, C) float64.
+        first: Step of the sea now.
+        horizon: H.
         gamma: Discount per step.
         grid_size: G.
         left: (S S,) float64 out, final distribution of the persons not found.
     """
     kept = weights.copy()
     side = grid_size + 2 * MARGIN
+    last = len(members) - 1
     worth, value, q = 1.0, 0.0, 0
-    for h in range(len(columns) - 1):
-        now = columns[h]
+    for h in range(horizon):
+        start, member = starts[min(first + h, last)], members[min(first + h, last)]
         while q < len(steps) and steps[q] == h:
             cell = looked[q]
             x, y = cell % side - MARGIN, cell // side - MARGIN
             if 0 <= x < grid_size and 0 <= y < grid_size:
-                for k in range(len(now)):
-                    if now[k] == cell:
-                        for m in range(len(kept)):
-                            taken = kept[m, k] * pods[q, m]
-                            kept[m, k] -= taken
-                            value += worth * taken
+                for k in member[start[cell] : start[cell + 1]]:
+                    for m in range(len(kept)):
+                        taken = kept[m, k] * pods[q, m]
+                        kept[m, k] -= taken
+                        value += worth * taken
             q += 1
         worth *= gamma
-    left[:] = 0.0
-    for k in range(columns.shape[1]):
-        for m in range(len(kept)):
-            left[columns[-1, k]] += kept[m, k]
+    start, member = starts[min(first + horizon, last)], members[min(first + horizon, last)]
+    for cell in range(len(left)):
+        left[cell] = 0.0
+        for k in member[start[cell] : start[cell + 1]]:
+            for m in range(len(kept)):
+                left[cell] += kept[m, k]
     return value

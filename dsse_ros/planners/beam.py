@@ -14,7 +14,7 @@ belief, see `belief_kernels`. Arguments with the same names mean the same everyw
     persons: (M,) as in `Futures`.
     draws: (H, M) float64 in [0, 1), which a POD must exceed to detect the person of a future;
         (0, 0) if every look has a POD of 1.
-    starts, members: See `index`.
+    starts, members: See `future_kernels.index`.
 """
 
 from __future__ import annotations
@@ -23,29 +23,6 @@ import numpy as np
 
 from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.compiled.jit import compiled
-
-
-@compiled()
-def index(cells, starts, members):
-    """Sort the scenarios of each step by cell.
-
-    Args:
-        cells: (H + 1, M) as in `Futures`.
-        starts: (H, S S + 1) int64 out.
-        members: (H, M) int64 out: those in cell i at step h are
-            members[h, starts[h, i] : starts[h, i + 1]].
-    """
-    for h in range(len(starts)):
-        start = starts[h]
-        start[:] = 0
-        for s in range(cells.shape[1]):
-            start[cells[h, s] + 1] += 1
-        for i in range(1, len(start)):
-            start[i] += start[i - 1]
-        place = start[:-1].copy()
-        for s in range(cells.shape[1]):
-            members[h, place[cells[h, s]]] = s
-            place[cells[h, s]] += 1
 
 
 @compiled()

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
 from dsse_ros.planners import beam
 from dsse_ros.planners.planner import number_of
@@ -288,7 +289,7 @@ class BeamSearch:
             draws = self._rng.random((horizon, count))
         starts = np.empty((horizon, self._forecast.side**2 + 1), np.int64)
         members = np.empty((horizon, count), np.int64)
-        beam.index(cells, starts, members)
+        index(cells, starts, members)
         return cells[-1], _Scenarios(persons, draws, starts, members)
 
     def _last_plans(
