@@ -1,0 +1,84 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""POS of a search at sea is the share of persons that missions find."""
+
+from __future__ import annotations
+
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.planners.belief import GreedyOnBelief
+from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.search import World, profile
+from dsse_ros.step.looks import searches_of
+
+LAND = {
+    "type": "Polygon",
+    "coordinates": [[[-45.997, -25], [-45, -25], [-45, -23], [-45.997, -23], [-45.997, -25]]],
+}
+SEA = profile("sea")
+DRONES, STEPS = 3, 120
+CASES = [
+    (key, pod, shore)
+    for key in ("PIW-1", "PERSON-POWERED-VESSEL-1", "SKIFF-2")
+    for pod, shore in ((1.0, True), (0.8, False))
+]
+ENSEMBLES, MISSIONS = 4, 30
+"""Of each case; each ensemble has its own particles, so that their sampling errors average out."""
+
+
+def search(
+    key: str, pod: float, shore: bool, persons: int, seed: int, until: float
+) -> tuple[float, int]:
+    """Play missions with one plan until it has this POS; return its POS and the persons found."""
+    scenario = Scenario(
+        incident={
+            "object": key, "search_start": "2026-01-17T14:00Z", "wind": {"from": 270, "speed": 5.0},
+            "seen": [{"lat": -24.0, "lon": -46.0, "time": "2026-01-17T13:00Z", "radius": 300}],
+            "shore": LAND if shore else None,
+        },
+        particles=4000, num_drones=DRONES, person_amount=persons, timestep_limit=STEPS,
+        person_pod_multipliers=(pod,) * persons, ensemble_seed=seed,
+    ).resolve(SEA)  # fmt: skip
+    world = World(scenario, SEA, MISSIONS, write_maps=False)
+    world.seed(seed * MISSIONS)
+    world.reset()
+    belief = forecast_for(scenario, SEA).belief()
+    tactic = GreedyOnBelief().start(belief.forecast, 0)
+    cells = list(scenario.drones_positions)
+    for _ in range(STEPS):
+        ends = tactic(belief, range(DRONES), cells)
+        going = zip(cells, ends, strict=True)
+        actions = np.array([SEA.action_set.action(*leg) for leg in going], np.int8)
+        world.step(np.tile(actions, (MISSIONS, 1)))
+        # The plan goes on as if nobody were found, so its POS is that of every mission.
+        belief.update(
+            searches_of(scenario, SEA, [a for a, b in zip(cells, ends, strict=True) if a == b])
+        )
+        belief.advance()
+        cells = ends
+        if belief.pos >= until:
+            break
+    return belief.pos, int(world.persons["found"].sum())
+
+
+@pytest.mark.parametrize("persons", [1, 4])
+def test_pos_is_the_share_of_persons_found(persons: int) -> None:
+    rng = np.random.default_rng(1)
+    searches = []
+    for number, case in enumerate(CASES):
+        for k in range(ENSEMBLES):
+            searches.append(search(*case, persons, 100 * number + k, rng.uniform(0.02, 0.98)))
+    pos, found = np.array(searches).T
+    bins = np.minimum((10 * pos).astype(int), 9)
+    count = MISSIONS * persons
+    for number in np.unique(bins):
+        chosen = bins == number
+        expected = count * pos[chosen].sum()
+        spread = np.sqrt(count * (pos[chosen] * (1 - pos[chosen])).sum())
+        # 99 % for all bins together; half a person for the discrete counts.
+        most = NormalDist().inv_cdf(1 - 0.005 / 10) * spread + 0.5
+        assert found[chosen].sum() == pytest.approx(expected, abs=most)
