@@ -23,6 +23,7 @@ from benchmarks import (
     plot,
     published_scripts,
     recorded,
+    sea,
     seeding,
     speed,
     start_up,
@@ -42,6 +43,7 @@ SECTIONS = (
     "lockstep",
     "belief_over_ros",
     "belief_step",
+    "sea",
     "recorded",
     "published_scripts",
 )
@@ -81,6 +83,7 @@ def main(arguments: list[str] | None = None) -> int:
             rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
         ),
         "belief_step": lambda: belief_step.measure(rounds=1 if quick else 3, log=_print),
+        "sea": lambda: sea.measure(rounds=2 if quick else 6, log=_print),
         "recorded": lambda: recorded.measure(
             rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
         ),

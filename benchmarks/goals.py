@@ -137,6 +137,10 @@ GOALS = (
              _rates("belief_step", rules, "two_cores", "numpy"))
         for rules in ("paper", "v2")
     ),
+    Goal("batch B 1024, kayak, one ensemble", ">=", 1, "x paper",
+         _rates("sea", "batch", "sea", "paper")),
+    Goal("belief decides, 4 drones, 20 000 particles", "<=", 0.01, "s",
+         _seconds("sea", "decision_s")),
     *(
         Goal(f"sim_node lockstep, 20 drones, recorded{more}", ">=", 0.8, "x not recorded",
              _rates("recorded", "20", kind, "plain"))
