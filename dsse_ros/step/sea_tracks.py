@@ -52,7 +52,7 @@ def tracks_of(scenario: ResolvedScenario, rules: Rules) -> SeaTracks | None:
     """Return the tracks of a scenario, or None if its persons do not follow an ensemble.
 
     Truth and particles are drawn from the same model, with the two seeds that
-    `np.random.SeedSequence(ensemble_seed)` spawns.
+    `np.random.SeedSequence(ensemble_seed)` spawns; an incident may state another law for the truth.
 
     Raises:
         FieldError: If they would take too much memory.
@@ -90,7 +90,7 @@ def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> SeaTrack
         np.random.default_rng(seed)
         for seed in np.random.SeedSequence(scenario.ensemble_seed).spawn(2)
     )
-    truth, truth_weights = _drawn(model, scenario, steps, of_truth)
+    truth, truth_weights = _drawn(model, scenario.truth, steps, of_truth)
     particles, weights = _drawn(model, scenario, steps, of_belief)
     maps = np.empty((steps + 1, g, g), np.float32)
     for step in range(steps + 1):
