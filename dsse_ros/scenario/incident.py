@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -244,12 +244,37 @@ class Incident:
         """
         if self.given is not None:
             return self._given_tracks(self.given, times_s)
+        return self._drifted(self.sightings, times_s, count, rng)
+
+    def backtracked(
+        self, found: Sighting, times_s: NDArray[np.float64], count: int, rng: np.random.Generator
+    ) -> DriftTracks:
+        """Return tracks back in time, from where an object was found to where it came from.
+
+        Args:
+            found: Where and when it was found.
+            times_s: (T,) float64, decreasing.
+            count: Number of particles.
+            rng: Generator of the draws.
+
+        Raises:
+            FieldError: If wind or current do not cover them, only tracks are given, or it was found
+                on land.
+        """
+        if self.given is not None:
+            raise FieldError("incident: tracks of another model cannot be followed back")
+        return self._drifted([found], times_s, count, rng)
+
+    def _drifted(
+        self, seen: Sequence[Sighting], times_s: NDArray[np.float64], count: int,
+        rng: np.random.Generator,
+    ) -> DriftTracks:  # fmt: skip
         drift = Drift(
             leeway_class(self.key), self.wind, self.current, self.wind_error, self.current_error,
             self.jibing, None if self.land is None else _shore(self.land, self._box()),
         )  # fmt: skip
         try:
-            return drift_tracks(drift, self.sightings, times_s, count, rng)
+            return drift_tracks(drift, seen, times_s, count, rng)
         except ValueError as error:
             raise FieldError(f"incident: {error}") from None
 
