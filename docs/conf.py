@@ -25,6 +25,7 @@ NAVIGATION = {
         "docs/tutorials/cpp_planner",
         "docs/tutorials/training",
         "docs/tutorials/flying",
+        "docs/tutorials/kayak",
     ],
     "Guides": [
         "docs/install",
@@ -45,6 +46,7 @@ NAVIGATION = {
         "docs/topics",
         "docs/parameters",
         "docs/rules",
+        "docs/drift",
         "docs/faults",
         "docs/api",
     ],

@@ -15,7 +15,8 @@ from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.incident import names_files
 from dsse_ros.scenario.limits import MAX_ID, MAX_SIDE
 from dsse_ros.scenario.rules import profile
-from dsse_ros.scenario.scenario import SPECS, Scenario
+from dsse_ros.scenario.scenario import SPECS, ResolvedScenario, Scenario
+from dsse_ros.scenario.sea_state import sea_state
 from msg_adapters.frames import GridFrame, altitudes_of
 from msg_adapters.json_keys import Keys, parse_json
 
@@ -130,7 +131,22 @@ def agents_message(info: AgentsInfo) -> String:
     values = asdict(replace(info, definition=None))
     if info.definition is not None:
         values["definition"] = definition_values(info.definition)
+        values |= _of_incident(info.definition.scenario)
     return String(data=json.dumps(values, sort_keys=True, allow_nan=False))
+
+
+def _of_incident(scenario: Scenario) -> dict[str, Any]:
+    """Return what a person wants to see of an incident; it follows from the definition."""
+    if not isinstance(scenario, ResolvedScenario) or scenario.incident is None:
+        return {}
+    sea, laid = sea_state(scenario, 0), scenario.incident.laid
+    assert laid is not None
+    shown: dict[str, Any] = {"stranded": laid.stranded, "poc_outside": 1.0 - laid.inside}
+    shown |= {"wind": None, "current": None}
+    for flow in sea.flows:
+        direction = f"{flow.sense}_deg"
+        shown[flow.kind] = {"speed_mps": flow.speed_mps, direction: flow.direction_deg}
+    return {"sea": shown}
 
 
 def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> SearchDefinition:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from dsse_ros.scenario.sea_state import SeaState
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.stamps import header
 from msg_adapters.tracks import corners
@@ -26,6 +27,12 @@ _WHITE: Rgb = (1.0, 1.0, 1.0)
 _DATUM: Rgb = (1.0, 0.85, 0.1)
 _LOST: Rgb = (1.0, 0.2, 0.1)
 _SAVED: Rgb = (0.2, 0.9, 0.3)
+_OF_FLOWS: dict[str, tuple[float, Rgb]] = {
+    "wind": (60.0, (0.9, 0.9, 0.9)),
+    "current": (600.0, (0.2, 0.7, 1.0)),
+}
+"""Seconds of its way that the arrow of each shows, and its colour."""
+_SHORE: Rgb = (0.8, 0.7, 0.4)
 
 _CIRCLE_SEGMENTS = 72
 # Successive hues this far apart (the golden ratio) never come close to each other.
@@ -50,11 +57,13 @@ def marker_array(
     radius_cells: float | None = None,
     person_cells: ArrayLike | None = None,
     found: Sequence[bool] | None = None,
+    sea: SeaState | None = None,
 ) -> MarkerArray:
     """Return drones, tracks, datum and circle, and the persons when they are given.
 
     The first marker deletes all earlier ones. Namespaces: `drones`, `names`, `tracks` and
-    `persons`, with the index as id, `datum` and `circle`.
+    `persons`, with the index as id, `datum`, `circle`, `wind`, `current` and `shore`. The arrow of
+    the wind is as long as its way in a minute, that of the current as its way in ten.
 
     Args:
         frame: The grid.
@@ -67,6 +76,7 @@ def marker_array(
         radius_cells: Radius of the circle about the datum; None to leave out.
         person_cells: (M, 2) cells of the persons; None to leave out.
         found: M flags; none is found if not given.
+        sea: Wind, current and shore; None to leave out.
 
     Raises:
         ValueError: If the numbers of names, tracks, flags and cells differ.
@@ -127,6 +137,21 @@ def marker_array(
             person = marker("persons", number, Marker.CYLINDER, (side_m,) * 3, color)
             person.pose.position = place
             markers.append(person)
+    if sea is not None:
+        size, middle_m = 0.15 * cell_m, 0.5 * frame.grid_size * cell_m
+        start = Point(x=middle_m, y=middle_m, z=0.0)
+        for flow in sea.flows:
+            time_s, color = _OF_FLOWS[flow.kind]
+            # An arrow between two points: width of shaft and head, length of head.
+            arrow = marker(flow.kind, 0, Marker.ARROW, (size, 3 * size, 3 * size), color)
+            east_m, north_m = (time_s * part for part in flow.velocity_mps)
+            arrow.points = [start, Point(x=start.x + east_m, y=start.y + north_m, z=0.0)]
+            markers.append(arrow)
+        for number, ring in enumerate(sea.shore):
+            shore = line("shore", number, 0.08 * cell_m, _SHORE)
+            closed = np.vstack([ring, ring[:1]])
+            shore.points = [Point(x=x, y=y, z=0.0) for x, y in closed.tolist()]
+            markers.append(shore)
     return MarkerArray(markers=markers)
 
 

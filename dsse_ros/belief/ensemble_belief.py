@@ -24,7 +24,7 @@ from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.step.sea_tracks import tracks_of
+from dsse_ros.step.sea_tracks import particle_positions, tracks_of
 
 
 class EnsembleForecast(ForecastBase):
@@ -52,6 +52,11 @@ class EnsembleForecast(ForecastBase):
         if tracks is None:
             raise ValueError(f"person_motion must be an ensemble, got {rules.person_motion!r}")
         self.cells, self.weights, self.maps = tracks.particles, tracks.weights, tracks.maps
+
+    @cached_property
+    def positions(self) -> NDArray[np.float32]:
+        """(T, M, 2) float32, see `particle_positions`."""
+        return particle_positions(self.scenario, self.rules)
 
     @cached_property
     def columns(self) -> NDArray[np.int32]:
@@ -115,6 +120,15 @@ class EnsembleBelief(BeliefBase):
     def _cells(self) -> NDArray[np.int16]:
         """Return the present cells of the particles, (M, 2)."""
         return self.forecast.cells[self.forecast.row(self._sea_step)]
+
+    def particles(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Return the present positions of the particles and their weights.
+
+        Positions are (M, 2), metres to the east and to the north of the grid's south-west corner;
+        the weights (M,) sum to 1.
+        """
+        row = self.forecast.row(self._sea_step)
+        return self.forecast.positions[row], self.of_missing().sum(axis=0)
 
     def advance(self) -> None:
         """Advance the sea by one step, after the update with this step's looks."""

@@ -186,6 +186,21 @@ class EnsembleFollower:
     def prepare(self) -> None:
         """Do nothing: the particles are already complete."""
 
+    def belief(
+        self, step: int, density: NDArray[np.float64], missing: NDArray[np.float64]
+    ) -> EnsembleBelief:
+        """Return the belief of a world.
+
+        Args:
+            step: Steps done in its mission.
+            density: (C, M) float64, see `WorldBeliefs`.
+            missing: (n,) float64, see `WorldBeliefs`.
+        """
+        belief = self._forecast.belief()
+        belief.step = step
+        belief.density[:], belief.missing[:] = density, missing
+        return belief
+
     def follow(
         self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int
     ) -> None:

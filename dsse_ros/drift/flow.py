@@ -111,6 +111,13 @@ def components(kind: Kind, speed_mps: float, direction_deg: float) -> tuple[floa
     return sign * speed_mps * math.sin(angle), sign * speed_mps * math.cos(angle)
 
 
+def speed_and_direction(kind: Kind, east_mps: float, north_mps: float) -> tuple[float, float]:
+    """Return speed in m/s and direction in degrees, 0 to 360: the inverse of `components`."""
+    sign = -1.0 if kind == "wind" else 1.0
+    direction_deg = math.degrees(math.atan2(sign * east_mps, sign * north_mps)) % 360.0
+    return math.hypot(east_mps, north_mps), direction_deg
+
+
 def constant_flow(kind: Kind, speed_mps: float, direction_deg: float) -> Flow:
     """Return a flow that is the same always and everywhere; see `components`."""
     return table_flow(np.zeros(1), [components(kind, speed_mps, direction_deg)])

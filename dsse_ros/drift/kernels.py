@@ -125,6 +125,12 @@ def flow_at(flow, lat_deg, lon_deg, time_s):
     return east, north
 
 
+@kernel
+def read_flow(flow, lat_deg, lon_deg, time_s):
+    """Return `flow_at` to Python."""
+    return flow_at(flow, lat_deg, lon_deg, time_s)
+
+
 @inlined
 def _velocity(p, m, lat_deg, lon_deg, time_s, wind, current):
     """Return the velocity (east, north) of a particle in m/s, and what is missing if it is NaN."""

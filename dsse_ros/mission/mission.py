@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.mission.command_buffer import CommandBuffer
 from dsse_ros.mission.mission_snapshots import check_mission
 from dsse_ros.scenario.actions import Cell
@@ -219,6 +220,23 @@ class Mission:
         if self._belief_map is None:
             self._belief_map = self._beliefs.write()[0]
         return self._belief_map
+
+    def particles(self) -> tuple[NDArray[np.float32], NDArray[np.float64]] | None:
+        """Return positions and weights of the belief, see `EnsembleBelief.particles`.
+
+        None if the persons do not follow an ensemble, or no belief follows the mission.
+        """
+        belief = self._belief_of_ensemble()
+        return None if belief is None else belief.particles()
+
+    @property
+    def poc_outside(self) -> float | None:
+        """Probability of containment outside the grid and the area; None as in `particles`."""
+        belief = self._belief_of_ensemble()
+        return None if belief is None else belief.outside
+
+    def _belief_of_ensemble(self) -> EnsembleBelief | None:
+        return None if self._beliefs is None else self._beliefs.of_ensemble(0)
 
     @property
     def missing(self) -> list[int]:

@@ -147,6 +147,7 @@ def values(
         **_of_faults(mission),
         "timeouts": timeouts,
         **({} if mission.pos is None else {"pos": f"{mission.pos:.6f}"}),
+        **_of_incident(mission),
         **{name: f"{share:.6f}" for name, share in mission.coverage.items()},
         **{f"publishers.{topic}": count for topic, count in publishers.items()},
         "duplicates": duplicates,
@@ -156,6 +157,15 @@ def values(
         found["awaited_vehicles"] = names(mission, late)
     found |= {f"lost.drone{i}": reason for i, reason in sorted(lost.items())}
     return found | {f"rejected.{code}": n for code, n in sorted(rejected.items())}
+
+
+def _of_incident(mission: Mission) -> dict[str, object]:
+    """Return what POS does not count, and what strands; empty where there is no such thing."""
+    outside, incident = mission.poc_outside, mission.env.scenario.incident
+    found: dict[str, object] = {} if outside is None else {"poc_outside": f"{outside:.6f}"}
+    if incident is not None and incident.laid is not None:
+        found["stranded"] = f"{incident.laid.stranded:.6f}"
+    return found
 
 
 def _of_faults(mission: Mission) -> dict[str, object]:

@@ -22,6 +22,7 @@ from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
+from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.search import SearchDefinition
 from dsse_ros.step.fault_kernels import HOME, LOST
 from dsse_ros.targets import sea_map
@@ -34,6 +35,7 @@ from msg_adapters.images import probability_image
 from msg_adapters.markers import marker_array
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
+from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
 from msg_adapters.poses import (
     base_link,
@@ -95,6 +97,9 @@ class MissionPublishers:
         if publish_belief:
             self._belief_grid = self._publisher(OccupancyGrid, "belief_grid", LATCHED)
             self._belief_image = self._publisher(Image, "belief", LATCHED)
+        self._particles = None
+        if publish_belief and mission.env.world.ensemble is not None:
+            self._particles = self._publisher(PointCloud2, "particles", LATCHED)
         self._drones = self._publisher(PoseArray, "drones", LATCHED)
         self._report = self._publisher(PointCloud2, "step_report", COMPLETE)
         self._mission_report = self._publisher(PointCloud2, "mission_report", LATCHED)
@@ -124,6 +129,7 @@ class MissionPublishers:
         self._fix_of = [NavSatFix() for _ in self._names]
         self._path_of = [Path() for _ in self._names]
         self._report_of_step = PointCloud2()
+        self._particles_of_step = PointCloud2()
 
     def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
         return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
@@ -189,6 +195,11 @@ class MissionPublishers:
         self._image.publish(probability_image(frame, env.probability, stamp))
         if self._belief_image is not None:
             self._belief_image.publish(probability_image(frame, self._mission.belief(), stamp))
+        particles = None if self._particles is None else self._mission.particles()
+        if self._particles is not None and particles is not None:
+            self._particles.publish(
+                particles_message(frame, *particles, stamp, self._particles_of_step)
+            )
         cells = result.cells.tolist()
         for publisher, of_drone, cell, message in zip(
             self._poses, self._frames, cells, self._pose_of, strict=True
@@ -298,6 +309,7 @@ class MissionPublishers:
                 np.stack([persons["x"], persons["y"]], axis=1) if reveal_person else None
             ),
             found=persons["found"].tolist() if reveal_person else None,
+            sea=sea_state(env.scenario, result.step),
         )
 
     def publish_diagnostics(

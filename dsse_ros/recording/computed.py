@@ -18,12 +18,14 @@ from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import SCALINGS, occupancy_grid
+from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
 from msg_adapters.poses import nav_sat_fix, pose_array, pose_stamped
 
 OF_BELIEF = {
     "belief": "sensor_msgs/msg/Image",
     "belief_grid": "nav_msgs/msg/OccupancyGrid",
+    "particles": "sensor_msgs/msg/PointCloud2",
     "probability_of_success": "std_msgs/msg/Float64MultiArray",
 }
 """Topics that need a belief, with their types."""
@@ -68,6 +70,8 @@ def computed(
                 yield occupancy_grid(frame, probability, stamp, scaling, env.scenario.area_mask)
         case "probability_of_success" if mission.pos is not None:
             yield pos_message(run_id, mission.number, mission.result.step, mission.pos)
+        case "particles" if (particles := mission.particles()) is not None:
+            yield particles_message(frame, *particles, stamp)
         case "mission_report":
             history = mission.history
             report = make_mission_report(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.report.record import RecordedMission
+from dsse_ros.scenario.incident import Laid
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -152,6 +153,11 @@ def _last(values: Floats | None) -> float | None:
     return None if values is None else float(values[-1])
 
 
+def _of_incident(record: RecordedMission, value: Callable[[Laid], float]) -> float | None:
+    incident = record.scenario.incident
+    return None if incident is None or incident.laid is None else value(incident.laid)
+
+
 def _share_found(record: RecordedMission, of: Curves) -> float | None:
     if record.covers:
         return None
@@ -200,6 +206,20 @@ METRICS = (
         "after the earlier ones; with several persons the expected share of finds.",
         "IAMSAR Manual, volume II, chapter 4; Koopman 1946; Stone 1975",
         lambda record, of: _last(of.pos),
+    ),
+    Metric(
+        "poc_outside", "POC outside", "share",
+        "Incident: share of the particles that leave the grid before the time limit. POS never "
+        "counts it.",
+        "",
+        lambda record, of: _of_incident(record, lambda laid: 1.0 - laid.inside),
+    ),
+    Metric(
+        "stranded", "Stranded", "share",
+        "Incident: share of the particles that lie ashore at the time limit. They stay where they "
+        "stranded; POS counts them only in cells that were searched.",
+        "",
+        lambda record, of: _of_incident(record, lambda laid: laid.stranded),
     ),
     Metric(
         "expected_time_at_least", "Expected time to detection, at least", "s",

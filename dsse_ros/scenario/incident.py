@@ -10,8 +10,8 @@ from __future__ import annotations
 import base64
 import json
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -46,8 +46,9 @@ _LAT = Spec("float", "", low=-85, high=85, unit="deg")
 _LON = Spec("float", "", low=-360, high=360, unit="deg")
 _OF_INCIDENT = (
     "object", "seen", "search_start", "base", "wind", "current", "jibing", "shore", "tracks",
-    "laid",
+    "truth", "laid",
 )  # fmt: skip
+_OF_LAW = ("object", "wind", "current", "jibing")
 _OF_TRACKS = ("tracks", "search_start", "base", "laid")
 _OF_SIGHTING = {
     "lat": (_LAT, None),
@@ -149,6 +150,8 @@ class Incident:
         land: Polygons of land to strand on; None for none.
         laid: What follows from the grid, once it is laid; None before.
         given: Tracks of another model, which then replace sightings, wind, current and land.
+        truth: The incident by whose law the persons drift, where that is another; only object,
+            wind, current and jibing differ.
     """
 
     key: str
@@ -163,6 +166,12 @@ class Incident:
     land: Area | None = None
     laid: Laid | None = None
     given: GivenTracks | None = None
+    truth: Incident | None = None
+
+    @property
+    def followed(self) -> Incident:
+        """The incident by whose law the persons drift."""
+        return self if self.truth is None else replace(self.truth, laid=self.laid)
 
     @classmethod
     def of(cls, value: Any, folder: str = "") -> Incident:
@@ -199,8 +208,7 @@ class Incident:
                 "base": None if self.base is None else list(self.base),
                 "laid": None if self.laid is None else self.laid._asdict(),
             }
-        return {
-            "object": self.key,
+        return self._law() | {
             "seen": [
                 {
                     "lat": one.lat_deg, "lon": one.lon_deg, "time": utc(one.time_s),
@@ -211,12 +219,19 @@ class Incident:
             ],
             "search_start": utc(self.search_start_s),
             "base": None if self.base is None else list(self.base),
+            "shore": None if self.land is None else json.loads(self.land.to_geojson()),
+            "truth": None if self.truth is None else self.truth._law(),
+            "laid": None if self.laid is None else self.laid._asdict(),
+        }  # fmt: skip
+
+    def _law(self) -> dict[str, Any]:
+        """Return the fields that state how the object drifts, for JSON."""
+        return {
+            "object": self.key,
             "wind": flow_dict(self.wind, self.wind_error),
             "current": flow_dict(self.current, self.current_error),
             "jibing": self.jibing,
-            "shore": None if self.land is None else json.loads(self.land.to_geojson()),
-            "laid": None if self.laid is None else self.laid._asdict(),
-        }  # fmt: skip
+        }
 
     def tracks(
         self, times_s: NDArray[np.float64], count: int, rng: np.random.Generator
@@ -229,12 +244,37 @@ class Incident:
         """
         if self.given is not None:
             return self._given_tracks(self.given, times_s)
+        return self._drifted(self.sightings, times_s, count, rng)
+
+    def backtracked(
+        self, found: Sighting, times_s: NDArray[np.float64], count: int, rng: np.random.Generator
+    ) -> DriftTracks:
+        """Return tracks back in time, from where an object was found to where it came from.
+
+        Args:
+            found: Where and when it was found.
+            times_s: (T,) float64, decreasing.
+            count: Number of particles.
+            rng: Generator of the draws.
+
+        Raises:
+            FieldError: If wind or current do not cover them, only tracks are given, or it was found
+                on land.
+        """
+        if self.given is not None:
+            raise FieldError("incident: tracks of another model cannot be followed back")
+        return self._drifted([found], times_s, count, rng)
+
+    def _drifted(
+        self, seen: Sequence[Sighting], times_s: NDArray[np.float64], count: int,
+        rng: np.random.Generator,
+    ) -> DriftTracks:  # fmt: skip
         drift = Drift(
             leeway_class(self.key), self.wind, self.current, self.wind_error, self.current_error,
             self.jibing, None if self.land is None else _shore(self.land, self._box()),
         )  # fmt: skip
         try:
-            return drift_tracks(drift, self.sightings, times_s, count, rng)
+            return drift_tracks(drift, seen, times_s, count, rng)
         except ValueError as error:
             raise FieldError(f"incident: {error}") from None
 
@@ -255,6 +295,8 @@ def names_files(incident: Any) -> bool:
     """Return whether fields of an incident name files, which a message must not do."""
     if not isinstance(incident, Mapping):
         return incident is not None
+    if names_files(incident.get("truth")):
+        return True
     flows = [incident.get(kind) for kind in SENSE]
     return any(isinstance(incident.get(name), str) for name in ("shore", "tracks")) or any(
         isinstance(flow, Mapping) and "file" in flow for flow in flows
@@ -281,8 +323,6 @@ def _incident(values: Mapping[str, Any], folder: str) -> Incident:
             "", (), start_s, base, calm, Uncertainty(), still, Uncertainty(), laid=laid,
             given=GivenTracks.of(values["tracks"], folder),
         )  # fmt: skip
-    key = Spec("str", "").check("incident.object", values["object"])
-    leeway_class(key)
     sightings = _sightings(values["seen"])
     last = max(one.time_s + one.time_error_s for one in sightings)
     if start_s < last:
@@ -291,19 +331,47 @@ def _incident(values: Mapping[str, Any], folder: str) -> Incident:
             f"{utc(last)}"
         )
     span = _span(sightings, start_s)
-    (wind, wind_error), (current, current_error) = (
-        read_flow(kind, values.get(kind), folder, span) for kind in SENSE
-    )
-    jibing = Spec("float", "", low=0, high=0.999).check(
-        "incident.jibing", values.get("jibing", 0.04)
-    )
+    law = _law("incident", {**dict.fromkeys(SENSE), **values}, folder, span)
     land = values.get("shore")
     if isinstance(land, str) and not land.lstrip().startswith("{"):
         land = os.path.join(folder, land)
-    return Incident(
-        key, sightings, start_s, base, wind, wind_error, current, current_error, jibing,
-        None if land is None else Area.of(land), laid,
+    incident = Incident(
+        sightings=sightings, search_start_s=start_s, base=base,
+        land=None if land is None else Area.of(land), laid=laid, **law,
     )  # fmt: skip
+    if values.get("truth") is None:
+        return incident
+    truth = mapping("incident.truth", values["truth"])
+    check_known("incident.truth", truth, _OF_LAW)
+    return replace(
+        incident, truth=replace(incident, laid=None, **_law("incident.truth", truth, folder, span))
+    )
+
+
+def _law(name: str, values: Mapping[str, Any], folder: str, span: Span) -> dict[str, Any]:
+    """Return the fields of an `Incident` that state how its object drifts, if they are stated.
+
+    Args:
+        name: Name of what states them, for messages.
+        values: The fields as in YAML.
+        folder: Folder to which paths of files are relative.
+        span: Where and when the object may drift.
+
+    Raises:
+        ValueError: If one is not allowed.
+    """
+    law: dict[str, Any] = {}
+    if "object" in values:
+        law["key"] = Spec("str", "").check(f"{name}.object", values["object"])
+        leeway_class(law["key"])
+    for kind in SENSE:
+        if kind in values:
+            flow = read_flow(f"{name}.{kind}", kind, values[kind], folder, span)
+            law[kind], law[f"{kind}_error"] = flow
+    if "jibing" in values:
+        jibing = Spec("float", "", low=0, high=0.999)
+        law["jibing"] = jibing.check(f"{name}.jibing", values["jibing"])
+    return law
 
 
 def _laid(value: Any) -> Laid | None:

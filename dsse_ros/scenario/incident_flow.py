@@ -27,13 +27,22 @@ _NOT_NEGATIVE = Spec("float", "", low=0, high=1e6)
 _OF_ERROR = ("error", "correlation_minutes")
 
 
-def read_flow(kind: Kind, value: Any, folder: str, span: Span) -> tuple[Flow, Uncertainty]:
+def read_flow(
+    name: str, kind: Kind, value: Any, folder: str, span: Span
+) -> tuple[Flow, Uncertainty]:
     """Return wind or current, and its uncertainty.
+
+    Args:
+        name: Name of the field, for messages.
+        kind: Which of them.
+        value: Its value as in YAML; None for none.
+        folder: Folder to which paths of files are relative.
+        span: Where and when a file must cover it.
 
     Raises:
         ValueError: If it is not allowed, or a file does not fit.
     """
-    name, sense = f"incident.{kind}", SENSE[kind]
+    sense = SENSE[kind]
     values = mapping(name, {"speed": 0.0, sense: 0.0} if value is None else value)
     std = _NOT_NEGATIVE.check(f"{name}.error", values.get("error", 0.0))
     minutes = values.get("correlation_minutes")

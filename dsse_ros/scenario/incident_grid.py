@@ -76,7 +76,7 @@ def lay_grid(
         rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(3)[2])
         tracks = incident.tracks(times, PARTICLES, rng)
         centre = float(tracks.lats_deg[0].mean()), _mean_lon(tracks.lons_deg[0]), alt_m
-        x, y = _metres(centre, tracks.lats_deg, tracks.lons_deg)
+        x, y = metres_from(centre, tracks.lats_deg, tracks.lons_deg)
         corner, size, inside = _square(x, y, cell_m, grid_size)
         lat, lon = surface_to_geodetic(centre, *corner)
         origin = float(lat), float(lon), alt_m
@@ -117,7 +117,7 @@ def positions(
     tracks = incident.tracks(times, count, rng)
     made = np.empty((*tracks.lats_deg.shape, 2))
     for step in range(steps + 1):
-        x, y = _metres(origin, tracks.lats_deg[step], tracks.lons_deg[step])
+        x, y = metres_from(origin, tracks.lats_deg[step], tracks.lons_deg[step])
         made[step, :, 0], made[step, :, 1] = x, side_m - y
     return made
 
@@ -136,7 +136,7 @@ def nearest_cells(
         count: Number of cells.
         mask: (G, G) bool, the searched cells; None for all.
     """
-    x, y = _metres(origin, np.array([base[0]]), np.array([base[1]]))
+    x, y = metres_from(origin, np.array([base[0]]), np.array([base[1]]))
     rows, cols = np.indices((grid_size, grid_size))
     distance = np.hypot((cols + 0.5) * cell_m - x, (grid_size - rows - 0.5) * cell_m - y)
     if mask is not None:
@@ -179,12 +179,12 @@ def _distance(origin: Origin, side_m: float, incident: Incident) -> float:
     """Return the distance from an incident's base to the grid in metres, 0 inside."""
     assert incident.base is not None
     lat, lon = incident.base
-    x, y = _metres(origin, np.array([lat]), np.array([lon]))
+    x, y = metres_from(origin, np.array([lat]), np.array([lon]))
     beyond = [max(0.0, -float(v[0]), float(v[0]) - side_m) for v in (x, y)]
     return math.hypot(*beyond)
 
 
-def _metres(
+def metres_from(
     origin: Origin, lats: NDArray[np.float64], lons: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return metres to the east and to the north of an origin."""

@@ -393,6 +393,13 @@ class ResolvedScenario(Scenario):
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
         return area_mask(self.area, self.land, self.grid_size, self.cell_size, origin)
 
+    @property
+    def truth(self) -> ResolvedScenario:
+        """The scenario by whose law the persons drift; a belief goes by this one."""
+        if self.incident is None or self.incident.truth is None:
+            return self
+        return dataclasses.replace(self, incident=self.incident.followed)
+
     def incident_positions(
         self, steps: int, rng: np.random.Generator, count: int
     ) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.targets import sea_map
 from dsse_ros.view.mission_view import MissionView
@@ -104,4 +105,5 @@ def view_of(
         circle=circle,
         origin=(s.origin_lat, s.origin_lon, s.origin_alt),
         step_s=s.step_duration_s,
+        sea=sea_state(s, int(now["t"])),
     )

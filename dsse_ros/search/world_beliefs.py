@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.belief.follow_kernels import Beliefs, Followed
-from dsse_ros.belief.followers import DRIFT_SAMPLES, Follower, follower_of
+from dsse_ros.belief.followers import DRIFT_SAMPLES, EnsembleFollower, Follower, follower_of
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
@@ -145,6 +146,13 @@ class WorldBeliefs:
             maps = np.empty((world.num_worlds, world.grid_size, world.grid_size), np.float32)
         self._follower.write(self._followed(), self._beliefs(), maps, first, last)
         return maps
+
+    def of_ensemble(self, world: int) -> EnsembleBelief | None:
+        """Return the belief of a world; None if its persons do not follow an ensemble."""
+        if not isinstance(self._follower, EnsembleFollower):
+            return None
+        step = int(self._world.worlds["t"][world])
+        return self._follower.belief(step, self.density[world], self.missing[world])
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the state, to add to the world's state in a snapshot."""

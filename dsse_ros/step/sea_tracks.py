@@ -52,7 +52,7 @@ def tracks_of(scenario: ResolvedScenario, rules: Rules) -> SeaTracks | None:
     """Return the tracks of a scenario, or None if its persons do not follow an ensemble.
 
     Truth and particles are drawn from the same model, with the two seeds that
-    `np.random.SeedSequence(ensemble_seed)` spawns.
+    `np.random.SeedSequence(ensemble_seed)` spawns; an incident may state another law for the truth.
 
     Raises:
         FieldError: If they would take too much memory.
@@ -86,16 +86,40 @@ def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> SeaTrack
             f"{LARGEST_BYTES >> 20} MiB, got {scenario.particles} particles, {steps} steps and a "
             f"grid of {g}"
         )
-    of_truth, of_belief = (
-        np.random.default_rng(seed)
-        for seed in np.random.SeedSequence(scenario.ensemble_seed).spawn(2)
-    )
-    truth, truth_weights = _drawn(model, scenario, steps, of_truth)
+    of_truth, of_belief = _generators(scenario)
+    truth, truth_weights = _drawn(model, scenario.truth, steps, of_truth)
     particles, weights = _drawn(model, scenario, steps, of_belief)
     maps = np.empty((steps + 1, g, g), np.float32)
     for step in range(steps + 1):
         maps[step] = poc_of_cells(particles[step], weights, g, scenario.area_mask)
     return SeaTracks(truth, np.cumsum(truth_weights), particles, weights, maps)
+
+
+def _generators(scenario: ResolvedScenario) -> tuple[np.random.Generator, np.random.Generator]:
+    """Return the generators of truth and belief."""
+    truth, belief = np.random.SeedSequence(scenario.ensemble_seed).spawn(2)
+    return np.random.default_rng(truth), np.random.default_rng(belief)
+
+
+def particle_positions(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float32]:
+    """Return the positions of a belief's particles in metres, by step of the sea.
+
+    The search keeps only their cells, so they are drawn again, with the same seed.
+
+    Args:
+        scenario: The scenario.
+        rules: The rules of the search; persons must follow an ensemble.
+
+    Returns:
+        (T, M, 2) float32, to the east and to the north of the grid's south-west corner.
+    """
+    model = TARGET_MODELS[rules.person_motion]
+    assert isinstance(model, Ensemble)
+    steps, (_, of_belief) = last_step_of(scenario, rules), _generators(scenario)
+    drawn = Tracks(*model.tracks(scenario, steps, of_belief, scenario.particles)).positions
+    made = drawn.astype(np.float32)
+    made[..., 1] = scenario.grid_size * scenario.cell_size - drawn[..., 1]
+    return made
 
 
 def _drawn(

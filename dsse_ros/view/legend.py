@@ -14,6 +14,7 @@ LAND = "#d8cba8"
 """Colour of the cells outside the area."""
 EDGE = "#6b5f3f"
 """Colour of the edge of the area."""
+SHORE: dict[str, Any] = {"facecolor": LAND + "a0", "edgecolor": EDGE, "linewidth": 1.2}
 CIRCLE: dict[str, Any] = {"color": "0.15", "linewidth": 1.0, "linestyle": (0, (4, 3))}
 DATUM: dict[str, Any] = {"color": "black", "markeredgewidth": 1.8}
 STAR: dict[str, Any] = {"markeredgecolor": "black"}
@@ -66,4 +67,5 @@ def legend_entries(
         "person": (symbol("*", 13, **STAR | {"markerfacecolor": PERSON}), "person at sea"),
         "found": (found, "person found"),
         "outside": (Patch(facecolor=LAND, edgecolor=EDGE), "not to be searched"),
+        "land": (Patch(**SHORE), "land"),
     }

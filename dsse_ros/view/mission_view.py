@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.sea_state import SeaState
+
 SHADES = " .:-=+*#%@"
 
 
@@ -39,6 +41,7 @@ class MissionView:
         step_s: Time of one step in seconds, None if unknown.
         flown: For each drone, the positions (M, 2) of the vehicle that flew its track, in metres
             east and north of the grid's south-west corner; empty without vehicles.
+        sea: Wind, current and shore.
     """
 
     probability: NDArray[np.float32]
@@ -60,6 +63,7 @@ class MissionView:
     origin: tuple[float, float, float] | None = None
     step_s: float | None = None
     flown: tuple[NDArray[np.floating[Any]], ...] = ()
+    sea: SeaState = SeaState()
 
     @property
     def status(self) -> str:

@@ -26,6 +26,7 @@ from dsse_ros.view.map_axes import (
     places_km,
 )
 from dsse_ros.view.mission_view import MissionView
+from dsse_ros.view.sea_chart import draw_flows, draw_shore, flow_labels
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -91,6 +92,8 @@ class Picture:
         scene = (
             len(view.probability), view.cell_size_m, len(view.tracks), view.belief, view.origin,
             view.timestep_limit, None if view.area is None else view.area.tobytes(),
+            [label for _, label in flow_labels(view.sea)],
+            [ring.tobytes() for ring in view.sea.shore],
         )  # fmt: skip
         if scene != self._scene:
             self._scene, self._listed = scene, ()
@@ -124,6 +127,8 @@ class Picture:
             draw_lines(axes, np.arange(1, grid) * self._km, side, "0.88")
         if view.area is not None:
             self._add_area(view.area)
+        draw_shore(axes, view.sea)
+        draw_flows(axes, view.sea)
 
         def lines(**style: Any) -> Any:
             return axes.add_collection(LineCollection([], **style), autolim=False)
@@ -328,6 +333,7 @@ class Picture:
             "person": bool((~view.found).any()),
             "found": bool(view.found.any()),
             "outside": view.area is not None,
+            "land": bool(view.sea.shore),
         }
         listed = tuple(shown.values())
         if listed == self._listed:

@@ -22,7 +22,8 @@ from dsse_ros.search.compiler import COMPILING
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = sorted(path.name for path in (ROOT / "scripts").iterdir())
-OF_ROS = [name for name in PROGRAMS if name not in ("campaign", "export_mission", "report")]
+WITHOUT_ROS = ("backtrack", "campaign", "export_mission", "report")
+OF_ROS = [name for name in PROGRAMS if name not in WITHOUT_ROS]
 
 
 def launch(

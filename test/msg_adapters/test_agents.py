@@ -134,8 +134,14 @@ def test_an_incident_comes_back_with_its_grid():
         INFO, agents=tuple(f"drone{i}" for i in range(4)), grid_size=scenario.grid_size,
         definition=SearchDefinition(rules, scenario),
     )  # fmt: skip
-    heard = agents_from_message(agents_message(info)).definition.scenario
+    message = agents_message(info)
+    heard = agents_from_message(message).definition.scenario
     assert heard == scenario
+    sea = json.loads(message.data)["sea"]
+    assert sea["wind"] == pytest.approx({"speed_mps": 6.0, "from_deg": 140.0}, abs=1e-4)
+    assert sea["current"] == pytest.approx({"speed_mps": 0.2, "toward_deg": 30.0}, abs=1e-4)
+    assert sea["stranded"] == scenario.incident.laid.stranded
+    assert sea["poc_outside"] == 1.0 - scenario.incident.laid.inside
 
 
 def test_a_message_names_no_file_of_an_incident():

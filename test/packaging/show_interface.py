@@ -84,6 +84,7 @@ if __name__ == "__main__":
         for text in (
             "scenario.num_drones:=1", "wait_for_vehicles:=true", "publish_belief:=true",
             "scenario.battery_move:=1.0", "scenario.loss_steps:=[1000]",
+            "rules:=sea", "scenario.particles:=10", "scenario.timestep_limit:=10",
         )
         for part in ("-p", text)
     ]  # fmt: skip

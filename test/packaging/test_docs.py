@@ -520,6 +520,7 @@ def test_every_dependency_is_explained() -> None:
                 "area",
                 "campaign",
                 "dashboard",
+                "drift",
                 "geotiff",
                 "land",
                 "movie",

@@ -164,6 +164,8 @@ def test_a_snapshot_of_an_incident_is_restored() -> None:
         ({"wind": {"times_s": [1, 0]}}, "incident.wind must have increasing axes"),
         ({"winds": {}}, "'winds' is not a field of the incident; did you mean wind?"),
         ({"shore": {"type": "Point"}}, "area"),
+        ({"truth": {"seen": []}}, "'seen' is not a field of incident.truth"),
+        ({"truth": {"wind": {"speed": 1}}}, "incident.truth.wind must have speed and from"),
     ],
 )
 def test_what_is_not_allowed_is_refused_in_a_line(changes: dict[str, Any], message: str) -> None:
@@ -231,22 +233,47 @@ def test_tracks_of_another_model_are_the_ensemble(tmp_path: Path) -> None:
         Scenario(incident={**stated, "wind": {"speed": 1, "from": 2}})
 
 
+def pos_and_share_found(made: Scenario, drones: int) -> tuple[float, float]:
+    """Return POS and the share found by drones that each search a particle's cell per step."""
+    tracks = tracks_of(made.override(particles=10_000).resolve(SEA), SEA)
+    assert tracks is not None
+    rng = np.random.default_rng(4)
+    hit = [np.zeros(10_000, bool) for _ in range(2)]
+    for step in range(60):
+        cells = tracks.particles[step][rng.integers(0, 10_000, drones)]
+        for found, of in zip(hit, (tracks.particles, tracks.truth), strict=True):
+            found |= (of[step][:, None, :] == cells).all(axis=2).any(axis=1)
+    return float(hit[0].mean()), float(hit[1].mean())
+
+
 @pytest.mark.parametrize("key", ["PIW-1", "LIFE-RAFT-DB-10", "SLDMB"])
 @pytest.mark.parametrize("shore", [None, LAND])
 def test_a_search_finds_as_many_persons_as_its_pos_has_it(key: str, shore: Any) -> None:
     made = scenario(object=key, shore=shore, current={"speed": 0.4, "toward": 80, "error": 0.1})
-    resolved = made.override(particles=10_000).resolve(SEA)
-    tracks = tracks_of(resolved, SEA)
-    assert tracks is not None
-    rng = np.random.default_rng(4)
     for drones in (2, 8, 30):
-        # Each drone searches a cell that a particle is in, and the next one a step later.
-        hit = [np.zeros(10_000, bool) for _ in range(2)]
-        for step in range(60):
-            cells = tracks.particles[step][rng.integers(0, 10_000, drones)]
-            for found, of in zip(hit, (tracks.particles, tracks.truth), strict=True):
-                found |= (of[step][:, None, :] == cells).all(axis=2).any(axis=1)
-        pos, share = (found.mean() for found in hit)
+        pos, share = pos_and_share_found(made, drones)
         # Both are samples; each searched cell was drawn from one of the particles.
         error = 4 * np.sqrt(2 * pos * (1 - pos) / 10_000) + 60 * drones / 10_000 * (1 - pos)
         assert share == pytest.approx(pos, abs=error)
+
+
+@pytest.mark.parametrize("truth", [{"wind": {"from": 180, "speed": 8.0}}, {"object": "SPORT-BOAT"}])
+def test_where_truth_has_another_law_a_search_finds_fewer_than_its_pos(truth: Any) -> None:
+    made = scenario(truth=truth)
+    pos, share = pos_and_share_found(made, 30)
+    assert share < pos - 0.1
+    # The belief and its grid are those of the incident.
+    wrong, right = made.resolve(SEA), scenario().resolve(SEA)
+    assert wrong.incident is not None and (wrong.vector, wrong.origin_lat) == (
+        right.vector, right.origin_lat,
+    )  # fmt: skip
+    ours, theirs = tracks_of(wrong, SEA), tracks_of(right, SEA)
+    assert ours is not None and theirs is not None
+    assert np.array_equal(ours.particles, theirs.particles)
+    again = Incident.of(json.dumps(wrong.incident.to_dict(), allow_nan=False))
+    assert again == wrong.incident and again.followed == wrong.incident.followed
+
+
+def test_the_truth_of_a_message_names_no_file() -> None:
+    assert names_files({**FIELDS, "truth": {"wind": {"file": "wind.csv"}}})
+    assert not names_files({**FIELDS, "truth": {"object": "PIW-2"}})

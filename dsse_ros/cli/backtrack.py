@@ -1,0 +1,124 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`backtrack`: from where an object was found to where it came from, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.cli.command_line import Parser
+from dsse_ros.drift.flow import seconds, utc
+from dsse_ros.drift.kernels import degrees_per_metre
+from dsse_ros.drift.tracks import Sighting
+from dsse_ros.mission.scenario_files import find_scenario
+from dsse_ros.runtime.exit_codes import fail
+from dsse_ros.search import FieldError, Scenario
+
+INTERVAL_S = 600.0
+"""Time between two lines of the table."""
+MAX_BACK_S = 10 * 86400.0
+
+
+def parse(argv: list[str] | None) -> argparse.Namespace:
+    """Return the command line's arguments."""
+    parser = Parser(
+        prog="backtrack",
+        description="Follow an object back in time, from where it was found to where it came from, "
+        "with the class, wind and current of an incident.",
+    )
+    add = parser.add
+    add("--scenario", default="kayak", help="YAML file or name, with an incident")
+    add("--found", metavar="LAT,LON", required=True, help="place; --found=-24,-46 if south")
+    add("--time", required=True, help="time of the find, ISO 8601, in UTC without an offset")
+    add("--radius", type=float, default=100.0, help="99 %% of the uncertainty of the place, m")
+    add("--until", help="earliest time, by default that of the first sighting")
+    add("--particles", type=int, default=5000, help="number of particles")
+    add("--seed", type=int, default=0, help="random seed of the particles")
+    add("--out", type=Path, help="CSV file for the earliest positions of all particles")
+    return parser.parse_args(argv)
+
+
+def _time(name: str, text: str) -> float:
+    try:
+        return seconds(text)
+    except ValueError:
+        raise FieldError(f"{name} must be a time like 2026-01-17T14:00Z, got {text!r}") from None
+
+
+def _place(text: str) -> tuple[float, float]:
+    try:
+        lat_deg, lon_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        lat_deg = lon_deg = math.nan
+    if not (abs(lat_deg) <= 85 and abs(lon_deg) <= 360):
+        raise FieldError(f"found must be LAT,LON up to 85 and 360 degrees, got {text!r}")
+    return lat_deg, lon_deg
+
+
+def _times(first_s: float, last_s: float) -> NDArray[np.float64]:
+    """Return times from the find back to the earliest, both included."""
+    if not 0 < first_s - last_s <= MAX_BACK_S:
+        raise FieldError(
+            f"until must be before the find and at most 10 days, got {utc(last_s)} and "
+            f"{utc(first_s)}"
+        )
+    return np.append(np.arange(first_s, last_s, -INTERVAL_S), last_s)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print where the object came from; returns the exit code, 2 for bad input."""
+    arguments = parse(argv)
+    try:
+        if not (0 <= arguments.radius <= 1e5 and 1 <= arguments.particles <= 10**6):
+            raise FieldError(
+                f"radius must be 0 to 100000 m and particles 1 to 1000000, got "
+                f"{arguments.radius:g} and {arguments.particles}"
+            )
+        if arguments.seed < 0:
+            raise FieldError(f"seed must be an integer >= 0, got {arguments.seed}")
+        incident = Scenario.from_yaml(find_scenario(arguments.scenario)).incident
+        if incident is None:
+            raise FieldError(f"scenario must have an incident, got {arguments.scenario!r}")
+        found = Sighting(*_place(arguments.found), _time("time", arguments.time), arguments.radius)
+        if arguments.until is not None:
+            until_s = _time("until", arguments.until)
+        else:
+            until_s = min((one.time_s for one in incident.sightings), default=found.time_s)
+        rng = np.random.default_rng(arguments.seed)
+        times_s = _times(found.time_s, until_s)
+        tracks = incident.backtracked(found, times_s, arguments.particles, rng)
+    except FieldError as error:
+        return fail("backtrack", error)
+    print("time                  lat        lon        95 % within")
+    for time_s, lats, lons in zip(times_s, tracks.lats_deg, tracks.lons_deg, strict=True):
+        lat, lon, within_m = _summary(lats, lons)
+        print(f"{utc(time_s)}  {lat:9.5f}  {lon:10.5f}  {within_m:8.0f} m")
+    if arguments.out is not None:
+        table = np.stack([tracks.lats_deg[-1], tracks.lons_deg[-1]], axis=1)
+        try:
+            np.savetxt(
+                arguments.out, table, "%.6f", delimiter=",", header="lat_deg,lon_deg", comments=""
+            )
+        except OSError as error:
+            return fail("backtrack", f"out: {str(arguments.out)!r}: {error.strerror}")
+    return 0
+
+
+def _summary(lats: NDArray[np.float64], lons: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return the mean position, and the distance from it in metres of 95 % of the particles."""
+    lon = float(lons[0] + ((lons - lons[0] + 180) % 360 - 180).mean())
+    lat = float(lats.mean())
+    lat_per_m, lon_per_m = degrees_per_metre(lat)
+    east_m = ((lons - lon + 180) % 360 - 180) / lon_per_m
+    away_m = np.hypot(east_m, (lats - lat) / lat_per_m)
+    return lat, (lon + 180) % 360 - 180, float(np.quantile(away_m, 0.95))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

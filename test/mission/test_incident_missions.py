@@ -1,0 +1,126 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a mission of an incident publishes and records besides any other mission."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+
+from dsse_ros.mission import status
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_log import MissionLog, definition_file
+from dsse_ros.report.metrics import metrics
+from dsse_ros.report.record import read_csv
+from dsse_ros.scenario.sea_state import SeaState, sea_state
+from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
+from msg_adapters.agents import definition_values
+from msg_adapters.frames import scenario_frame
+from msg_adapters.markers import marker_array
+from msg_adapters.particles import PARTICLE, particles_message
+from msg_adapters.point_clouds import points_from_message
+
+LAND = {
+    "type": "Polygon",
+    "coordinates": [[[-45.99, -25], [-45, -25], [-45, -23], [-45.99, -23], [-45.99, -25]]],
+}
+INCIDENT: dict[str, Any] = {
+    "object": "PIW-1",
+    "seen": [{"lat": -24.0, "lon": -46.0, "time": "2026-01-17T13:00Z", "radius": 300}],
+    "search_start": "2026-01-17T14:00Z",
+    "wind": {"from": 270, "speed": 8.0},
+    "current": {"toward": 30, "speed": 0.5},
+    "shore": LAND,
+}
+
+
+@pytest.fixture(scope="module")
+def mission() -> Mission:
+    stated = Scenario(incident=INCIDENT, particles=500, timestep_limit=30, grid_size=12)
+    mission = Mission(SearchEnv(stated, profile("sea")), 3)
+    for _ in range(4):
+        mission.command_all([mission.env.rules.action_set.search])
+        mission.advance("hold")
+    return mission
+
+
+def test_the_particles_are_in_their_cells_with_the_weights_of_the_belief(mission: Mission) -> None:
+    found = mission.particles()
+    assert found is not None and mission.poc_outside is not None
+    positions, weights = found
+    assert weights.sum() == pytest.approx(1.0) and weights.std() > 0.0
+    s, size = mission.env.scenario, mission.env.scenario.grid_size
+    col, row = np.floor(positions / s.cell_size).astype(int).T
+    row = size - 1 - row
+    inside = (col >= 0) & (col < size) & (row >= 0) & (row < size)
+    assert weights[~inside].sum() == pytest.approx(mission.poc_outside) and not inside.all()
+    poc = np.zeros((size, size))
+    np.add.at(poc, (row[inside], col[inside]), weights[inside])
+    # A particle on the edge of a cell may be rounded into the next one.
+    assert np.abs(poc - mission.belief()).sum() < 0.01
+
+
+def test_the_cloud_has_a_weight_for_each_particle(mission: Mission) -> None:
+    frame = scenario_frame(mission.env.scenario)
+    found = mission.particles()
+    assert found is not None
+    points = points_from_message(particles_message(frame, *found, Time()), PARTICLE)[0]
+    assert np.array_equal(np.stack([points["x"], points["y"]], 1), found[0])
+    assert points["weight"].sum() == pytest.approx(1.0, abs=1e-5)
+
+
+def test_markers_show_wind_current_and_shore(mission: Mission) -> None:
+    sea = sea_state(mission.env.scenario, 4)
+    assert sea.wind_mps == pytest.approx((8.0, 0.0), abs=1e-5)
+    assert sea.current_mps == pytest.approx((0.25, 0.25 * 3**0.5), abs=1e-5)
+    frame = scenario_frame(mission.env.scenario)
+    made = marker_array(
+        frame, Time(), drone_cells=[(0, 0)], names=["drone0"], tracks=[[(0, 0)]], live=[True],
+        datum=None, sea=sea,
+    )  # fmt: skip
+    by_name = {one.ns: one for one in made.markers}
+    start, end = by_name["wind"].points
+    assert end.x - start.x == pytest.approx(480.0, abs=1e-3) and end.y == pytest.approx(start.y)
+    start, end = by_name["current"].points
+    assert np.hypot(end.x - start.x, end.y - start.y) == pytest.approx(300.0, abs=1e-3)
+    assert len(by_name["shore"].points) == 5
+
+
+def test_a_search_without_an_incident_shows_no_sea() -> None:
+    assert sea_state(Scenario().resolve(profile("paper")), 0) == SeaState()
+    plain = Mission(SearchEnv(Scenario(grid_size=9), profile("paper")), 1)
+    assert plain.particles() is None and plain.poc_outside is None
+
+
+def test_log_diagnostics_and_report_state_what_strands_and_what_is_outside(
+    mission: Mission, tmp_path: Path
+) -> None:
+    scenario = mission.env.scenario
+    assert scenario.incident is not None and scenario.incident.laid is not None
+    laid = scenario.incident.laid
+    assert laid.stranded > 0.1 and laid.inside < 0.95
+    log = MissionLog(tmp_path / "mission.csv", scenario_frame(scenario))
+    log.write(mission, mission.result)
+    log.close()
+    text = json.loads(definition_file(tmp_path / "mission.csv").read_text())
+    assert text["definition"]["scenario"]["incident"]["laid"]["stranded"] == laid.stranded
+    (record,) = read_csv(tmp_path / "mission.csv")
+    numbers = metrics(record)
+    assert numbers["stranded"] == laid.stranded
+    assert numbers["poc_outside"] == 1.0 - laid.inside
+    shown = status.values(
+        mission, run_id=1, step_mode="lockstep", timeouts=0, publishers={}, duplicates=0,
+        late=None, lost={}, rejected={},
+    )  # fmt: skip
+    assert shown["poc_outside"] == f"{mission.poc_outside:.6f}"
+    assert shown["stranded"] == f"{laid.stranded:.6f}"
+
+
+def test_the_definition_of_an_incident_is_json(mission: Mission) -> None:
+    definition = SearchDefinition(mission.env.rules, mission.env.mission_scenario)
+    json.dumps(definition_values(definition), allow_nan=False)
