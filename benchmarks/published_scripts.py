@@ -33,7 +33,7 @@ def measure(
             processes["dsse_1_1_9"] = stack.enter_context(theirs)
         for name in STACKS:
             for whose, process in processes.items():
-                process.set_up({"stack": name, "lend": whose == "ours"})
+                process.set_up({"stack": name, "install_aliases": whose == "ours"})
             rates: dict[str, list[float]] = {whose: [] for whose in processes}
             for _ in range(rounds):
                 for whose, process in processes.items():

@@ -31,7 +31,7 @@ STACKS = {
 
 def make(config: dict[str, Any]) -> Iterator[int]:
     """Yield 1 for every call of `step` on a stack; missions without a find, of 100 steps."""
-    if config["lend"]:
+    if config["install_aliases"]:
         importlib.import_module("dsse_ros.compat.aliases").install_aliases()
     env: Any = importlib.import_module("DSSE").DroneSwarmSearch(
         grid_size=GRID_SIZE,

@@ -302,7 +302,7 @@ def play_missions(
             legs = np.hypot(world.drones["x"] - x, world.drones["y"] - y) * here
             for drone in range(world.num_drones):
                 path_length += legs[:, drone]
-            collisions += _collisions(world.drones, here & ~world.drones["aloft"])
+            collisions += _collisions(world.drones, here & ~world.drones["clear"])
             # Worlds step on after their mission has ended; those steps do not count.
             now_found = going & world.worlds["done"] & (world.worlds["num_missing"] == 0)
             found |= now_found

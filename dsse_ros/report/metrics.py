@@ -76,7 +76,7 @@ def _first_searches(record: RecordedMission) -> Ints:
     return first
 
 
-def _meetings(record: RecordedMission) -> tuple[Ints, Floats]:
+def _close_approaches(record: RecordedMission) -> tuple[Ints, Floats]:
     """Return the pairs of drones in one cell, (K,), and the least distance of two, (K,) in metres.
 
     Only drones that were in the search before the step count.
@@ -96,7 +96,7 @@ def _meetings(record: RecordedMission) -> tuple[Ints, Floats]:
 
 def curves(record: RecordedMission) -> Curves:
     """Return the course of a mission."""
-    pairs, nearest_m = _meetings(record)
+    pairs, nearest_m = _close_approaches(record)
     out = record.terminated | record.truncated
     return Curves(
         times_s=record.times_s,

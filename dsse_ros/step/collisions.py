@@ -64,4 +64,4 @@ def has_collided(g, drones, n, occupied):
 @part
 def can_collide(c, d):
     """Return whether a drone can collide; if drones end together, flags do not matter."""
-    return d.alive and not d.aloft and (c.ends_together or not d.terminated)
+    return d.alive and not d.clear and (c.ends_together or not d.terminated)

@@ -159,7 +159,7 @@ def turn_home(f, w, d, o, home_steps):
         land(f, w, o)
     o.progress = 0.0
     o.heading = HELD
-    d.aloft = True
+    d.clear = True
 
 
 @part
@@ -298,7 +298,7 @@ def is_vacant(c, drones, n):
     d = drones[n]
     for m in range(len(drones)):
         other = drones[m]
-        if m != n and other.alive and not other.aloft and other.x == d.x and other.y == d.y:
+        if m != n and other.alive and not other.clear and other.x == d.x and other.y == d.y:
             return False
     return True
 
@@ -322,7 +322,7 @@ def observe(c, f, w, d, o):
 @part
 def start(c, f, area, w, d, o, s, home_steps):
     """Set the condition of a drone to that at the start of a mission."""
-    d.aloft = False
+    d.clear = False
     o.battery = FULL
     o.progress = 0.0
     o.until = 0
@@ -344,13 +344,13 @@ def update(c, f, area, w, drones, n, o, s, home_steps):
         if f.relief_steps > 0 and w.t >= o.until and is_vacant(c, drones, n):
             o.status = SEARCHING
             o.battery = FULL
-            d.aloft = False
+            d.clear = False
     elif o.status == RETURNING:
         if inside and home_steps[d.y, d.x] == 0:
             land(f, w, o)
     elif (o.status == STUCK or o.status == IDENTIFYING) and w.t >= o.until:
         under_way = UNDER_WAY if is_between(s, o) else SEARCHING
-        o.status = RETURNING if d.aloft else under_way
+        o.status = RETURNING if d.clear else under_way
     rate = s.false_alarms[o.applied] if 0 <= o.applied < c.num_actions else 0.0
     if rate > 0.0 and not d.found and draw_unit(w) < rate:
         o.status = IDENTIFYING
@@ -361,7 +361,7 @@ def update(c, f, area, w, drones, n, o, s, home_steps):
         land(f, w, o)
         o.progress = 0.0
         o.heading = HELD
-        d.aloft = True
+        d.clear = True
 
 
 @kernel

@@ -76,7 +76,7 @@ DRONES = np.dtype(
         ("terminated", "?"),  # since the last reset
         ("truncated", "?"),
         ("found", "?"),  # found a person in the last step
-        ("aloft", "?"),  # above the others, or on the ground: it does not collide
+        ("clear", "?"),  # of the others, above them or on the ground: it does not collide
     ],
     align=True,
 )
@@ -264,7 +264,7 @@ def step_drones(
         d.found = found
         d.terminated = terminated
         eventful |= found or terminated or d.truncated
-        if collisions and not d.aloft and (ends_together or not terminated):
+        if collisions and not d.clear and (ends_together or not terminated):
             shared |= occupy(grid_size, d, occupied, stamp)
     return shared, eventful
 

@@ -26,7 +26,7 @@ def move_to_best_cell(c, w, gauss, area, person, _direction):
             weight = cell_probability(c, w, gauss, area, person.x + dx, person.y + dy) * factor
             if weight > best:
                 best, best_dx, best_dy = weight, dx, dy
-    if best == 0.0 and walks_blind(c, area, person.x, person.y):
+    if best == 0.0 and steps_to_north_west(c, area, person.x, person.y):
         best_dx = best_dy = -1
     person.x += best_dx
     person.y += best_dy
@@ -45,7 +45,7 @@ def best_cell_chances(c, area, x, y, window, out, scratch):
     for step in range(STEPS):
         candidates += window[step] > 0.0
     if candidates == 0:
-        out[0 if walks_blind(c, area, x, y) else NO_STEP] = 1.0
+        out[0 if steps_to_north_west(c, area, x, y) else NO_STEP] = 1.0
         return
     for step in range(STEPS):
         weight = window[step]
@@ -70,7 +70,7 @@ def best_cell_chances(c, area, x, y, window, out, scratch):
 
 
 @part
-def walks_blind(c, area, x, y):
+def steps_to_north_west(c, area, x, y):
     """Return whether a person in an all-zero window walks to the north-west."""
     return c.person_walks_blind and not is_masked(area, c.grid_size, x - 1, y - 1)
 

@@ -87,7 +87,7 @@ def stays(rig: Rig, bridge: Bridge) -> None:
 def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
     rig: Rig, search: str, where: str
 ) -> None:
-    """The vehicle is met again where it is: before take-off, aloft, landed, or with a pilot."""
+    """The bridge meets the vehicle before take-off, in the air, landed, or with a pilot."""
     landed = where == "on the ground"
     faults, ready_s, at_end = conditions(search, landed=landed)
     sim = rig.sim(SEARCHED_FOR_LONG)
