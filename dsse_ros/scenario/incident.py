@@ -8,6 +8,7 @@ A grid follows from it: see `incident_grid`.
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -187,10 +188,9 @@ class Incident:
         if isinstance(value, cls):
             return value
         if isinstance(value, str):
-            try:
+            # Text that is not JSON is refused below.
+            with contextlib.suppress(RecursionError, ValueError):
                 value = json.loads(value)
-            except (RecursionError, ValueError):
-                value = None
         try:
             return _incident(mapping("incident", value), folder)
         except FieldError:

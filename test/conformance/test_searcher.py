@@ -51,7 +51,7 @@ def test_a_kind_of_any_speed_endurance_and_moves_conforms(
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
-        ({"speed": 0.0}, ["speed", "0.0", "above 0"]),
+        ({"speed": 0.0}, ["speed", "0.0", "> 0"]),
         ({"speed": float("nan")}, ["speed", "nan"]),
         ({"altitude": -5.0}, ["altitude", "-5"]),
         ({"endurance_min": -1.0}, ["endurance_min", "-1"]),

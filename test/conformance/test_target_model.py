@@ -117,9 +117,9 @@ def negative(scenario: Any, steps: int, rng: np.random.Generator, count: int) ->
 WRONG_ENSEMBLES = {
     "persons are not where the belief has them": EachAnother(),
     "the same generator gives other tracks": of_global_state,
-    "weights that sum to 1.01": too_heavy,
-    "positions of shape": too_short,
-    "weights below 0": negative,
+    "weights must sum to 1, got 1.01": too_heavy,
+    "positions must be": too_short,
+    "weights must be >= 0": negative,
 }
 
 

@@ -27,7 +27,7 @@ def test_the_public_arguments_keep_their_names_and_are_keywords() -> None:
     )
     assert next(iter(parameters)) == "scenario"
     assert parameters["scenario"].default is None
-    assert parameters["rules"].default == "paper"
+    assert parameters["rules"].default == "auto"
     for name in keywords:
         assert parameters[name].kind is inspect.Parameter.KEYWORD_ONLY
 
