@@ -84,7 +84,7 @@ def _play(world: World, looks: Looks, rng: np.random.Generator) -> None:
             there = (was["x"] == cell[:, 0]) & (was["y"] == cell[:, 1]) & ~was["found"]
             pods = looks.pods[row[there], person]
             expected, variance = expected + pods.sum(), variance + (pods * (1 - pods)).sum()
-            found = persons["found"][:, person] & ~before["found"][:, person]
+            found = live & persons["found"][:, person] & ~before["found"][:, person]
             seen = np.zeros(WORLDS, bool)
             seen[who[there]] = True
             assert not (found & ~seen).any(), "a person was found where no look was"

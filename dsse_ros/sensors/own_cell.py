@@ -7,15 +7,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from dsse_ros.sensors.sensor import Look, Sensor
+from dsse_ros.sensors.sensor import Look, Sensor, looks_with
 
 
 def looks(scenario: Any, _searcher: Any, action: str, _heading: tuple[int, int]) -> Sequence[Look]:
     """Return one look at the drone's cell for a search, no look for other actions."""
     if action != "search":
         return ()
-    pod = scenario.probability_of_detection
-    return (Look(0, 0, tuple(min(m * pod, 1.0) for m in scenario.person_pod_multipliers)),)
+    return looks_with({(0, 0): scenario.probability_of_detection}, scenario)
 
 
 OWN_CELL = Sensor("sees its cell when it searches", looks)

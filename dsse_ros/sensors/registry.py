@@ -4,7 +4,15 @@
 
 from __future__ import annotations
 
+from dsse_ros.sensors.camera import CAMERA
+from dsse_ros.sensors.flown_over import FLOWN_OVER
 from dsse_ros.sensors.own_cell import OWN_CELL
 from dsse_ros.sensors.sensor import Sensor
+from dsse_ros.sensors.swept_strip import SWEPT_STRIP
 
-SENSORS: dict[str, Sensor] = {"own_cell": OWN_CELL}
+SENSORS: dict[str, Sensor] = {
+    "own_cell": OWN_CELL,
+    "flown_over": FLOWN_OVER,
+    "sweep_width": SWEPT_STRIP,
+    "camera": CAMERA,
+}

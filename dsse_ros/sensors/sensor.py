@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 
@@ -28,7 +28,16 @@ LooksOf = Callable[[Any, Any, str, tuple[int, int]], Sequence[Look]]
 """looks(scenario, searcher, action, heading) returns the looks of an action, at most `MAX_LOOKS`.
 
 Arguments are the `ResolvedScenario`, the drone's `Searcher` with nothing left to derive, the name
-of the action, and its move (dx, dy) in cells, (0, 0) if the drone stays."""
+of the action, and its move (dx, dy) in cells, (0, 0) if the drone stays. A scenario that the sensor
+cannot see in raises `ValueError`, "field must be ..., got ..."."""
+
+
+def looks_with(pods: Mapping[tuple[int, int], float], scenario: Any) -> list[Look]:
+    """Return looks at cells (dx, dy) with these PODs times the multiplier of each person."""
+    multipliers = scenario.person_pod_multipliers
+    return [
+        Look(*cell, tuple(min(m * pod, 1.0) for m in multipliers)) for cell, pod in pods.items()
+    ]
 
 
 class Sensor(NamedTuple):

@@ -117,7 +117,10 @@ def looks_of(scenario: ResolvedScenario, rules: Rules) -> Looks:
         looks = SENSORS[kind.sensor].looks
         first[k, 0] = len(rows)
         for a, name in enumerate(actions):
-            of_action = list(looks(scenario, kind, name, ACTION_VECTORS.get(name, (0, 0))))
+            try:
+                of_action = list(looks(scenario, kind, name, ACTION_VECTORS.get(name, (0, 0))))
+            except ValueError as error:
+                raise FieldError(f"sensor: {kind.sensor}: {error}") from None
             _check(kind.sensor, name, of_action, scenario.person_pod_multipliers)
             rows += of_action
             first[k, a + 1] = len(rows)
