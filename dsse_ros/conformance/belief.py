@@ -37,6 +37,8 @@ def belief_test(belief: TargetBelief, *, horizon: int = 4, seed: int = 0) -> Non
         _test_expectation(belief, horizon, rng)
         _test_looks(belief, rng)
         _test_futures(belief, horizon, rng)
+        if step == STEPS // 2:
+            _test_chain(belief, horizon)
         _test_copy(belief)
         belief.advance()
     belief.reset()
@@ -122,10 +124,17 @@ def _test_futures(belief: TargetBelief, horizon: int, rng: np.random.Generator) 
 
 def _shares(belief: TargetBelief, columns: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the share of these columns in each cell of the grid, (G, G)."""
+    counts = np.bincount(columns, minlength=belief.forecast.side**2)
+    return _inner(belief, counts / len(columns))
+
+
+def _inner(belief: TargetBelief, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the values of the cells of the grid, (G, G), from those of all columns."""
     side, size = belief.forecast.side, belief.forecast.scenario.grid_size
-    counts = np.bincount(columns, minlength=side**2).reshape(side, side) / len(columns)
     margin = (side - size) // 2
-    inner: NDArray[np.float64] = counts[margin : margin + size, margin : margin + size]
+    inner: NDArray[np.float64] = values.reshape(side, side)[
+        margin : margin + size, margin : margin + size
+    ]
     return inner
 
 
@@ -140,3 +149,19 @@ def _test_copy(belief: TargetBelief) -> None:
     twin.advance()
     same = np.array_equal(belief.poc(), poc) and belief.pos == pos and belief.step == step
     assert same, "copy: it changes the belief that it was copied from"
+
+
+def _test_chain(belief: TargetBelief, horizon: int) -> None:
+    """Test that the Markov chain brings the person where the belief has them."""
+    chain, ahead, side = belief.chain(horizon), belief.copy(), belief.forecast.side
+    assert chain.starts.shape == (horizon + 1, side**2 + 1), f"chain: {chain.starts.shape} starts"
+    reach = np.zeros(len(chain.persons))
+    reach[: len(chain.prior)] = chain.prior
+    for s in range(chain.starts[-1, 0]):
+        steps = slice(chain.first[s], chain.first[s + 1])
+        np.add.at(reach, chain.to[steps], reach[s] * chain.chance[steps])
+    for starts in chain.starts:
+        sums = np.add.reduceat(np.append(reach, 0.0), starts)[:-1] * (np.diff(starts) > 0)
+        off = float(np.abs(_inner(belief, sums) - ahead.poc()).max())
+        assert off <= TOLERANCE, f"chain: a cell is {off:.3g} off its POC"
+        ahead.advance()

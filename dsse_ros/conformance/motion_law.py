@@ -9,6 +9,7 @@ The motion is compiled into a separate small sea, because it need not be registe
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from dsse_ros.conformance.agreement import SIGMAS, excess
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 from dsse_ros.step import kernels
-from dsse_ros.step.constants import area_of, constants_of
+from dsse_ros.step.constants import area_of, constants_of, transitions_of
 from dsse_ros.targets.motion import (
     CHANCES,
     NO_STEP,
@@ -99,6 +100,7 @@ def _played(
 ) -> NDArray[np.int64]:
     """Simulate persons, compare them with their chances, and return their last cells (N, 2)."""
     truth, known = (_new_sea(model, scenario, rules) for _ in range(2))
+    transitions = transitions_of(scenario)
     truth.worlds["rng"] = seed
     side = scenario.grid_size + 2 * MARGIN
     drifts, persons = np.zeros(1, PERSONS), np.zeros(COUNT, PERSONS)
@@ -117,11 +119,12 @@ def _played(
         after = now if direction[0] == STAND_STILL else np.zeros_like(now)
         steps_of = np.zeros((side**2, STEPS))
         row = np.zeros(CHANCES + STEPS + SCRATCH)
-        broken = play(*truth, persons)
+        broken = play(*truth, transitions, persons)
         if direction[0] != STAND_STILL:
             broken = broken or spread(
-                known.constants, known.area, map_now, direction[0], now, after, steps_of, row
-            )
+                known.constants, known.area, transitions, map_now, direction[0], now, after,
+                steps_of, row,
+            )  # fmt: skip
         broken = broken or _checked(before, persons, steps_of, side, direction[0])
         assert not broken, f"step {step}: {BROKEN[broken]}"
         now = after
@@ -142,7 +145,7 @@ def _new_sea(model: PersonMotion, scenario: ResolvedScenario, rules: Rules) -> _
     worlds["start_x"], worlds["start_y"] = scenario.person_initial_position
     area, runs = area_of(scenario)
     gauss, tails = np.zeros((1, 2, 2 * g + 1)), np.zeros((1, 2, g + 2))
-    sea = kernels.Sea(constants, worlds, gauss, tails, area, runs, None)
+    sea = kernels.Sea(constants, worlds, gauss, tails, area, runs, None, None)
     circle = np.zeros(g + 1, np.int64)
     kernels.refresh_worlds(*sea, circle, np.zeros(g), np.zeros((1, 0, 0), np.float32))
     return _Sea(constants, worlds, gauss[0], tails[0], area, runs, circle)
@@ -173,12 +176,14 @@ def _checked(
     return NO_CHANCE if (taken[~lost] <= 0.0).any() else FINE
 
 
+# Of the same motion in each profile: compiling takes longer than the test.
+@lru_cache(maxsize=8)
 def _kernels(model: PersonMotion) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Return the compiled step of the sea, and that of the knowledge of it."""
     move, chances = model.move, model.chances
 
     @njit
-    def play(constants, worlds, gauss, tails, area, runs, circle, persons):
+    def play(constants, worlds, gauss, tails, area, runs, circle, transitions, persons):
         """Advance map and persons by one step, like `kernels.sea_step`."""
         c, w = constants[0], worlds[0]
         if not c.person_first:
@@ -186,13 +191,13 @@ def _kernels(model: PersonMotion) -> tuple[Callable[..., Any], Callable[..., Any
         for p in range(len(persons)):
             direction = gathered_step(persons[p]) if c.own_drift else NO_STEP
             if direction != STAND_STILL:
-                move(c, w, gauss, area, persons[p], direction)
+                move(c, w, gauss, area, transitions, persons[p], direction)
         if c.person_first:
             map_step(c, w, gauss, tails, area, runs, circle)
         return FINE
 
     @njit
-    def spread(constants, area, map_now, direction, now, after, steps_of, row):
+    def spread(constants, area, transitions, map_now, direction, now, after, steps_of, row):
         """Spread probability over the cells, like `belief_kernels.predict`, and check it."""
         c = constants[0]
         side = c.grid_size + 2 * MARGIN
@@ -208,7 +213,7 @@ def _kernels(model: PersonMotion) -> tuple[Callable[..., Any], Callable[..., Any
             for step in range(STEPS):
                 window[step] = map_now[index_of(c, x, y) + offset_of(c, step)]
             out[:] = 0.0
-            chances(c, area, x, y, window, out, scratch)
+            chances(c, area, transitions, x, y, window, out, scratch)
             total = 0.0
             for k in range(CHANCES):
                 if not 0.0 <= out[k] <= 1.0 + TOLERANCE:

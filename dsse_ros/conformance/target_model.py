@@ -34,7 +34,13 @@ SCENARIO = Scenario(
 )
 
 
-def target_model_test(model: TargetModel, *, rules: str | Rules = "v2", seed: int = 0) -> None:
+def target_model_test(
+    model: TargetModel,
+    *,
+    rules: str | Rules = "v2",
+    seed: int = 0,
+    scenario: Scenario = SCENARIO,
+) -> None:
     """Test that a target model keeps the promises that the search and the beliefs rely on.
 
     A model need not be registered, and the test does not leave it registered. For every motion the
@@ -45,6 +51,7 @@ def target_model_test(model: TargetModel, *, rules: str | Rules = "v2", seed: in
         model: The model.
         rules: The rules of the search, or the name of their profile; persons move by the model.
         seed: Seed of all draws.
+        scenario: The scenario, with a mission of at least `STEPS` steps.
 
     Raises:
         AssertionError: If a promise is broken; one line names it.
@@ -52,19 +59,20 @@ def target_model_test(model: TargetModel, *, rules: str | Rules = "v2", seed: in
     chosen = rules if isinstance(rules, Rules) else profile(rules)
     if isinstance(model, PersonMotion):
         names = [name for name, motion in MOTIONS.items() if motion is model]
-        motion_test(model, SCENARIO, chosen, STEPS, seed)
+        ruled = chosen.override(person_motion=names[0]) if names else chosen
+        motion_test(model, scenario, ruled, STEPS, seed)
         if names:
-            _test_search(chosen.override(person_motion=names[0]), seed)
+            _test_search(scenario, ruled, seed)
         return
     with registered(TARGET_MODELS, model) as name:
         ruled = chosen.override(person_motion=name)
-        _test_tracks(model, ruled, seed)
-        _test_search(ruled, seed)
+        _test_tracks(model, scenario, ruled, seed)
+        _test_search(scenario, ruled, seed)
 
 
-def _test_tracks(model: Ensemble, rules: Rules, seed: int) -> None:
+def _test_tracks(model: Ensemble, stated: Scenario, rules: Rules, seed: int) -> None:
     """Test the draws of an ensemble on its own."""
-    scenario = SCENARIO.resolve(rules)
+    scenario = stated.resolve(rules)
     steps = last_step_of(scenario, rules)
     draws = []
     for _ in range(2):
@@ -82,9 +90,9 @@ def _test_tracks(model: Ensemble, rules: Rules, seed: int) -> None:
     )
 
 
-def _test_search(rules: Rules, seed: int) -> None:
+def _test_search(stated: Scenario, rules: Rules, seed: int) -> None:
     """Test that the persons' positions agree with a belief without updates, step after step."""
-    scenario = SCENARIO.override(ensemble_seed=seed).resolve(rules)
+    scenario = stated.override(ensemble_seed=seed).resolve(rules)
     world, twin = (World(scenario, rules, WORLDS, write_maps=False) for _ in range(2))
     for one in (world, twin):
         one.seed(seed)

@@ -1,12 +1,19 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Headers of files in NumPy's format (.npy), read before any memory is allocated."""
+"""Files in NumPy's format (.npy), whose headers are checked before any memory is allocated."""
 
 from __future__ import annotations
 
+import math
+import os
+from collections.abc import Callable
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+_KINDS = "fiu"
+"""NumPy's kinds of numbers."""
 
 _READERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -26,3 +33,32 @@ def array_header(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
         raise ValueError(f"version of the header of an array must be 1 or 2, got {version}")
     shape, _, dtype = _READERS[version](file)
     return shape, dtype
+
+
+def check_numbers(dtype: np.dtype[Any]) -> None:
+    """Raise unless arrays of this type have real numbers.
+
+    Raises:
+        ValueError: If they have not.
+    """
+    if dtype.kind not in _KINDS:
+        raise ValueError(f"type of an array must be a number, got {dtype}")
+
+
+def read_npy(path: str, check_shape: Callable[[tuple[int, ...]], None]) -> NDArray[Any]:
+    """Return the array of numbers in a file.
+
+    Args:
+        path: Path of the file.
+        check_shape: Raises a ValueError for a shape that is not allowed.
+
+    Raises:
+        OSError, EOFError, ValueError: If there is no such array.
+    """
+    with open(path, "rb") as file:
+        shape, dtype = array_header(file)
+        check_shape(shape)
+        check_numbers(dtype)
+        if os.path.getsize(path) - file.tell() < math.prod(shape) * dtype.itemsize:
+            raise EOFError
+    return np.asarray(np.load(path, allow_pickle=False))

@@ -32,12 +32,14 @@ def check_positions(
     positions: tuple[tuple[int, int], ...],
     grid_size: int,
     count: int | None,
-    mask: NDArray[np.bool_] | None = None,
+    mask: NDArray[np.bool_] | None,
+    apart: bool,
 ) -> None:
-    """Raise unless these are `count` different cells of the grid and, with a mask, of the area.
+    """Raise unless these are `count` cells of the grid and, with a mask, of the area.
 
     Raises:
-        FieldError: If there are too few or too many, or a cell is outside or occurs twice.
+        FieldError: If there are too few or too many, or a cell is outside or, if drones must be
+            `apart`, occurs twice.
     """
     if not positions or (count is not None and len(positions) != count):
         raise FieldError(
@@ -46,7 +48,7 @@ def check_positions(
         )
     for cell in positions:
         check_cell("drones_positions", cell, grid_size, mask)
-    if len(set(positions)) != len(positions):
+    if apart and len(set(positions)) != len(positions):
         raise FieldError(f"drones_positions must be different cells, got {shown(list(positions))}")
 
 

@@ -5,13 +5,11 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import math
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
@@ -19,8 +17,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
 from dsse_ros.scenario.area import cell_centre
-from dsse_ros.scenario.array_files import array_header
+from dsse_ros.scenario.array_files import check_numbers, read_npy
 from dsse_ros.scenario.fields import FieldError, shown
+from dsse_ros.scenario.given_array import GivenArray, frozen
 from dsse_ros.scenario.limits import MAX_SIDE
 
 if TYPE_CHECKING:
@@ -32,8 +31,6 @@ ALLOWED = (
     "one: .npy, .csv, .tif or .tiff"
 )
 
-_KINDS = "fiu"
-"""NumPy's kinds of numbers."""
 _LONGEST_LINE = 32 * MAX_SIDE
 """Characters of a line in a CSV file; a float64 takes 25."""
 
@@ -42,76 +39,32 @@ _M_PER_DEG = 111_320.0
 
 
 @dataclass(frozen=True)
-class ProbabilityMatrix:
-    """A matrix with row 0 in the north; matrices with the same digest are equal.
+class ProbabilityMatrix(GivenArray):
+    """A matrix (G, G) [row, col] with row 0 in the north.
 
     Attributes:
-        sha256: Digest of the values row by row, float64, little-endian.
-        path: Path of the file, "" for an array.
-        values: (G, G) float64 [row, col], read-only.
         corners: Latitude and longitude in degrees of the centres of the north-west, north-east,
             south-west and south-east cells; None without georeference.
     """
 
-    sha256: str
-    path: str = field(compare=False)
-    values: NDArray[np.float64] = field(compare=False, repr=False)
     corners: tuple[tuple[float, float], ...] | None = field(compare=False)
 
-    @classmethod
-    def of(cls, value: Any) -> ProbabilityMatrix:
-        """Return the matrix from an array, a file, or a `reference`.
-
-        Raises:
-            FieldError: If the value is none of these, or the file cannot be read or has changed.
-        """
-        if isinstance(value, cls):
-            return value
-        try:
-            if isinstance(value, Mapping):
-                if value.keys() != {"path", "sha256"} or not value["path"]:
-                    raise ValueError
-                made = cls.of(str(value["path"]))
-                if made.sha256 != value["sha256"]:
-                    raise FieldError(
-                        f"{NAME} must be {made.path!r} with the SHA-256 "
-                        f"{shown(value['sha256'])}, got a file with {made.sha256}"
-                    )
-                return made
-            if isinstance(value, str | os.PathLike):
-                path = os.path.abspath(os.fspath(value))
-                return cls._made(path, *_READERS[Path(path).suffix.lower()](path))
-            return cls._made("", np.asarray(value), None)
-        except OSError as error:
-            reason = error.strerror or "it cannot be read"
-            raise FieldError(f"{NAME} must be {ALLOWED}, got {_named(value)}: {reason}") from None
-        except FieldError:
-            raise
-        except (EOFError, KeyError, MemoryError, TypeError, ValueError, csv.Error):
-            raise FieldError(f"{NAME} must be {ALLOWED}, got {_named(value)}") from None
+    NAME = NAME
+    ALLOWED = ALLOWED
 
     @classmethod
     def _made(
-        cls, path: str, matrix: NDArray[Any], corners: tuple[tuple[float, float], ...] | None
+        cls,
+        path: str,
+        array: NDArray[Any],
+        corners: tuple[tuple[float, float], ...] | None = None,
     ) -> ProbabilityMatrix:
-        """Return a matrix after checking its values.
-
-        Raises:
-            ValueError: If they are not allowed.
-        """
-        if matrix.dtype.kind not in _KINDS:
+        check_numbers(array.dtype)
+        _check_shape(array.shape)
+        if not np.isfinite(array).all() or not array.any() or array.min() < 0:
             raise ValueError
-        _check_shape(matrix.shape)
-        if not np.isfinite(matrix).all() or not matrix.any() or matrix.min() < 0:
-            raise ValueError
-        values = matrix.astype("<f8", order="C")
-        values.flags.writeable = False
-        return cls(hashlib.sha256(values.data).hexdigest(), path, values, corners)
-
-    @property
-    def reference(self) -> dict[str, str]:
-        """The path and the digest, for JSON."""
-        return {"path": self.path, "sha256": self.sha256}
+        digest, values = frozen(array)
+        return cls(digest, path, values, corners)
 
     def check_place(self, grid_size: int, cell_size_m: float, origin: Origin) -> None:
         """Raise unless the matrix has the size and, if georeferenced, the place of this grid.
@@ -124,17 +77,12 @@ class ProbabilityMatrix:
         Raises:
             FieldError: If the size differs, or a corner is off by more than half a cell.
         """
-        size, edge = len(self.values), grid_size - 1
-        what = shown(self.path) if self.path else "an array"
-        if size != grid_size:
-            raise FieldError(
-                f"{NAME} must have {grid_size} x {grid_size} cells as grid_size says, got {what} "
-                f"of {size} x {size}"
-            )
+        self.check_side(grid_size)
         if self.corners is None:
             return
         from dsse_ros.scenario.geodesy import surface_to_geodetic
 
+        edge = grid_size - 1
         col, row = np.array([0, edge, 0, edge]), np.array([0, 0, edge, edge])
         lat, lon = surface_to_geodetic(origin, *cell_centre(grid_size, cell_size_m, col, row))
         given_lat, given_lon = np.array(self.corners).T
@@ -145,13 +93,8 @@ class ProbabilityMatrix:
         if not off_m <= cell_size_m / 2:
             raise FieldError(
                 f"{NAME} must be at most half a cell from the grid of origin_lat, origin_lon and "
-                f"cell_size, got {what} with a corner {off_m:.0f} m from that of the grid"
+                f"cell_size, got {self.source} with a corner {off_m:.0f} m from that of the grid"
             )
-
-
-def _named(value: Any) -> str:
-    """Return a value for a message, with the whole path of a file."""
-    return repr(os.fspath(value)) if isinstance(value, str | os.PathLike) else shown(value)
 
 
 _Read = tuple[NDArray[Any], tuple[tuple[float, float], ...] | None]
@@ -168,14 +111,7 @@ def _check_shape(shape: tuple[int, ...]) -> None:
 
 
 def _read_npy(path: str) -> _Read:
-    with open(path, "rb") as file:
-        shape, dtype = array_header(file)
-        _check_shape(shape)
-        if dtype.kind not in _KINDS:
-            raise ValueError
-        if os.path.getsize(path) - file.tell() < math.prod(shape) * dtype.itemsize:
-            raise EOFError
-    return np.asarray(np.load(path, allow_pickle=False)), None
+    return read_npy(path, _check_shape), None
 
 
 def _read_csv(path: str) -> _Read:
@@ -234,4 +170,9 @@ def _read_tiff(path: str) -> _Read:
     return values, tuple(zip(lat, lon, strict=True))
 
 
-_READERS = {".npy": _read_npy, ".csv": _read_csv, ".tif": _read_tiff, ".tiff": _read_tiff}
+ProbabilityMatrix.READERS = {
+    ".npy": _read_npy,
+    ".csv": _read_csv,
+    ".tif": _read_tiff,
+    ".tiff": _read_tiff,
+}

@@ -15,6 +15,7 @@ from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, ResolvedScenario
 from dsse_ros.step.looks import looks_of, moves_look
+from dsse_ros.targets.motion import STEPS
 from dsse_ros.targets.registry import MOTIONS, has_own_drift
 
 MAX_ACTIONS = 16
@@ -57,6 +58,7 @@ _DERIVED: Mapping[str, tuple[Any, Callable[[ResolvedScenario, Rules], Any]]] = {
     "drift_remainder_less_one": ("?", lambda _, rules: rules.drift_remainder == "less_one"),
     "moves_look": ("?", lambda scenario, rules: moves_look(looks_of(scenario, rules), rules)),
     "motion": ("i8", lambda _, rules: _motion(rules)),
+    "person_steps": (("f8", (STEPS,)), lambda _, rules: rules.person_steps),
     "own_drift": ("?", lambda _, rules: has_own_drift(rules.person_motion)),
 }
 """Type and value of the constants derived from the fields."""
@@ -89,6 +91,16 @@ def constants_of(
         constants[name] = value(scenario, rules)
     constants["auto_reset"] = auto_reset
     return constants
+
+
+def transitions_of(scenario: ResolvedScenario) -> NDArray[np.float64] | None:
+    """Return `transitions` for the kernels, None if the scenario gives none."""
+    if scenario.transition_probabilities is None:
+        return None
+    values = scenario.transition_probabilities.values.view()
+    # A pickled array can be written to, and Numba would compile the kernels again for it.
+    values.flags.writeable = False
+    return values
 
 
 def area_of(

@@ -92,6 +92,8 @@ class Sea(NamedTuple):
         tails: (1 or B, 2, G + 2) float64, their tail sums.
         area: (G, G) bool, the searched cells; None for all.
         runs: (R, 3) int64, the same by row, first and last column; None for all.
+        transitions: (G, G, 9) float64, the probabilities of the steps of a `markov_chain` from each
+            cell [row, col], read-only; None if they are the same in all cells.
         coverage: See `coverage_kernels`; None in a search for persons.
         ensemble: See `ensemble_kernels`; None if persons move step by step.
     """
@@ -102,6 +104,7 @@ class Sea(NamedTuple):
     tails: NDArray[np.float64]
     area: NDArray[np.bool_] | None
     runs: NDArray[np.int64] | None
+    transitions: NDArray[np.float64] | None
     coverage: Any
     ensemble: SeaEnsemble | None = None
 
@@ -148,22 +151,23 @@ class Scratch(NamedTuple):
 
 
 @part
-def sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle):
+def sea_step(c, w, persons, gauss, tails, area, runs, transitions, ensemble, b, circle):
     """Advance the map and the persons by one step."""
     if ensemble is not None:
         ensemble_step(c, w, persons, area, ensemble, b)
         return
     if c.person_first:
-        persons_step(c, w, gauss, area, persons)
+        persons_step(c, w, gauss, area, transitions, persons)
     map_step(c, w, gauss, tails, area, runs, circle)
     if not c.person_first:
-        persons_step(c, w, gauss, area, persons)
+        persons_step(c, w, gauss, area, transitions, persons)
 
 
 @part
 def reset_world(
-    c, w, starts, drones, persons, gauss, tails, area, runs, coverage, ensemble, b, circle, cells
-):
+    c, w, starts, drones, persons, gauss, tails, area, runs, transitions, coverage, ensemble, b,
+    circle, cells,
+):  # fmt: skip
     """Set a world to its start: the start cell has the persons and all the probability."""
     w.t = w.map_steps = 0
     w.datum_x = w.circle_x = w.start_x
@@ -195,7 +199,7 @@ def reset_world(
     elif c.person_scatter > 0:
         scatter_persons(c, w, area, persons, cells)
     for _ in range(c.pre_search_steps + c.reset_sea_steps):
-        sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle)
+        sea_step(c, w, persons, gauss, tails, area, runs, transitions, ensemble, b, circle)
 
 
 @part
@@ -302,8 +306,8 @@ def update_flags(c, w, drones, persons, coverage):
 
 @part
 def step_world(
-    c, w, drones, finds, persons, kinds, looks, offsets, pods, gauss, tails, area, runs, coverage,
-    ensemble, b, occupied, circle, actions,
+    c, w, drones, finds, persons, kinds, looks, offsets, pods, gauss, tails, area, runs,
+    transitions, coverage, ensemble, b, occupied, circle, actions,
 ):  # fmt: skip
     """Advance one world: drones in index order, then the sea, then collisions."""
     if c.ends_together:
@@ -320,7 +324,7 @@ def step_world(
     )  # fmt: skip
     w.t += 1
     if coverage is None:
-        sea_step(c, w, persons, gauss, tails, area, runs, ensemble, b, circle)
+        sea_step(c, w, persons, gauss, tails, area, runs, transitions, ensemble, b, circle)
     else:
         reward_if_all_covered(c, w, coverage, b, drones)
     if shared:
@@ -355,7 +359,7 @@ def write_observed(c, w, gauss, area, coverage, ensemble, b, circle, span, strea
 # functions would take as long as a small step.
 @kernel
 def step_worlds(
-    constants, worlds, gauss, tails, area, runs, coverage, ensemble,
+    constants, worlds, gauss, tails, area, runs, transitions, coverage, ensemble,
     starts, drones, finds, persons, kinds, looks, offsets, pods,
     occupied, circle, cells, span,
     actions, maps, first, last,
@@ -374,12 +378,13 @@ def step_worlds(
         if c.auto_reset and w.done:
             reset_world(
                 c, w, starts[b], drones[b], persons[b], gauss[table], tails[table], area, runs,
-                coverage, ensemble, b, circle, cells,
+                transitions, coverage, ensemble, b, circle, cells,
             )  # fmt: skip
         else:
             step_world(
                 c, w, drones[b], finds[b], persons[b], kinds, looks, offsets, pods, gauss[table],
-                tails[table], area, runs, coverage, ensemble, b, occupied, circle, actions[b],
+                tails[table], area, runs, transitions, coverage, ensemble, b, occupied, circle,
+                actions[b],
             )  # fmt: skip
         if maps.shape[1] > 0:
             write_observed(
@@ -389,7 +394,7 @@ def step_worlds(
 
 @kernel
 def reset_worlds(
-    constants, worlds, gauss, tails, area, runs, coverage, ensemble,
+    constants, worlds, gauss, tails, area, runs, transitions, coverage, ensemble,
     starts, drones, finds, persons, kinds, looks, offsets, pods,
     occupied, circle, cells, span,
     maps, which,
@@ -402,7 +407,7 @@ def reset_worlds(
             table = min(b, len(gauss) - 1)
             reset_world(
                 c, worlds[b], starts[b], drones[b], persons[b], gauss[table], tails[table], area,
-                runs, coverage, ensemble, b, circle, cells,
+                runs, transitions, coverage, ensemble, b, circle, cells,
             )  # fmt: skip
             if maps.shape[1] > 0:
                 write_observed(
@@ -413,8 +418,9 @@ def reset_worlds(
 
 @kernel
 def refresh_worlds(
-    constants, worlds, gauss, tails, area, runs, coverage, ensemble, circle, span, maps
-):
+    constants, worlds, gauss, tails, area, runs, transitions, coverage, ensemble,
+    circle, span, maps,
+):  # fmt: skip
     """Write the tables and the maps that the state requires.
 
     The arguments begin with the fields of `Sea`; the others are as in `step_worlds`.

@@ -17,7 +17,7 @@ FACTORS = 100
 
 
 @part
-def move_to_best_cell(c, w, gauss, area, person, _direction):
+def move_to_best_cell(c, w, gauss, area, _transitions, person, _direction):
     """Move a person to the best of the 3 x 3 window, each cell weighted by U{1..100} / 100."""
     best, best_dx, best_dy = 0.0, 0, 0
     for dy in range(-1, 2):
@@ -33,7 +33,7 @@ def move_to_best_cell(c, w, gauss, area, person, _direction):
 
 
 @part
-def best_cell_chances(c, area, x, y, window, out, scratch):
+def best_cell_chances(c, area, _transitions, x, y, window, out, scratch):
     """Write the probabilities of the steps that can be the best one.
 
     A step is best if its weight times its factor exceeds the products of all steps before it and is

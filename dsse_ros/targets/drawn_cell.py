@@ -15,7 +15,7 @@ DRIFT_WEIGHT = 0.05
 
 
 @part
-def move_with_drift(c, w, gauss, area, person, direction):
+def move_with_drift(c, w, gauss, area, _transitions, person, direction):
     """Draw a person's step from the 3 x 3 window, with more weight on the drift's step."""
     total = DRIFT_WEIGHT
     for dy in range(-1, 2):
@@ -36,7 +36,7 @@ def move_with_drift(c, w, gauss, area, person, direction):
 
 
 @part
-def drift_chances(_c, _area, _x, _y, window, out, _scratch):
+def drift_chances(_c, _area, _transitions, _x, _y, window, out, _scratch):
     """Write the probabilities of the steps of `move_with_drift`."""
     total = DRIFT_WEIGHT
     for step in range(STEPS):

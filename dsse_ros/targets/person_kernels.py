@@ -42,7 +42,7 @@ step_chances = of_motion(motion.chances for motion in MOTIONS.values())
 
 
 @kernel
-def persons_step(c, w, gauss, area, persons):
+def persons_step(c, w, gauss, area, transitions, persons):
     """Move every person not found yet."""
     for p in range(len(persons)):
         person = persons[p]
@@ -50,7 +50,7 @@ def persons_step(c, w, gauss, area, persons):
             continue
         direction = gathered_step(person) if c.own_drift else NO_STEP
         if direction != STAND_STILL:
-            move_person(c, w, gauss, area, person, direction)
+            move_person(c, w, gauss, area, transitions, person, direction)
 
 
 @part

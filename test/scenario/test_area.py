@@ -333,7 +333,9 @@ def test_without_the_land_mask_land_is_refused_with_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "roaring_landmask", None)
-    with pytest.raises(FieldError, match=r"^land: roaring-landmask is missing; pip install .*land"):
+    with pytest.raises(
+        FieldError, match=r"^land: roaring-landmask is missing; .* -m pip install .*land"
+    ):
         parallel_env(land=True, grid_size=3)
 
 

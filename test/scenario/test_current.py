@@ -132,7 +132,7 @@ def test_a_vector_means_what_it_did(name: str) -> None:
 @pytest.mark.parametrize(
     ("rules", "fields", "reason"),
     [
-        ("v2", {"current_speed": 12.0}, "by a cell in a step at most"),
+        ("v2", {"current_speed": 12.0}, "by at most a cell per step"),
         ("v1", {"current_speed": 7.0}, "the nearest current is 5 m/s"),
     ],
 )

@@ -239,10 +239,12 @@ def pos_and_share_found(made: Scenario, drones: int) -> tuple[float, float]:
     assert tracks is not None
     rng = np.random.default_rng(4)
     hit = [np.zeros(10_000, bool) for _ in range(2)]
+    # A cell as one number, which is quicker to look for.
+    known, true = (of.astype(np.int64) @ (1 << 16, 1) for of in (tracks.particles, tracks.truth))
     for step in range(60):
-        cells = tracks.particles[step][rng.integers(0, 10_000, drones)]
-        for found, of in zip(hit, (tracks.particles, tracks.truth), strict=True):
-            found |= (of[step][:, None, :] == cells).all(axis=2).any(axis=1)
+        cells = known[step][rng.integers(0, 10_000, drones)]
+        for found, of in zip(hit, (known, true), strict=True):
+            found |= np.isin(of[step], cells)
     return float(hit[0].mean()), float(hit[1].mean())
 
 

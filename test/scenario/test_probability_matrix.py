@@ -111,7 +111,7 @@ def test_without_rasterio_a_tiff_is_refused_with_what_to_install(
 ) -> None:
     (tmp_path / "matrix.tif").write_bytes(b"II*\x00")
     monkeypatch.setitem(sys.modules, "rasterio", None)
-    with pytest.raises(FieldError, match=r"needs rasterio; pip install '.*\[geotiff\]'$"):
+    with pytest.raises(FieldError, match=r"needs rasterio; .* -m pip install '.*\[geotiff\]'$"):
         Scenario(probability_matrix=tmp_path / "matrix.tif")
 
 

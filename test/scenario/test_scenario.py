@@ -122,7 +122,7 @@ def test_an_override_of_one_way_of_stating_a_thing_replaces_the_other() -> None:
 def test_a_resolved_scenario_leaves_nothing_open_and_resolves_to_itself() -> None:
     scenario = resolved()
     other_ways = {"zone_size", "current_speed", "current_toward"}
-    optional = {"area", "probability_matrix", "incident"}
+    optional = {"area", "probability_matrix", "transition_probabilities", "incident"}
     for field in dataclasses.fields(scenario):
         assert (getattr(scenario, field.name) is None) == (field.name in other_ways | optional)
     assert scenario.resolve(PAPER) == scenario

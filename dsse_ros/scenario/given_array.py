@@ -1,0 +1,122 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""An array of a scenario, given in Python or as a file, and its reference by path and digest."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import os
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.fields import FieldError, shown
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+@dataclass(frozen=True)
+class GivenArray:
+    """An array of numbers; arrays with the same digest are equal.
+
+    Attributes:
+        sha256: Digest of the values in C order, float64, little-endian.
+        path: Path of the file, "" for an array.
+        values: float64, read-only.
+    """
+
+    sha256: str
+    path: str = field(compare=False)
+    values: NDArray[np.float64] = field(compare=False, repr=False)
+
+    NAME: ClassVar[str]
+    """The field of the scenario."""
+    ALLOWED: ClassVar[str]
+    """The allowed values, for errors."""
+    READERS: ClassVar[Mapping[str, Callable[[str], tuple[Any, ...]]]]
+    """By suffix of the file: returns the arguments of `_made` after the path."""
+
+    @classmethod
+    def of(cls, value: Any) -> Self:
+        """Return the array from an array, a file, or a `reference`.
+
+        Raises:
+            FieldError: If the value is none of these, or the file cannot be read or has changed.
+        """
+        if isinstance(value, cls):
+            return value
+        try:
+            if isinstance(value, Mapping):
+                if value.keys() != {"path", "sha256"} or not value["path"]:
+                    raise ValueError
+                made = cls.of(str(value["path"]))
+                if made.sha256 != value["sha256"]:
+                    raise FieldError(
+                        f"{cls.NAME} must be {made.path!r} with the SHA-256 "
+                        f"{shown(value['sha256'])}, got a file with {made.sha256}"
+                    )
+                return made
+            if isinstance(value, str | os.PathLike):
+                path = os.path.abspath(os.fspath(value))
+                return cls._made(path, *cls.READERS[Path(path).suffix.lower()](path))
+            return cls._made("", np.asarray(value))
+        except OSError as error:
+            reason = error.strerror or "it cannot be read"
+            raise FieldError(
+                f"{cls.NAME} must be {cls.ALLOWED}, got {_named(value)}: {reason}"
+            ) from None
+        except FieldError:
+            raise
+        except (EOFError, KeyError, MemoryError, TypeError, ValueError, csv.Error):
+            raise FieldError(f"{cls.NAME} must be {cls.ALLOWED}, got {_named(value)}") from None
+
+    @classmethod
+    @abstractmethod
+    def _made(cls, path: str, array: NDArray[Any]) -> Self:
+        """Return the checked array.
+
+        Raises:
+            FieldError, ValueError: If its values are not allowed.
+        """
+
+    @property
+    def reference(self) -> dict[str, str]:
+        """The path and the digest, for JSON."""
+        return {"path": self.path, "sha256": self.sha256}
+
+    def check_side(self, grid_size: int) -> None:
+        """Raise unless the array is of a grid of this size.
+
+        Raises:
+            FieldError: If it is not.
+        """
+        side = len(self.values)
+        if side != grid_size:
+            raise FieldError(
+                f"{self.NAME} must have {grid_size} x {grid_size} cells as grid_size says, got "
+                f"{self.source} of {side} x {side}"
+            )
+
+    @property
+    def source(self) -> str:
+        """The file, or "an array", for errors."""
+        return shown(self.path) if self.path else "an array"
+
+
+def frozen(array: NDArray[Any]) -> tuple[str, NDArray[np.float64]]:
+    """Return the digest of an array and a read-only copy of its values."""
+    values = array.astype("<f8", order="C")
+    values.flags.writeable = False
+    return hashlib.sha256(values.data).hexdigest(), values
+
+
+def _named(value: Any) -> str:
+    """Return a value for a message, with the whole path of a file."""
+    return repr(os.fspath(value)) if isinstance(value, str | os.PathLike) else shown(value)

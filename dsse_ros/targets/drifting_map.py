@@ -1,0 +1,34 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The ensemble of a given map that drifts: a person may be in any of its cells."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dsse_ros.targets.ensemble import Ensemble, Tracks
+
+
+def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
+    """Return one track for each cell of `probability_matrix`; see `targets.ensemble.TracksOf`.
+
+    The track's weight is the probability of the cell. All tracks start at the centres of their
+    cells and move by the mean drift of the datum (`drift`). Nothing is drawn. Without a matrix, the
+    prior is normal about the last known cell (`sigma_x`, `sigma_y`).
+    """
+    if scenario.probability_matrix is None:
+        (x, y), line = scenario.person_initial_position, np.arange(scenario.grid_size)
+        across = np.exp(-((line - x) ** 2) / (2.0 * scenario.sigma_x**2))
+        prior = np.outer(np.exp(-((line - y) ** 2) / (2.0 * scenario.sigma_y**2)), across)
+    else:
+        prior = scenario.probability_matrix.values
+    rows, cols = np.nonzero(prior)
+    weights = prior[rows, cols] / prior.sum()
+    start = np.stack([cols, rows], axis=1) + 0.5
+    drift = np.arange(steps + 1)[:, None, None] * np.array(scenario.drift)
+    return Tracks((start + drift) * scenario.cell_size, weights)
+
+
+DRIFTING_MAP = Ensemble("starts in a cell of probability_matrix and drifts with the datum", tracks)
