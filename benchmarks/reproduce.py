@@ -1,6 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`make reproduce`: two published tables, replayed in batches on the profiles v1 and v2.
+"""`make reproduce`: two published tables, and search problems with known values.
+
+The tables are replayed in batches on the profiles v1 and v2.
 
 A figure is reproduced if it lies in the 99 % interval of the published one or of the replay of the
 published package. The interval's width depends on the other side's number of episodes. Ours are so
@@ -22,7 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import search_problems
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
+from benchmarks.compare import PLANNERS_PAGE
 from benchmarks.greedy_batch import TIES, GreedyBatch
 from benchmarks.intervals import contains, of_mean, of_share
 from benchmarks.reference_values import GREEDY, SWEEP, Source
@@ -212,7 +216,7 @@ def table(title: str, figures: dict[str, Any]) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Replay both tables; return the exit code, 1 if one is not reproduced."""
+    """Replay tables and problems; return the exit code, 1 if one is not reproduced."""
     parser = argparse.ArgumentParser(prog="make reproduce", description=__doc__)
     parser.add_argument("--episodes", type=int, default=100_000, help="of the sweep")
     parser.add_argument("--greedy-episodes", type=int, default=20_000)
@@ -238,6 +242,12 @@ def main(arguments: list[str] | None = None) -> int:
             title += "" if ties == "quicksort" else " (to compare, not judged)"
             print(table(title, of_ties[ties]), flush=True)
 
+    problems = search_problems.run()
+    print(f"\nC. Search problems\n\n{search_problems.table(problems)}", flush=True)
+    reproduced = reproduced and all(of["reached"] for of in problems)
+    late = [of["title"] for of in problems if not of["in_time"]]
+    print("".join(f"\n{title} took longer than its goal" for title in late))
+
     result = {
         "machine": machine(),
         "versions": own_versions(),
@@ -248,10 +258,14 @@ def main(arguments: list[str] | None = None) -> int:
         "reproduced": reproduced,
         "sweep": sweep,
         "greedy": greedy,
+        "problems": problems,
     }
     given.out.mkdir(parents=True, exist_ok=True)
     path = given.out / "reproduce.json"
     path.write_text(json.dumps(rounded(result), indent=1) + "\n", encoding="utf-8")
+    if given.out == RESULTS:
+        page = search_problems.with_table(PLANNERS_PAGE.read_text(encoding="utf-8"), problems)
+        PLANNERS_PAGE.write_text(page, encoding="utf-8")
     print(f"\n{result['seconds']} s; written to {path}")
     return 0 if reproduced else 1
 

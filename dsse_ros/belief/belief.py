@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
-from dsse_ros.belief.protocol import Expected, Futures, LooksToCome
+from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step import kernels
+from dsse_ros.step.constants import transitions_of
 from dsse_ros.targets.motion import CHANCES, PERSONS
 from dsse_ros.targets.registry import MOTIONS
 
@@ -49,6 +50,7 @@ class Forecast(ForecastBase):
             is 1.
 
     Attributes:
+        transitions: Of `kernels.Sea`.
         chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
         tables: (R, 10, S S) float64, see `belief_kernels.complete`.
         directions: (R, K) int64, see `belief_kernels.forecast_step`.
@@ -67,6 +69,7 @@ class Forecast(ForecastBase):
         if 8 * steps * cells * (1 + CHANCES) > KEPT_BYTES:
             # Beliefs that share a forecast may be one step apart.
             steps = horizon + 2
+        self.transitions = transitions_of(resolved)
         self._world = np.zeros(1, kernels.WORLDS)
         self._world["vector_x"], self._world["vector_y"] = resolved.vector
         self._world["start_x"], self._world["start_y"] = resolved.person_initial_position
@@ -86,7 +89,7 @@ class Forecast(ForecastBase):
         self._still[:] = self.scenario.person_amount > 1 and self.rules.person_scatter > 0
         belief_kernels.start_sea(self.constants, self._world, self._drifts)
         sea = kernels.Sea(
-            self.constants, self._world, self._gauss, self._tails, self.area, self.runs, None
+            self.constants, self._world, self._gauss, self._tails, self.area, self.runs, None, None
         )
         span, no_maps = np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32)
         kernels.refresh_worlds(*sea, self._circle, span, no_maps)
@@ -116,7 +119,8 @@ class Forecast(ForecastBase):
         """Copy the prepared steps of another forecast, and its tables if the map is the same.
 
         Args:
-            other: A forecast with the same rules, grid, area and number of steps.
+            other: A forecast with the same rules, grid, area, transitions and number of
+                steps.
         """
         steps = other._ready
         if steps > len(self.directions):
@@ -198,8 +202,9 @@ class Belief(BeliefBase):
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
         belief_kernels.predict(
-            forecast.constants, forecast.area, self.density, forecast.chances[slot],
-            forecast.tables[slot], forecast.directions[slot], self._scratch,
+            forecast.constants, forecast.area, forecast.transitions, self.density,
+            forecast.chances[slot], forecast.tables[slot], forecast.directions[slot],
+            self._scratch,
         )  # fmt: skip
         self.step += 1
 
@@ -230,8 +235,8 @@ class Belief(BeliefBase):
         cells = np.empty((horizon + 1, count), np.int64)
         future_kernels.sample(self.of_missing(), count, offset, rows, cells[0])
         future_kernels.roll(
-            forecast.constants, forecast.area, forecast.chances, forecast.tables,
-            forecast.directions, slots, np.array(offsets), rows, cells,
+            forecast.constants, forecast.area, forecast.transitions, forecast.chances,
+            forecast.tables, forecast.directions, slots, np.array(offsets), rows, cells,
         )  # fmt: skip
         return Futures(cells, self.examples[rows // self._drifts])
 
@@ -246,12 +251,46 @@ class Belief(BeliefBase):
         forecast, slots = self.forecast, self._slots(horizon)
         left = np.empty(self.density.shape[1])
         finds = future_kernels.expect(
-            forecast.constants, forecast.area, self.of_missing(), forecast.chances,
-            forecast.tables, forecast.directions, slots, looks.steps, looks.columns,
-            np.ascontiguousarray(looks.pods[:, self.examples]), gamma, forecast.side,
-            np.empty_like(self.density), self._scratch, left,
+            forecast.constants, forecast.area, forecast.transitions, self.of_missing(),
+            forecast.chances, forecast.tables, forecast.directions, slots, looks.steps,
+            looks.columns, np.ascontiguousarray(looks.pods[:, self.examples]), gamma,
+            forecast.side, np.empty_like(self.density), self._scratch, left,
         )  # fmt: skip
         return Expected(float(finds), left)
+
+    def chain(self, horizon: int) -> TargetChain:
+        """Return the missing persons' motion as a Markov chain, without negligible cells.
+
+        Args:
+            horizon: H, at most that of the forecast.
+        """
+        forecast, density = self.forecast, self.of_missing().copy()
+        density[density <= belief_kernels.NEGLIGIBLE] = 0.0
+        starts = np.zeros((horizon + 1, density.shape[1] + 1), np.int64)
+        prior = density.T[density.T > 0.0]
+        numbers, rows = future_kernels.number_states(density, starts[0])
+        layers = []
+        for h, slot in enumerate(self._slots(horizon)):
+            belief_kernels.predict(
+                forecast.constants, forecast.area, forecast.transitions, density,
+                forecast.chances[slot], forecast.tables[slot], forecast.directions[slot],
+                self._scratch,
+            )  # fmt: skip
+            density[density <= belief_kernels.NEGLIGIBLE] = 0.0
+            before, starts[h + 1, 0] = rows, starts[h, -1]
+            numbers, rows = future_kernels.number_states(density, starts[h + 1])
+            steps = future_kernels.chain_layer(
+                forecast.constants, forecast.area, forecast.transitions, forecast.chances[slot],
+                forecast.tables[slot], forecast.directions[slot], starts[h], before, numbers,
+            )  # fmt: skip
+            layers.append((before, *steps))
+        layers.append((rows, np.zeros(len(rows), np.int64), *np.empty((2, 0))))
+        of_rows, counts, to, chance = (
+            np.concatenate(arrays) for arrays in zip(*layers, strict=True)
+        )
+        first = np.concatenate([[0], np.cumsum(counts)])
+        persons = self.examples[of_rows // self._drifts]
+        return TargetChain(starts, prior, persons, first, to.astype(np.int64), chance)
 
     def _slots(self, horizon: int) -> NDArray[np.int64]:
         """Return the indices of the next steps in the forecast, (H,)."""

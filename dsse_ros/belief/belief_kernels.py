@@ -129,12 +129,13 @@ def step_of_drift(c, area, x, y, direction):
 
 
 @part
-def transition(c, area, chances, i, row):
+def transition(c, area, transitions, chances, i, row):
     """Write the table column of a cell, from the persons' motion.
 
     Args:
         c: The constants.
         area: Of `kernels.Sea`.
+        transitions: Of `kernels.Sea`.
         chances: (S S,) of `forecast_step`.
         i: Column of the cell.
         row: (`ROW`,) float64; the first `CHANCES` are out, the rest is scratch.
@@ -148,41 +149,43 @@ def transition(c, area, chances, i, row):
     for step in range(STEPS):
         window[step] = chances[i + offset_of(c, step)]
     x, y = i % side - MARGIN, i // side - MARGIN
-    step_chances(c, area, x, y, window, row[:CHANCES], scratch)
+    step_chances(c, area, transitions, x, y, window, row[:CHANCES], scratch)
 
 
 @part
-def complete(c, area, chances, table, i, row):
+def complete(c, area, transitions, chances, table, i, row):
     """Compute the column of a cell in a table, if it is not known yet.
 
     Args:
         c: The constants.
         area: Of `kernels.Sea`.
+        transitions: Of `kernels.Sea`.
         chances: (S S,) of `forecast_step`.
         table: (`CHANCES`, S S) float64; the first row is negative in columns not known yet.
         i: Column of the cell.
         row: (`ROW`,) float64 scratch.
     """
     if table[0, i] < 0.0:
-        transition(c, area, chances, i, row)
+        transition(c, area, transitions, chances, i, row)
         for k in range(CHANCES):
             table[k, i] = row[k]
 
 
 @part
-def look_up(c, area, chances, table, i, direction, row):
+def look_up(c, area, transitions, chances, table, i, direction, row):
     """Write the probabilities (9,) of the steps from a cell.
 
     Args:
         c: The constants.
         area: Of `kernels.Sea`.
+        transitions: Of `kernels.Sea`.
         chances: (S S,) of `forecast_step`.
         table: Of `complete`.
         i: Column of the cell.
         direction: Of `forecast_step`.
         row: (`ROW`,) float64 out, the rest is scratch.
     """
-    complete(c, area, chances, table, i, row)
+    complete(c, area, transitions, chances, table, i, row)
     for step in range(STEPS):
         row[step] = table[step, i]
     if table[STEPS, i] > 0.0:
@@ -251,7 +254,7 @@ def add_drift(c, area, y, now, added, direction, after):
 
 
 @part
-def move_row(c, area, now, chances, table, direction, after, row):
+def move_row(c, area, transitions, now, chances, table, direction, after, row):
     """Advance one row of a belief by the persons' step, see `predict`."""
     count, side = len(now), c.grid_size + 2 * MARGIN
     unknown = drop_negligible(now, table[0])
@@ -263,7 +266,7 @@ def move_row(c, area, now, chances, table, direction, after, row):
     if unknown > 0:
         for i in range(first, last):
             if now[i] > 0.0:
-                complete(c, area, chances, table, i, row)
+                complete(c, area, transitions, chances, table, i, row)
     low, high = max(first - side - 1, side + 1), min(last + side + 1, count - side - 1)
     gather(now, table, after, low, high, side)
     if c.own_drift:
@@ -274,12 +277,13 @@ def move_row(c, area, now, chances, table, direction, after, row):
 
 
 @kernel
-def predict(constants, area, belief, chances, table, directions, scratch):
+def predict(constants, area, transitions, belief, chances, table, directions, scratch):
     """Advance a belief by the persons' step; its sum does not change.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         area: Of `kernels.Sea`.
+        transitions: Of `kernels.Sea`.
         belief: (C K, S S) float64.
         chances: (S S,) of `forecast_step`.
         directions: (K,) of `forecast_step`.
@@ -291,7 +295,7 @@ def predict(constants, area, belief, chances, table, directions, scratch):
     for k in range(len(belief)):
         direction = directions[k % len(directions)]
         if direction != STAND_STILL:
-            move_row(c, area, belief[k], chances, table, direction, after, row)
+            move_row(c, area, transitions, belief[k], chances, table, direction, after, row)
 
 
 @kernel

@@ -19,7 +19,12 @@ def is_ensemble(rules: Rules) -> bool:
 
 
 def forecast_for(
-    scenario: Scenario, rules: Rules, *, horizon: int = 0, drift_samples: int = 256
+    scenario: Scenario,
+    rules: Rules,
+    *,
+    horizon: int = 0,
+    drift_samples: int = 256,
+    planning: bool = False,
 ) -> TargetForecast:
     """Return the forecast of a scenario.
 
@@ -28,7 +33,8 @@ def forecast_for(
         rules: The rules of the search.
         horizon: Number of steps after the present one that are available.
         drift_samples: See `Forecast`; ensembles ignore it.
+        planning: See `EnsembleForecast`; other forecasts ignore it.
     """
     if is_ensemble(rules):
-        return EnsembleForecast(scenario, rules, horizon=horizon)
+        return EnsembleForecast(scenario, rules, horizon=horizon, planning=planning)
     return Forecast(scenario, rules, horizon=horizon, drift_samples=drift_samples)

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief import particle_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
-from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.belief.belief_kernels import MARGIN, NEGLIGIBLE
 from dsse_ros.belief.future_kernels import index
-from dsse_ros.belief.protocol import Expected, Futures, LooksToCome
+from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
@@ -36,6 +36,7 @@ class EnsembleForecast(ForecastBase):
         scenario: The scenario; it is resolved with the rules.
         rules: The rules of the search; persons must follow an ensemble.
         horizon: Number of steps after the present one that are available.
+        planning: Whether the particles are those of planners, see `tracks_of`.
 
     Attributes:
         cells: (T, M, 2) int16, cells (x, y) of the particles by step of the sea.
@@ -46,9 +47,12 @@ class EnsembleForecast(ForecastBase):
         FieldError: If the ensemble would take too much memory.
     """
 
-    def __init__(self, scenario: Scenario, rules: Rules, *, horizon: int = 0) -> None:
+    def __init__(
+        self, scenario: Scenario, rules: Rules, *, horizon: int = 0, planning: bool = False
+    ) -> None:
         super().__init__(scenario, rules, horizon)
-        tracks = tracks_of(self.scenario, rules)
+        self._planning = planning
+        tracks = tracks_of(self.scenario, rules, planning=planning)
         if tracks is None:
             raise ValueError(f"person_motion must be an ensemble, got {rules.person_motion!r}")
         self.cells, self.weights, self.maps = tracks.particles, tracks.weights, tracks.maps
@@ -56,7 +60,7 @@ class EnsembleForecast(ForecastBase):
     @cached_property
     def positions(self) -> NDArray[np.float32]:
         """(T, M, 2) float32, see `particle_positions`."""
-        return particle_positions(self.scenario, self.rules)
+        return particle_positions(self.scenario, self.rules, planning=self._planning)
 
     @cached_property
     def columns(self) -> NDArray[np.int32]:
@@ -201,3 +205,34 @@ class EnsembleBelief(BeliefBase):
             forecast.scenario.grid_size, left,
         )  # fmt: skip
         return Expected(float(finds), left)
+
+    def chain(self, horizon: int) -> TargetChain:
+        """Return the tracks of the particles, without negligible ones, as a Markov chain.
+
+        Each state has one step.
+
+        Args:
+            horizon: H; after the last step of the tracks nothing moves.
+        """
+        forecast, weights = self.forecast, self.of_missing()
+        _, members = forecast.by_column
+        kept = weights.max(axis=0) > NEGLIGIBLE
+        rows = np.minimum(self._sea_step + np.arange(horizon + 1), len(members) - 1)
+        # (H + 1, M), the particles of each layer; each has a state for every detection class.
+        order = members[rows][kept[members[rows]]].reshape(horizon + 1, -1)
+        classes, (layers, count) = len(weights), order.shape
+        place = np.empty((layers, len(kept)), np.int64)
+        np.put_along_axis(place, order, np.arange(count), axis=1)
+        after = np.take_along_axis(place[1:], order[:-1], axis=1)
+        after += count * np.arange(1, layers)[:, None]
+        to = (classes * after[..., None] + np.arange(classes)).ravel()
+        edges = np.arange(forecast.side**2 + 1)
+        starts = [
+            layer * count + np.searchsorted(forecast.columns[row, particles], edges)
+            for layer, (row, particles) in enumerate(zip(rows, order, strict=True))
+        ]
+        return TargetChain(
+            classes * np.stack(starts), weights.T[order[0]].ravel(),
+            np.tile(self.examples, layers * count),
+            np.minimum(np.arange(classes * layers * count + 1), len(to)), to, np.ones(len(to)),
+        )  # fmt: skip

@@ -122,6 +122,7 @@ class Tables(NamedTuple):
         start: (C K, S S) float64, the belief at a mission's first observation.
         pods: (L, C) float64, POD of each look by detection class.
         class_of: (n,) int64, see `search_outcomes`.
+        transitions: Of `kernels.Sea`.
         chances: (R, S S) of `forecast_step`; step s of the sea is at s % R.
         tables: (R, `CHANCES`, S S) of `complete`.
         directions: (R, K) of `forecast_step`.
@@ -132,6 +133,7 @@ class Tables(NamedTuple):
     start: NDArray[np.float64]
     pods: NDArray[np.float64]
     class_of: NDArray[np.int64]
+    transitions: NDArray[np.float64] | None
     chances: NDArray[np.float64]
     tables: NDArray[np.float64]
     directions: NDArray[np.int64]
@@ -177,7 +179,7 @@ class Scratch(NamedTuple):
 @kernel
 def follow_worlds(
     constants, area, worlds, drones, finds, kinds, looks, offsets, actions, live, done,
-    start, pods, class_of, chances, tables, directions, apart, first_step,
+    start, pods, class_of, transitions, chances, tables, directions, apart, first_step,
     beliefs, missing, unfound, pos,
     scratch, numbers, hazard, seen, rows,
     first, last,
@@ -206,7 +208,10 @@ def follow_worlds(
                 constants, beliefs[b], apart[slot], chances[slot], class_of, missing[b],
                 unfound[b], pos[b], numbers, hazard, seen, rows, pods, failed, count,
             )  # fmt: skip
-        predict(constants, area, beliefs[b], chances[slot], tables[slot], directions[slot], scratch)
+        predict(
+            constants, area, transitions, beliefs[b], chances[slot], tables[slot],
+            directions[slot], scratch,
+        )  # fmt: skip
 
 
 @kernel

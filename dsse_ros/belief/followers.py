@@ -146,8 +146,8 @@ class MotionFollower:
         steps = max(int(followed.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
         tables = Tables(
-            self.start, pods, self.class_of, forecast.chances, forecast.tables,
-            forecast.directions, forecast.apart, forecast.first_step,
+            self.start, pods, self.class_of, forecast.transitions, forecast.chances,
+            forecast.tables, forecast.directions, forecast.apart, forecast.first_step,
         )  # fmt: skip
         motion = np.empty(self.start.shape[1] + belief_kernels.ROW)
         scratch = Scratch(motion, *_scratch(followed, self.class_of, self.examples))

@@ -1,7 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled forecast of a belief: sampled futures of the persons, and future searches."""
+"""The compiled forecast of a belief: sampled futures, future searches, and the Markov chain."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from dsse_ros.belief.belief_kernels import MARGIN, ROW, look_up, offset_of, predict, search
 from dsse_ros.compiled.jit import compiled
-from dsse_ros.targets.motion import STAND_STILL, STEPS
+from dsse_ros.targets.motion import NO_STEP, STAND_STILL, STEPS
 
 GOLDEN = 0.6180339887498949
 """Its multiples modulo 1 fill [0, 1) evenly, so neighbours in a sample draw different steps."""
@@ -64,12 +64,13 @@ def sample(density, count, offset, rows, cells):
 
 
 @compiled()
-def roll(constants, area, chances, tables, directions, slots, offsets, rows, cells):
+def roll(constants, area, transitions, chances, tables, directions, slots, offsets, rows, cells):
     """Advance the persons of all scenarios by their steps.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         area: Of a `Forecast`.
+        transitions: Of a `Forecast`.
         chances: (R, S S), of a `Forecast`.
         tables: (R, 10, S S), of a `Forecast`.
         directions: (R, K), of a `Forecast`.
@@ -90,7 +91,7 @@ def roll(constants, area, chances, tables, directions, slots, offsets, rows, cel
                 after[s] = i
                 continue
             if i != seen_cell or direction != seen_direction:
-                look_up(c, area, chances[slot], tables[slot], i, direction, row)
+                look_up(c, area, transitions, chances[slot], tables[slot], i, direction, row)
                 seen_cell, seen_direction = i, direction
             left = (offsets[h] + s * GOLDEN) % 1.0
             step = 0
@@ -102,14 +103,15 @@ def roll(constants, area, chances, tables, directions, slots, offsets, rows, cel
 
 @compiled()
 def expect(
-    constants, area, density, chances, tables, directions, slots, steps, columns, pods, gamma,
-    side, belief, scratch, left,
+    constants, area, transitions, density, chances, tables, directions, slots, steps, columns,
+    pods, gamma, side, belief, scratch, left,
 ):  # fmt: skip
     """Return the discounted finds of future looks, by the exact filter.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         area: Of a `Forecast`.
+        transitions: Of a `Forecast`.
         density: (C K, S S), of a `Belief`.
         chances: (R, S S), of a `Forecast`.
         tables: (R, 10, S S), of a `Forecast`.
@@ -133,7 +135,10 @@ def expect(
             )
             q += 1
         slot = slots[h]
-        predict(constants, area, belief, chances[slot], tables[slot], directions[slot], scratch)
+        predict(
+            constants, area, transitions, belief, chances[slot], tables[slot], directions[slot],
+            scratch,
+        )  # fmt: skip
         worth *= gamma
     for i in range(len(left)):
         total = 0.0
@@ -141,3 +146,70 @@ def expect(
             total += belief[k, i]
         left[i] = total
     return value
+
+
+@compiled()
+def number_states(density, starts):
+    """Number the states of a layer, the cells with a probability, column by column.
+
+    Args:
+        density: (C K, S S) float64.
+        starts: (S S + 1,) int64 in and out: the first number is in, see `TargetChain`.
+
+    Returns:
+        (C K, S S) int64, the number of each cell's state, -1 for none, and (N,) int64, the row of
+        each state.
+    """
+    numbers = np.full(density.shape, -1)
+    rows = np.empty(density.size, np.int64)
+    state = starts[0]
+    for i in range(density.shape[1]):
+        starts[i] = state
+        for k in range(len(density)):
+            if density[k, i] > 0.0:
+                numbers[k, i], rows[state - starts[0]] = state, k
+                state += 1
+    starts[-1] = state
+    return numbers, rows[: state - starts[0]].copy()
+
+
+@compiled()
+def chain_layer(constants, area, transitions, chances, table, directions, starts, rows, numbers):
+    """Return the steps from the states of a layer.
+
+    Args:
+        constants: (1,) of `constants.CONSTANTS`.
+        area: Of a `Forecast`.
+        transitions: Of a `Forecast`.
+        chances: (S S,), of a `Forecast`.
+        table: (10, S S), of a `Forecast`.
+        directions: (K,), of a `Forecast`.
+        starts: (S S + 1,) of `number_states`.
+        rows: (N,) of `number_states`.
+        numbers: (C K, S S) of `number_states`, for the next layer.
+
+    Returns:
+        (N,) int64, the number of steps from each state; (E,) int64, the states that they lead to;
+        (E,) float64, their probabilities.
+    """
+    c, count, base = constants[0], 0, starts[0]
+    row = np.empty(ROW)
+    counts = np.zeros(len(rows), np.int64)
+    to, chance = np.empty(STEPS * len(rows), np.int64), np.empty(STEPS * len(rows))
+    for i in range(len(starts) - 1):
+        for s in range(starts[i] - base, starts[i + 1] - base):
+            k = rows[s]
+            direction = directions[k % len(directions)]
+            if direction == STAND_STILL:
+                row[:STEPS] = 0.0
+                row[NO_STEP] = 1.0
+            else:
+                look_up(c, area, transitions, chances, table, i, direction, row)
+            for step in range(STEPS):
+                if row[step] > 0.0:
+                    n = numbers[k, i + offset_of(c, step)]
+                    if n >= 0:
+                        to[count], chance[count] = n, row[step]
+                        counts[s] += 1
+                        count += 1
+    return counts, to[:count].copy(), chance[:count].copy()

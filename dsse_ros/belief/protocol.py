@@ -54,6 +54,30 @@ class Expected(NamedTuple):
     left: NDArray[np.float64]
 
 
+class TargetChain(NamedTuple):
+    """The persons' motion in the next H steps as a Markov chain, without any look.
+
+    It has N states in H + 1 layers, one per step from now on. The states of layer h in column i are
+    starts[h, i] .. starts[h, i + 1] - 1, and layer h + 1 follows layer h.
+
+    Attributes:
+        starts: (H + 1, C + 1) int64, for C columns, see `TargetForecast`.
+        prior: Probabilities of the states of layer 0, float64.
+        persons: (N,) int64, number of a person with the POD of the person in each state.
+        first: (N + 1,) int64, the steps from state s are first[s] .. first[s + 1] - 1; there are
+            none from the last layer.
+        to: (E,) int64, the state that each step leads to.
+        chance: (E,) float64, its probability.
+    """
+
+    starts: NDArray[np.int64]
+    prior: NDArray[np.float64]
+    persons: NDArray[np.int64]
+    first: NDArray[np.int64]
+    to: NDArray[np.int64]
+    chance: NDArray[np.float64]
+
+
 class TargetForecast(Protocol):
     """Advance knowledge of the persons, the same in every mission of a scenario.
 
@@ -139,6 +163,10 @@ class TargetBelief(Protocol):
             horizon: H, at most that of the forecast.
             gamma: Discount of a find per step.
         """
+        ...
+
+    def chain(self, horizon: int) -> TargetChain:
+        """Return the missing persons' motion in the next `horizon` steps as a Markov chain."""
         ...
 
     def copy(self) -> TargetBelief:

@@ -4,11 +4,16 @@
 
 Numba recompiles a function when its own module has changed, but not when the module of a function
 that it calls has. The functions compiled here call across modules, so they depend on all of them.
+
+Processes that write to Numba's cache at once can store the code of one signature under the name of
+another, and from then on all processes load the wrong code. A lock prevents that.
 """
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
+import functools
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +31,17 @@ MODULES = tuple(sorted(file for name in _FOLDERS for file in (_PACKAGE / name).g
 SOURCES = hashlib.sha256(b"".join(file.read_bytes() for file in MODULES)).hexdigest()
 
 
+def _locked(call: Callable[..., Any], folder: Path, kind: int) -> Callable[..., Any]:
+    @functools.wraps(call)
+    def locked(*args: Any) -> Any:
+        folder.mkdir(parents=True, exist_ok=True)
+        with open(folder / "dsse_ros.lock", "ab") as lock:
+            fcntl.flock(lock, kind)
+            return call(*args)
+
+    return locked
+
+
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Return a decorator that compiles a function once, and again when one of `MODULES` changes.
 
@@ -39,6 +55,9 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         # Numba has no option for this; without these attributes its cache works as usual.
         with contextlib.suppress(AttributeError):
             file = dispatcher._cache._cache_file
+            folder = Path(dispatcher._cache.cache_path)
+            file.load = _locked(file.load, folder, fcntl.LOCK_SH)
+            file.save = _locked(file.save, folder, fcntl.LOCK_EX)
             file._source_stamp = (file._source_stamp, SOURCES)
         return dispatcher
 

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.ensemble_belief import EnsembleForecast
 from dsse_ros.planners.belief import GreedyOnBelief
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search import World, profile
 from dsse_ros.step.looks import searches_of
+from dsse_ros.step.sea_tracks import tracks_of
 
 LAND = {
     "type": "Polygon",
@@ -26,8 +28,8 @@ CASES = [
     for key in ("PIW-1", "PERSON-POWERED-VESSEL-1", "SKIFF-2")
     for pod, shore in ((1.0, True), (0.8, False))
 ]
-ENSEMBLES, MISSIONS = 4, 30
-"""Of each case; each ensemble has its own particles, so that their sampling errors average out."""
+MISSIONS = 30
+"""Of each ensemble."""
 
 
 def search(
@@ -46,31 +48,35 @@ def search(
     world = World(scenario, SEA, MISSIONS, write_maps=False)
     world.seed(seed * MISSIONS)
     world.reset()
-    belief = forecast_for(scenario, SEA).belief()
-    tactic = GreedyOnBelief().start(belief.forecast, 0)
+    planned, belief = (
+        forecast_for(scenario, SEA, planning=planning).belief() for planning in (True, False)
+    )
+    tactic = GreedyOnBelief().start(planned.forecast, 0)
     cells = list(scenario.drones_positions)
     for _ in range(STEPS):
-        ends = tactic(belief, range(DRONES), cells)
+        ends = tactic(planned, range(DRONES), cells)
         going = zip(cells, ends, strict=True)
         actions = np.array([SEA.action_set.action(*leg) for leg in going], np.int8)
         world.step(np.tile(actions, (MISSIONS, 1)))
         # The plan goes on as if nobody were found, so its POS is that of every mission.
-        belief.update(
-            searches_of(scenario, SEA, [a for a, b in zip(cells, ends, strict=True) if a == b])
-        )
-        belief.advance()
+        searched = [a for a, b in zip(cells, ends, strict=True) if a == b]
+        for each in (planned, belief):
+            each.update(searches_of(scenario, SEA, searched))
+            each.advance()
         cells = ends
         if belief.pos >= until:
             break
     return belief.pos, int(world.persons["found"].sum())
 
 
-@pytest.mark.parametrize("persons", [1, 4])
-def test_pos_is_the_share_of_persons_found(persons: int) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize(("persons", "ensembles"), [(1, 4), (4, 2)])
+def test_pos_is_the_share_of_persons_found(persons: int, ensembles: int) -> None:
+    # Each ensemble of a case has its own particles, so that their sampling errors average out.
     rng = np.random.default_rng(1)
     searches = []
     for number, case in enumerate(CASES):
-        for k in range(ENSEMBLES):
+        for k in range(ensembles):
             searches.append(search(*case, persons, 100 * number + k, rng.uniform(0.02, 0.98)))
     pos, found = np.array(searches).T
     bins = np.minimum((10 * pos).astype(int), 9)
@@ -82,3 +88,41 @@ def test_pos_is_the_share_of_persons_found(persons: int) -> None:
         # 99 % for all bins together; half a person for the discrete counts.
         most = NormalDist().inv_cdf(1 - 0.005 / 10) * spread + 0.5
         assert found[chosen].sum() == pytest.approx(expected, abs=most)
+
+
+def test_pos_does_not_count_what_a_planner_has_chosen_by_chance() -> None:
+    too_high: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(12):
+        scenario = Scenario(
+            incident={
+                "object": "PIW-1", "search_start": "2026-01-17T14:00Z",
+                "wind": {"from": 270, "speed": 5.0},
+                "seen": [{"lat": 0.0, "lon": 0.0, "time": "2026-01-17T13:00Z", "radius": 300}],
+            },
+            particles=1000, num_drones=DRONES, timestep_limit=STEPS, ensemble_seed=seed,
+        ).resolve(SEA)  # fmt: skip
+        forecasts = {
+            planning: EnsembleForecast(scenario, SEA, planning=planning)
+            for planning in (True, False)
+        }
+        of_persons, tracks = EnsembleForecast(scenario, SEA), tracks_of(scenario, SEA)
+        assert tracks is not None
+        of_persons.cells, of_persons.weights = tracks.truth, np.diff(tracks.cumulative, prepend=0)
+        beliefs = {name: forecast.belief() for name, forecast in forecasts.items()}
+        exact = of_persons.belief()
+        tactic = GreedyOnBelief().start(forecasts[True], 0)
+        cells = list(scenario.drones_positions)
+        for _ in range(STEPS):
+            ends = tactic(beliefs[True], range(DRONES), cells)
+            searched = [a for a, b in zip(cells, ends, strict=True) if a == b]
+            for belief in (*beliefs.values(), exact):
+                belief.update(searches_of(scenario, SEA, searched))
+                belief.advance()
+            cells = ends
+        for planning, belief in beliefs.items():
+            too_high[planning].append(belief.pos - exact.pos)
+
+    def deviation(of: list[float]) -> float:
+        return float(np.mean(of) / np.std(of, ddof=1) * len(of) ** 0.5)
+
+    assert abs(deviation(too_high[False])) < 3 < deviation(too_high[True])

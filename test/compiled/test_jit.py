@@ -27,10 +27,48 @@ out = np.zeros(1, np.int64)
 misfits(constants, np.zeros(1, WORLDS), None, np.array([[1, 2]]), np.array([[1.0, 2.0]]), out)
 print(out)
 """
+TWICE = """
+from dsse_ros.compiled.jit import compiled
+
+@compiled()
+def twice(values):
+    return values.sum() + values.sum()
+"""
+RUN_TWICE = """
+import sys, time
+import numpy as np
+from numba.core.caching import IndexDataCacheFile
+from twice import twice
+
+def pause_before(method, seconds):
+    write = getattr(IndexDataCacheFile, method)
+    setattr(IndexDataCacheFile, method, lambda *args: (time.sleep(seconds), write(*args)))
+
+before_index, before_data = (0.5, 1.5) if sys.argv[1] == "int8" else (1, 0)
+pause_before("_save_index", before_index)
+pause_before("_save_data", before_data)
+values = np.ones(3, sys.argv[1])
+print(values.dtype, twice(values))
+"""
+"""The one writes its index last, the other its code, if nothing prevents them."""
 BEFORE, AFTER = (
     f"    w.remainder_x += w.drift_{first}\n    w.remainder_y += w.drift_{second}\n"
     for first, second in ("xy", "yx")
 )
+
+
+@pytest.mark.slow
+def test_processes_that_compile_at_once_do_not_mix_up_their_code(tmp_path: Path) -> None:
+    (tmp_path / "twice.py").write_text(TWICE)
+
+    def run(kind: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", RUN_TWICE, kind]
+        return subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+
+    for process in [run("int8"), run("float64")]:
+        process.communicate(timeout=120)
+    outputs = [run(kind).communicate(timeout=120)[0] for kind in ("int8", "float64")]
+    assert outputs == ["int8 6\n", "float64 6.0\n"]
 
 
 @pytest.mark.slow

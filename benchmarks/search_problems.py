@@ -1,0 +1,265 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Search problems with known values, planned by `forward_backward` and played in the world.
+
+The value of a problem is the probability of success of all looks.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.planners.beam_search import BeamOptions
+from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief, ImproveOptions
+from dsse_ros.planners.path_search import upper_bound
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import Scenario, scenario_and_rules
+from dsse_ros.search.world import World
+from dsse_ros.step.looks import looks_of
+
+SEED = 1
+WORLDS = 20_000
+CUTS = 300
+"""Linear functions for the bound of several searchers."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A search problem.
+
+    Attributes:
+        title: Source and instance.
+        scenario: The scenario; `timestep_limit` is the number of looks.
+        rules: The rules of the search.
+        published: Published value; None if there is none.
+        best_known: Value of the best known plan before ours, computed from the plan.
+        tolerance: Relative difference from `best_known` that is allowed.
+        seconds: CPU time that is allowed.
+        improvement: Options of the planner.
+        lead: Looks in the start cells before the first move.
+    """
+
+    title: str
+    scenario: Scenario
+    rules: Rules
+    published: float | None
+    best_known: float | None
+    tolerance: float
+    seconds: float
+    improvement: ImproveOptions
+    lead: int = 0
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The plan for a problem.
+
+    Attributes:
+        stated: Value by the planner.
+        played: Value by the exact belief after all looks.
+        found: Share of `WORLDS` worlds in which the looks find the person.
+        bound: Bound on the value of all plans.
+        seconds: CPU time of the planner.
+        paths: Cells after each step, by drone.
+    """
+
+    stated: float
+    played: float
+    found: float
+    bound: float
+    seconds: float
+    paths: list[list[tuple[int, int]]] = field(repr=False)
+
+
+def eagle() -> Iterator[Problem]:
+    """Yield the problems of Eagle, Operations Research 32 (1984), table I: nine starts."""
+    optimum = dict.fromkeys((2, 3, 4, 5, 7), 0.8631) | dict.fromkeys((6, 8, 9), 1.0) | {1: 0.7786}
+    for start in range(1, 10):
+        scenario, rules = scenario_and_rules(
+            rules="paper", person_motion="random_walk", person_steps=_plus(0.4), collisions=False,
+            sensor="flown_over", grid_size=3, timestep_limit=10, person_initial_position=(2, 2),
+            drones_positions=[((start - 1) % 3, (start - 1) // 3)],
+        )  # fmt: skip
+        yield Problem(
+            f"Eagle, start {start}", scenario, rules, optimum[start], optimum[start], 5e-5, 1.0,
+            ImproveOptions(iterations=0, width=4096),
+        )  # fmt: skip
+
+
+def royset_sato() -> Iterator[Problem]:
+    """Yield the problems of Royset and Sato, Naval Research Logistics 57 (2010).
+
+    The published values are logged by a solver that minimises the probability of no detection by
+    cutting planes, up to 1e-4 below the value of its plan. Those of 8 to 11 looks are optimal.
+    """
+    logged = (
+        0.6873690883, 0.5805588675, 0.5154632988, 0.4712110556, 0.4379770265, 0.4127679399, None,
+    )  # fmt: skip
+    best = (
+        0.6873697326, 0.5805670709, 0.5154735461, 0.4712220923, 0.4379911016, 0.4115459897,
+        0.3840290312,
+    )  # fmt: skip
+    for looks, value, least in zip(range(8, 15), logged, best, strict=True):
+        few = looks <= 11
+        published = None if value is None else 1.0 - value
+        yield _royset_sato(
+            3, looks, published, 1.0 - least, 1e-4 if few else 1e-9, 1.0 if few else 10.0,
+            200 if few else 1000,
+        )  # fmt: skip
+    for looks in (8, 10, 12, 14):
+        yield _royset_sato(15, looks, None, None, 0.0, 10.0, 40)
+
+
+def _royset_sato(
+    drones: int,
+    looks: int,
+    published: float | None,
+    best_known: float | None,
+    tolerance: float,
+    seconds: float,
+    iterations: int,
+) -> Problem:
+    scenario, rules = scenario_and_rules(
+        rules="paper", person_motion="random_walk", person_steps=_plus(0.6), collisions=False,
+        sensor="flown_over", grid_size=9, timestep_limit=looks, person_initial_position=(4, 4),
+        drones_positions=[(0, 0)] * drones, probability_of_detection=1.0 - 0.4 ** (3 / drones),
+    )  # fmt: skip
+    return Problem(
+        f"Royset and Sato, {drones} searchers, {looks} looks", scenario, rules, published,
+        best_known, tolerance, seconds, ImproveOptions(iterations=iterations),
+    )  # fmt: skip
+
+
+def phung_ha() -> Iterator[Problem]:
+    """Yield the problem of Phung and Ha, arXiv 2010.02039: a map that drifts, no cell twice."""
+    line = np.arange(1, 41)
+
+    def normal(mean: int) -> NDArray[np.float64]:
+        along = np.exp(-((line - mean) ** 2) / 8.0)
+        matrix = np.outer(along, along)
+        normed: NDArray[np.float64] = matrix / matrix.sum()
+        return normed
+
+    scenario, rules = scenario_and_rules(
+        rules="paper", person_motion="drifting_map", collisions=False, sensor="flown_over",
+        actions=["left", "right", "up", "down", "up_left", "up_right", "down_left", "down_right",
+                 "search"],
+        grid_size=40, timestep_limit=20, vector=(0.5, 0.0), drones_positions=[(20, 20)],
+        probability_matrix=0.5 * normal(10) + 0.5 * normal(5),
+    )  # fmt: skip
+    yield Problem(
+        "Phung and Ha", scenario, rules, None, 0.18858, 0.0, 5.0,
+        ImproveOptions(iterations=100, width=64, revisits=False), lead=1,
+    )  # fmt: skip
+
+
+def _plus(stay: float) -> tuple[float, ...]:
+    """Return the steps of a walk that stays or takes one of the four straight steps."""
+    side = (1.0 - stay) / 4.0
+    return (0.0, side, 0.0, side, stay, side, 0.0, side, 0.0)
+
+
+def problems() -> list[Problem]:
+    """Return all problems."""
+    return [*eagle(), *royset_sato(), *phung_ha()]
+
+
+def solve(problem: Problem) -> Solution:
+    """Plan, play the plan with the exact belief, and play it in many worlds."""
+    scenario, rules = problem.scenario.resolve(problem.rules), problem.rules
+    steps = scenario.timestep_limit
+    options = BeamOptions(horizon=steps - problem.lead, gamma=1.0, kappa=0.0)
+    factory = ForwardBackwardOnBelief(options, problem.improvement)
+    forecast = forecast_for(scenario, rules, horizon=factory.horizon(rules))
+    belief, present = forecast.belief(), list(scenario.drones_positions)
+    looks, actions = looks_of(scenario, rules), rules.action_set
+    agents: list[Hashable] = list(range(len(present)))
+    for _ in range(problem.lead):
+        belief.update([look for n in agents for look in looks.done(n, actions.search, present[n])])
+        belief.advance()
+    before = belief.pos
+    tactic = factory.start(forecast, SEED)
+    began = time.process_time()
+    tactic(belief, agents, present)
+    seconds = time.process_time() - began
+    assert tactic.problem is not None
+    bound = tactic.bound
+    if len(agents) > 1:
+        bound = upper_bound(tactic.problem, CUTS, np.random.default_rng(SEED))
+    stated, bound = (before + (1.0 - before) * value for value in (tactic.value, bound))
+
+    paths = [[present[n]] * problem.lead + path for n, path in tactic.paths().items()]
+    world = World(scenario, rules, WORLDS, write_maps=False)
+    world.seed(SEED)
+    world.reset()
+    found, belief = np.zeros(WORLDS, bool), forecast.belief()
+    for step in range(steps):
+        cells = [path[step] for path in paths]
+        joint = [actions.action(a, b) for a, b in zip(present, cells, strict=True)]
+        belief.update([look for n in agents for look in looks.done(n, joint[n], cells[n])])
+        belief.advance()
+        world.step(np.tile(np.array(joint, np.int8), (WORLDS, 1)))
+        found |= world.worlds["num_missing"] == 0
+        present = cells
+    world.close()
+    return Solution(stated, belief.pos, float(found.mean()), bound, seconds, paths)
+
+
+def row(problem: Problem, solution: Solution) -> dict[str, Any]:
+    """Return the figures of a problem, and whether the plan is as good and as fast as required."""
+    known, value = problem.best_known, solution.played
+    return {
+        "title": problem.title,
+        "published": problem.published,
+        "best_known": known,
+        "value": value,
+        "stated": solution.stated,
+        "found": solution.found,
+        "bound": min(solution.bound, 1.0),
+        "seconds": solution.seconds,
+        "reached": known is None or value >= known * (1.0 - problem.tolerance),
+        "in_time": solution.seconds <= problem.seconds,
+    }
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Return the figures as a table in Markdown."""
+    lines = [
+        "| Problem | Published | Best known | Ours | Gap to the bound | CPU time, s |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for of in rows:
+        texts = ["-" if of[k] is None else f"{of[k]:.6f}" for k in ("published", "best_known")]
+        gap = max(of["bound"] / of["value"] - 1.0, 0.0)
+        closed = "0, optimal" if gap < 1e-8 else f"{gap:.1%}" if np.isfinite(gap) else "-"
+        lines.append(
+            f"| {of['title']} | {texts[0]} | {texts[1]} | {of['value']:.6f} | {closed} | "
+            f"{of['seconds']:.3f} |"
+        )
+    return "\n".join(lines)
+
+
+def with_table(text: str, rows: list[dict[str, Any]]) -> str:
+    """Return a page with the table between its two comments."""
+    place = re.compile(r"(<!-- problems -->\n).*?(<!-- end -->\n)", re.DOTALL)
+    return place.sub(lambda found: f"{found[1]}\n{table(rows)}\n\n{found[2]}", text)
+
+
+def run() -> list[dict[str, Any]]:
+    """Solve all problems, after one of each kind has compiled the planner."""
+    chosen = problems()
+    for problem in (chosen[0], chosen[9], chosen[-1]):
+        solve(problem)
+    return [row(problem, solve(problem)) for problem in chosen]
+
+
+if __name__ == "__main__":
+    print(table(run()))
