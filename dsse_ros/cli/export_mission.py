@@ -1,24 +1,27 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`export_mission`: a search as mission files, from a scenario and a planner, without ROS."""
+"""`export_mission`: a search or a search pattern as mission files, without ROS."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.cli.command_line import Parser, search_of
+from dsse_ros.cli.pattern_mission import PatternMission, add_pattern, check_no_pattern
+from dsse_ros.cli.start import not_found
 from dsse_ros.mission.vehicle_missions import (
     FlightSettings,
     layers,
     search_missions,
     write_missions,
 )
-from dsse_ros.planners import planner_for
+from dsse_ros.planners import planner_with
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError, SearchEnv
@@ -32,16 +35,16 @@ OPTIONS = ("autopilot", "merge_legs", *LENGTHS)
 
 
 def play(
-    env: SearchEnv, planner: str, seed: int
+    env: SearchEnv, planner: str, seed: int, options: Sequence[str] = ()
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], bool]:
     """Search until the end.
 
     Returns:
-        (K, N, 2) cells after each step and before the first, (K, N) flags of who has searched,
+        (K, N, 2) cells after each step and before the first, (K, N) flags of their searches,
         and whether everybody was found.
     """
     observations, infos = env.reset(seed=seed)
-    policy = planner_for(env, planner, seed=seed)
+    policy = planner_with(env, planner, options, seed=seed)
     search = env.rules.action_set.search
     numbers = {name: i for i, name in enumerate(env.possible_agents)}
     cells = [env.positions]
@@ -72,7 +75,8 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
     parser = Parser(
         prog="export_mission",
-        description="Search without ROS, and write each drone's track as mission files.",
+        description="Search without ROS, and write each drone's track as mission files; or write "
+        "a search pattern for one vehicle.",
     )
     of_flight = specs(FlightSettings)
     defaults = FlightSettings()
@@ -82,16 +86,18 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     add(
         "--home",
         metavar="LAT,LON,ALT",
-        help="where all take off, by default where each starts; --home=-24,-46,0 if south",
+        help="where all take off, by default where each starts; --home=-24,-46,0 in the south",
     )
     add("--autopilot", default=defaults.autopilot, choices=of_flight["autopilot"].choices,
-        help="which autopilot the missions are for")  # fmt: skip
+        help="autopilot that the missions are for")  # fmt: skip
+    add("--gpx", action="store_true", help="also write missions.gpx, the missions as routes")
     add("--every-cell", dest="merge_legs", action="store_false",
-        help="a waypoint in each cell of a straight leg")  # fmt: skip
+        help="put a waypoint in each cell of a straight leg")  # fmt: skip
     for name in LENGTHS:
         spec = of_flight[name]
         add(f"--{name.replace('_', '-')}", type=float, default=getattr(defaults, name),
             help=f"{spec.doc.rstrip('.')}, {spec.unit}")  # fmt: skip
+    add_pattern(parser)
     return parser.parse_with_ros(argv, {name: (name, of_flight[name]) for name in OPTIONS})
 
 
@@ -99,24 +105,42 @@ def main(argv: list[str] | None = None) -> int:
     """Write the files; returns the exit code, 2 for bad input."""
     arguments = parse(argv)
     try:
+        if arguments.gpx:
+            # It needs an extra.
+            from dsse_ros.report.gpx import gpx_text
         settings = FlightSettings(**{name: getattr(arguments, name) for name in OPTIONS})
         home = _home(arguments.home) if arguments.home else None
         _, scenario, rules = search_of(arguments)
-        env = prepared_env(scenario, rules, lambda line: print(line, file=sys.stderr, flush=True))
-        frames = layers(scenario_frame(env.scenario), settings, len(env.possible_agents))
+        if arguments.pattern is not None:
+            of_pattern = PatternMission(arguments, scenario)
+            mission = of_pattern.mission(settings, home)
+            missions, result = {"drone0": mission}, "\n".join(of_pattern.summary(mission)) + "\n"
+        else:
+            check_no_pattern(arguments)
+            env = prepared_env(
+                scenario, rules, lambda line: print(line, file=sys.stderr, flush=True)
+            )
+            names = env.possible_agents
+            frames = layers(scenario_frame(env.scenario), settings, len(names))
+            cells, searched, found = play(
+                env, arguments.planner, arguments.seed, arguments.planner_options
+            )
+            tracks = [(cells[:, i], searched[:, i]) for i in range(len(names))]
+            flown = search_missions(frames, tracks, settings, [home] * len(names))
+            missions = dict(zip(names, flown, strict=True))
+            result = f"{'found' if found else 'not found'} after {len(cells) - 1} steps; "
     except FieldError as error:
         return fail("export_mission", error)
-    cells, searched, found = play(env, arguments.planner, arguments.seed)
-    names = env.possible_agents
-    tracks = [(cells[:, i], searched[:, i]) for i in range(len(names))]
-    flown = search_missions(frames, tracks, settings, [home] * len(names))
-    missions = dict(zip(names, flown, strict=True))
+    except ImportError as error:
+        return not_found("export_mission", error)
     try:
         written = write_missions(arguments.out, missions, arguments.autopilot)
+        if arguments.gpx:
+            written.append(arguments.out / "missions.gpx")
+            written[-1].write_text(gpx_text(routes=missions), encoding="utf-8")
     except OSError as error:
         return fail("export_mission", f"out: {str(arguments.out)!r}: {error.strerror}")
-    end = "found" if found else "not found"
-    print(f"{end} after {len(cells) - 1} steps; {len(written)} files in {arguments.out}")
+    print(f"{result}{len(written)} files in {arguments.out}")
     return 0
 
 

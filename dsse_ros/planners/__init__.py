@@ -12,6 +12,8 @@ from dsse_ros.planners.registry import (
     load_planner,
     make_planner,
     planner_for,
+    planner_with,
+    read_options,
 )
 
 __all__ = [
@@ -27,4 +29,6 @@ __all__ = [
     "load_planner",
     "make_planner",
     "planner_for",
+    "planner_with",
+    "read_options",
 ]

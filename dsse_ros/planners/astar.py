@@ -11,16 +11,16 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Collection, Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.masking import apply_masks
 from dsse_ros.planners.planner import (
-    AgentObservation,
     Cell,
     DrawsNothing,
+    Infos,
+    Observations,
     Search,
     cells_of,
     probability_of,
@@ -58,11 +58,7 @@ class AStar(DrawsNothing):
         self._apart = apart
         self._goals: dict[str, Cell] = {}
 
-    def __call__(
-        self,
-        observations: Mapping[str, AgentObservation],
-        infos: Mapping[str, Mapping[str, Any]],
-    ) -> dict[str, int]:
+    def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""
         if not observations:
             return {}

@@ -125,7 +125,9 @@ class _BeamLooks(NamedTuple):
 
 
 @dataclass
-class _Plan:
+class PlannedPath:
+    """The plan of a drone."""
+
     path: NDArray[np.int64]
     """(H + 1,) columns of the belief, the present one first."""
     length: int
@@ -164,7 +166,7 @@ class BeamSearch:
             self._masked = ~np.pad(forecast.area, MARGIN).ravel()
         away = actions.distances((0, 0), side).astype(np.float64)
         self._nearness: NDArray[np.float64] = options.closeness**away
-        self._plans: dict[Hashable, _Plan] = {}
+        self._plans: dict[Hashable, PlannedPath] = {}
         self._reach: Reach | None = None
         self.drawn = False
 
@@ -234,9 +236,9 @@ class BeamSearch:
                 options.width, options.cap, options.gamma, options.kappa, self._nearness, ends,
                 credits, n, blocked, horizon, paths,
             )  # fmt: skip
-            candidates = [_Plan(path, length) for path in paths[:found]]
+            candidates = [PlannedPath(path, length) for path in paths[:found]]
             if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
-                candidates.append(_Plan(plans[n].path, horizon))
+                candidates.append(PlannedPath(plans[n].path, horizon))
             counted = range(len(plans)) if warm else sorted(planned)
             plans[n] = self._best(belief, plans, kinds, n, candidates, counted)
             planned.add(n)
@@ -248,12 +250,12 @@ class BeamSearch:
     def _best(
         self,
         belief: TargetBelief,
-        plans: Sequence[_Plan],
+        plans: Sequence[PlannedPath],
         kinds: NDArray[np.int64],
         drone: int,
-        candidates: Sequence[_Plan],
+        candidates: Sequence[PlannedPath],
         counted: Sequence[int],
-    ) -> _Plan:
+    ) -> PlannedPath:
         """Return the candidate that the exact filter rates best, given the counted plans."""
         options = self._options
         if self._finalists == 1:
@@ -264,7 +266,7 @@ class BeamSearch:
         horizon, looks = together.shape[1] - 1, self._looks
         steps, columns, rows = np.empty((3, together.size * looks.most), np.int64)
 
-        def value(candidate: _Plan) -> float:
+        def value(candidate: PlannedPath) -> float:
             together[drone], lengths[drone] = candidate.path, candidate.length
             count = beam.looks_of_plans(
                 together, lengths, kinds, self._moves, looks.first, looks.offsets,
@@ -294,7 +296,7 @@ class BeamSearch:
 
     def _last_plans(
         self, agents: Sequence[Hashable], present: Sequence[Cell], horizon: int
-    ) -> list[_Plan]:
+    ) -> list[PlannedPath]:
         """Return each drone's last plan without the step just done; an empty one if it has none."""
         plans = []
         for agent, cell in zip(agents, present, strict=True):
@@ -304,7 +306,7 @@ class BeamSearch:
                 length = min(last.length - 1, horizon)
                 path[: length + 1] = last.path[1 : length + 2]
                 path[length + 1 :] = path[length]
-            plans.append(_Plan(path, length))
+            plans.append(PlannedPath(path, length))
         return plans
 
     def _order(self, belief: TargetBelief, present: Sequence[Cell]) -> list[int]:
@@ -319,7 +321,7 @@ class BeamSearch:
         return sorted(range(len(present)), key=lambda n: self._measure(present[n], mean))
 
     def _blocked(
-        self, drone: int, plans: Sequence[_Plan], planned: set[int], horizon: int
+        self, drone: int, plans: Sequence[PlannedPath], planned: set[int], horizon: int
     ) -> NDArray[np.bool_]:
         """Return the cells (H, S S) that a drone must keep out of.
 
@@ -354,7 +356,7 @@ class BeamSearch:
         ]
 
     def _first_cells(
-        self, plans: list[_Plan], planned: set[int], present: Sequence[Cell]
+        self, plans: list[PlannedPath], planned: set[int], present: Sequence[Cell]
     ) -> list[Cell]:
         """Return the next cells of the plans; drones that have not planned give way."""
         taken = {int(plans[n].path[1]) for n in planned}
@@ -363,6 +365,6 @@ class BeamSearch:
                 continue
             waiting = {int(p.path[0]) for m, p in enumerate(plans) if m not in planned and m != n}
             if self._forecast.rules.collisions and int(plan.path[1]) in taken | waiting:
-                plans[n] = plan = _Plan(np.full_like(plan.path, plan.path[0]), 0)
+                plans[n] = plan = PlannedPath(np.full_like(plan.path, plan.path[0]), 0)
             taken.add(int(plan.path[1]))
         return [self._forecast.cell(int(plan.path[1])) for plan in plans]

@@ -27,9 +27,10 @@ from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.masking import apply_masks, is_returning
 from dsse_ros.planners.planner import (
-    AgentObservation,
     Cell,
     DrawsNothing,
+    Infos,
+    Observations,
     Search,
     cells_of,
     number_of,
@@ -173,6 +174,7 @@ class Forecasts:
             self._rules,
             horizon=self._tactic.horizon(self._rules),
             drift_samples=self._tactic.drift_samples,
+            planning=True,
         )
         before = self._kept[-1] if self._kept else None
         if isinstance(made, Forecast) and isinstance(before, Forecast):
@@ -232,11 +234,7 @@ class BeliefPlanner:
         self.belief: TargetBelief | None = None
         self.drawn = False
 
-    def __call__(
-        self,
-        observations: Mapping[str, AgentObservation],
-        infos: Mapping[str, Mapping[str, Any]],
-    ) -> dict[str, int]:
+    def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""
         if not observations:
             return {}
@@ -360,9 +358,7 @@ class BeliefPlanner:
             self.belief.reset()
         self._tactic = self._factory.start(self._forecast, self._seed)
 
-    def _looked(
-        self, present: Mapping[str, Cell], infos: Mapping[str, Mapping[str, Any]]
-    ) -> list[tuple[Looked, bool]]:
+    def _looked(self, present: Mapping[str, Cell], infos: Infos) -> list[tuple[Looked, bool]]:
         """Return the looks of the last step, and whether each has found a person.
 
         A reported find has not ended the mission, as other persons are missing. A drone has done

@@ -11,17 +11,19 @@ the wind, which is not observed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import count, groupby
+from itertools import groupby
 from math import atan2, pi
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.planners.patterns import square_legs
 from dsse_ros.planners.planner import Cell
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.probable_cells import most_probable
 
-_STARBOARD_TURNS = ((0, -1), (1, 0), (0, 1), (-1, 0))
+_MOVES = {0: (0, -1), 90: (1, 0), 180: (0, 1), 270: (-1, 0)}
+"""Move (d_col, d_row) of each heading."""
 
 
 def square_routes(
@@ -54,9 +56,9 @@ def square_spiral(datum: Cell, size: int) -> Iterator[Cell]:
     yield datum
     left = size * size - 1
     col, row = datum
-    for leg in count():
-        d_col, d_row = _STARBOARD_TURNS[leg % 4]
-        for _ in range(leg // 2 + 1):
+    for heading_deg, length in square_legs(2 * size):
+        d_col, d_row = _MOVES[int(heading_deg)]
+        for _ in range(int(length)):
             if not left:
                 return
             col, row = col + d_col, row + d_row

@@ -8,8 +8,7 @@ towards it and searches there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +16,10 @@ from numpy.typing import NDArray
 from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.masking import apply_masks
 from dsse_ros.planners.planner import (
-    AgentObservation,
     Cell,
     DrawsNothing,
+    Infos,
+    Observations,
     cells_of,
     probability_of,
 )
@@ -54,11 +54,7 @@ class Greedy(DrawsNothing):
         self._actions = ActionSet(actions, area).with_moves()
         self._apart = apart
 
-    def __call__(
-        self,
-        observations: Mapping[str, AgentObservation],
-        infos: Mapping[str, Mapping[str, Any]],
-    ) -> dict[str, int]:
+    def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""
         if not observations:
             return {}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.planners.avoidance import resolve_actions
-from dsse_ros.planners.planner import Cell
+from dsse_ros.planners.planner import Cell, Infos
 from dsse_ros.scenario.actions import ActionSet
 
 
@@ -27,7 +27,7 @@ def is_under_way(info: Mapping[str, Any]) -> bool:
 def apply_masks(
     actions: Mapping[str, int],
     present: Mapping[str, Cell],
-    infos: Mapping[str, Mapping[str, Any]],
+    infos: Infos,
     action_set: ActionSet,
     *,
     apart: bool = False,
@@ -63,7 +63,7 @@ def apply_masks(
 def keep_apart(
     actions: Mapping[str, int],
     present: Mapping[str, Cell],
-    infos: Mapping[str, Mapping[str, Any]],
+    infos: Infos,
     action_set: ActionSet,
 ) -> dict[str, int]:
     """Return the actions, with a search in place of each move to a cell that may not be free.

@@ -42,6 +42,8 @@ from dsse_ros.planners.masking import apply_masks
 from dsse_ros.planners.planner import (
     Cell,
     DrawsNothing,
+    Infos,
+    Observations,
     Planner,
     Search,
     cells_of,
@@ -51,7 +53,6 @@ from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.options import OBSERVED
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.search.observation import AgentObservation
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 
 try:
@@ -143,11 +144,7 @@ class OnnxPlanner(DrawsNothing):
         """Return an independent copy in the same state; the model is shared."""
         return OnnxPlanner(self._policy.copy(), self._apart)
 
-    def __call__(
-        self,
-        observations: Mapping[str, AgentObservation],
-        infos: Mapping[str, Mapping[str, Any]],
-    ) -> dict[str, int]:
+    def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every drone, see `Planner`."""
         if not observations:
             return {}
@@ -304,7 +301,7 @@ def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:
         actions, rules = list(stated["actions"]), stated["rules"]
     except (KeyError, TypeError, ValueError):
         raise FieldError(
-            f"model: metadata {METADATA!r} is missing; a JSON object with actions and rules"
+            f"model: metadata {METADATA!r} must be a JSON object with actions and rules, got none"
         ) from None
     scenario = search.scenario.resolve(search.rules)
     of_search = {

@@ -21,14 +21,17 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
+Observations: TypeAlias = Mapping[str, AgentObservation]
+"""Observations by live agent, in the fixed order of the agents."""
+
+Infos: TypeAlias = Mapping[str, Mapping[str, Any]]
+"""Infos by agent; see `Planner` for the keys."""
+
+
 class Planner(Protocol):
     """A policy for one mission; it may keep state between steps."""
 
-    def __call__(
-        self,
-        observations: Mapping[str, AgentObservation],
-        infos: Mapping[str, Mapping[str, Any]],
-    ) -> dict[str, int]:
+    def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every drone.
 
         Args:
@@ -124,7 +127,7 @@ PlannerFactory: TypeAlias = Callable[..., Planner]
 """Takes a `Search`, the keyword `seed` and the planner's own options as keywords."""
 
 
-def cells_of(observations: Mapping[str, AgentObservation]) -> list[Cell]:
+def cells_of(observations: Observations) -> list[Cell]:
     """Return the present cell of every drone, in the order of the observations."""
     cells = []
     for observation in observations.values():
@@ -133,6 +136,6 @@ def cells_of(observations: Mapping[str, AgentObservation]) -> list[Cell]:
     return cells
 
 
-def probability_of(observations: Mapping[str, AgentObservation]) -> NDArray[np.float32]:
+def probability_of(observations: Observations) -> NDArray[np.float32]:
     """Return the map (G, G) that all drones share, from at least one observation."""
     return Observation(*next(iter(observations.values()))).probability

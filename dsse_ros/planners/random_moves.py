@@ -5,15 +5,14 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.masking import keep_apart
-from dsse_ros.planners.planner import AgentObservation, cells_of
+from dsse_ros.planners.planner import Infos, Observations, cells_of
 from dsse_ros.scenario.actions import ActionSet
 
 
@@ -59,11 +58,7 @@ class RandomMoves:
         twin._rng = np.random.default_rng(seed)
         return twin
 
-    def __call__(
-        self,
-        observations: Mapping[str, AgentObservation],
-        infos: Mapping[str, Mapping[str, Any]],
-    ) -> dict[str, int]:
+    def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""
         draws = self._rng.random(len(observations))
         self.drawn = True

@@ -10,28 +10,34 @@ planner to a `PlannerFactory`. In its setup.py, for example:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from dsse_ros.planners.astar import make_astar
 from dsse_ros.planners.belief import make_belief, make_belief_greedy
 from dsse_ros.planners.expanding_square import square_routes
+from dsse_ros.planners.forward_backward import make_forward_backward
 from dsse_ros.planners.greedy import Greedy
 from dsse_ros.planners.optimal_effort import make_optimal_effort
+from dsse_ros.planners.pattern_routes import PatternRoutes
+from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.planners.planner import Planner, PlannerFactory, Search
 from dsse_ros.planners.random_moves import RandomMoves
 from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.planners.sector import sector_routes
 from dsse_ros.planners.spiral import spiral_routes
 from dsse_ros.planners.sweep import sweep_routes
-from dsse_ros.scenario.fields import FieldError, shown
+from dsse_ros.scenario.cell_checks import check_cell
+from dsse_ros.scenario.fields import FieldError, Spec, shown, specs
 from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
 
 GROUP = "dsse_ros.planners"
 """Group of the entry points."""
@@ -39,6 +45,7 @@ GROUP = "dsse_ros.planners"
 PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
     {
         "sweep": partial(RouteFollower, sweep_routes),
+        "creeping_line": partial(RouteFollower, partial(sweep_routes, creeping=True)),
         "expanding_square": partial(RouteFollower, square_routes),
         "sector": partial(RouteFollower, sector_routes),
         "spiral": partial(RouteFollower, spiral_routes),
@@ -48,10 +55,19 @@ PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
 )
 """Planners that need only the actions and the area; see `make_planner` for their arguments."""
 
+PATTERN_PLANNERS: Mapping[str, str] = MappingProxyType(
+    {"sweep": "PS", "creeping_line": "CS", "sector": "VS", "expanding_square": "SS"}
+)
+"""Planners that can fly a `SearchPattern`: its fields and `datum`, see `PatternRoutes`, are their
+options."""
+
+PATTERN_OPTIONS = ("datum", *(name for name in specs(SearchPattern) if name != "pattern"))
+
 BELIEF_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType(
     {
         "belief": make_belief,
         "belief_greedy": make_belief_greedy,
+        "forward_backward": make_forward_backward,
         "optimal_effort": make_optimal_effort,
     }
 )
@@ -61,18 +77,39 @@ COVERAGE_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType({"astar": mak
 """Planners for coverage tasks only."""
 
 
-def _from_actions(make: Callable[..., Planner], search: Search, **options: Any) -> Planner:
-    rules = search.rules
+def _pattern_routes(name: str, scenario: ResolvedScenario, given: dict[str, Any]) -> PatternRoutes:
+    """Return the routes of a planner with options of a pattern.
+
+    Raises:
+        FieldError: If a value is not allowed, or the planner flies no pattern.
+    """
+    if name not in PATTERN_PLANNERS:
+        raise FieldError(
+            f"{next(iter(given))} is an option of {', '.join(PATTERN_PLANNERS)}, not of {name}"
+        )
+    datum = Spec("cell", "", optional=True).check("datum", given.pop("datum", None))
+    if datum is not None:
+        check_cell("datum", datum, scenario.grid_size)
+    values = {"length": None, **given, "pattern": PATTERN_PLANNERS[name]}
+    return PatternRoutes(SearchPattern(**values), scenario.cell_size, datum)
+
+
+def _from_actions(name: str, search: Search, **options: Any) -> Planner:
+    rules, make = search.rules, PLANNERS[name]
+    given = {option: options.pop(option) for option in PATTERN_OPTIONS if option in options}
+    scenario = search.scenario.resolve(rules)
+    if given:
+        make = partial(RouteFollower, _pattern_routes(name, scenario, given))
     if rules.covers and isinstance(make, partial):
         options["covers"] = True
     if search.scenario.has_slower_drones:
         options["apart"] = True
-    return make(rules.actions, area=search.scenario.resolve(rules).area_mask, **options)
+    return make(rules.actions, area=scenario.area_mask, **options)
 
 
 _FACTORIES: Mapping[str, PlannerFactory] = MappingProxyType(
     {
-        **{name: partial(_from_actions, make) for name, make in PLANNERS.items()},
+        **{name: partial(_from_actions, name) for name in PLANNERS},
         **BELIEF_PLANNERS,
         **COVERAGE_PLANNERS,
     }
@@ -119,7 +156,7 @@ def load_planner(name: str) -> PlannerFactory:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise FieldError(f"planner: {name!r} cannot be loaded: {reason}") from error
     if not callable(factory):
-        raise FieldError(f"planner: {name!r} cannot be loaded: {entries[0].value} is no factory")
+        raise FieldError(f"planner: {name!r} cannot be loaded: {entries[0].value} is not a factory")
     made: PlannerFactory = factory
     return made
 
@@ -131,7 +168,8 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
         search: An environment, or a `SearchDefinition`. The planner reads nothing hidden from it.
         name: One of `PLANNER_NAMES`.
         seed: Seed of the planner's random draws.
-        options: Options of the planner, such as the fields of `BeamOptions` for `belief`.
+        options: Options of the planner, such as the fields of `BeamOptions` for `belief`, or of
+            `SearchPattern` for `PATTERN_PLANNERS`.
 
     Raises:
         ValueError: If the name is unknown, the planner's package is defective, an action that the
@@ -140,6 +178,45 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
     factory = load_planner(name)
     check_task(name, search.rules)
     return factory(search, seed=seed, **options)
+
+
+def read_options(options: Iterable[str]) -> dict[str, Any]:
+    """Return options by name, each given as name=value with a value in YAML.
+
+    Raises:
+        FieldError: If one has no name or no value.
+    """
+    values = {}
+    for text in options:
+        name, _, value = text.partition("=")
+        try:
+            values[name.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            value = ""
+        if not (name and value):
+            raise FieldError(f"planner_options must be name=value each, got {shown(text)}")
+    return values
+
+
+def planner_with(
+    search: Search, name: str, options: Iterable[str], *, seed: int = 0, **others: Any
+) -> Planner:
+    """Return a planner as `planner_for` does, with options as text.
+
+    Args:
+        search: An environment, or any search.
+        name: One of `PLANNER_NAMES`.
+        options: See `read_options`.
+        seed: Seed of the planner's random draws.
+        others: Further options.
+
+    Raises:
+        ValueError: See `planner_for`; also if an option is unknown or has no value.
+    """
+    try:
+        return planner_for(search, name, seed=seed, **read_options(options), **others)
+    except TypeError as error:
+        raise FieldError(f"planner_options: {name}: {error}") from None
 
 
 def check_task(name: str, rules: Rules) -> None:
@@ -182,5 +259,5 @@ def make_planner(
     if isinstance(name, str) and name in PLANNERS:
         return PLANNERS[name](actions, seed=seed, area=area, **options)
     if name in PLANNER_NAMES:
-        raise FieldError(f"planner: {name!r} has to know the rules and the scenario too")
+        raise FieldError(f"planner: {name!r} also needs the rules and the scenario")
     raise FieldError(f"planner must be one of {', '.join(PLANNER_NAMES)}, got {shown(name)}")

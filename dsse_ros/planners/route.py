@@ -35,6 +35,8 @@ MICRO = 1_000_000
 """Scale of the gains: the solver takes whole numbers only."""
 NEVER = 1_000_000
 """Steps to a cell that cannot be reached."""
+_UNLIMITED_S = 86_400
+"""Wall time for each part of the local search, which takes microseconds."""
 
 
 def make_route(
@@ -122,6 +124,7 @@ def solve(
     parameters.local_search_metaheuristic = (
         routing_enums_pb2.LocalSearchMetaheuristic.GREEDY_DESCENT
     )
+    parameters.lns_time_limit.seconds = _UNLIMITED_S
     solution = routing.SolveWithParameters(parameters)
     routes: list[list[int]] = [[] for _ in range(drones)]
     if solution is None:

@@ -5,16 +5,16 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
 from dsse_ros.planners.masking import apply_masks, is_under_way
-from dsse_ros.planners.planner import AgentObservation, Cell, cells_of, probability_of
+from dsse_ros.planners.planner import Cell, Infos, Observations, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
 
 MAX_WAIT = 2
@@ -121,11 +121,7 @@ class RouteFollower:
             twin._rng.shuffle([0] * length)
         return twin
 
-    def __call__(
-        self,
-        observations: Mapping[str, AgentObservation],
-        infos: Mapping[str, Mapping[str, Any]],
-    ) -> dict[str, int]:
+    def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""
         if not observations:
             return {}

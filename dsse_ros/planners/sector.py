@@ -12,18 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import count, islice
-from math import cos, hypot, radians, sin
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.planners.pattern_routes import cells_along
+from dsse_ros.planners.patterns import TRIANGLE_HEADINGS_DEG, triangle_legs, turning_points
 from dsse_ros.planners.planner import Cell
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.probable_cells import most_probable
 
-TURN_DEG = 120
-HEADINGS_DEG = (0, 240, 120)
-"""Headings of the first legs of a pattern's triangles, clockwise from north."""
 PATTERN_TURN_DEG = 30
 
 
@@ -80,25 +79,8 @@ def triangles(datum: Cell, size: int) -> Iterator[list[Cell]]:
     """
     for pattern in count():
         radius = _radius(size) * (1 + pattern // 2)
-        for heading in HEADINGS_DEG:
-            bearing = heading + PATTERN_TURN_DEG * (pattern % 2)
-            col, row = float(datum[0]), float(datum[1])
-            cells = [datum]
-            for _ in range(3):
-                end = (col + radius * sin(radians(bearing)), row - radius * cos(radians(bearing)))
-                cells += line((col, row), end)[1:]
-                col, row = end
-                bearing += TURN_DEG
-            yield cells
-
-
-def line(start: tuple[float, float], end: tuple[float, float]) -> list[Cell]:
-    """Return the cells along a straight leg, each a neighbour of the last, both ends included."""
-    steps = max(1, *(abs(round(b) - round(a)) for a, b in zip(start, end, strict=True)))
-    return [
-        (
-            round(start[0] + (end[0] - start[0]) * k / steps),
-            round(start[1] + (end[1] - start[1]) * k / steps),
-        )
-        for k in range(steps + 1)
-    ]
+        for heading_deg in TRIANGLE_HEADINGS_DEG:
+            first_deg = heading_deg + PATTERN_TURN_DEG * (pattern % 2)
+            start = float(datum[0]), -float(datum[1])
+            corners = turning_points(start, triangle_legs(first_deg, radius))
+            yield cells_along([(east, -north) for east, north in corners])

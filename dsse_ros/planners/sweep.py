@@ -1,10 +1,13 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Parallel sweep: divides the grid among the drones; each covers its share lane by lane."""
+"""Parallel track and creeping line search: divide the grid among the drones.
+
+Each drone covers its share lane by lane, along the long or along the short side of the share.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +17,11 @@ from dsse_ros.scenario.actions import ActionSet
 
 
 def sweep_routes(
-    cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
+    cells: Sequence[Cell],
+    probability: NDArray[np.float32],
+    actions: ActionSet,
+    *,
+    creeping: bool = False,
 ) -> list[list[Cell]]:
     """Return the route of each drone through its share, from the corner nearest to it.
 
@@ -28,25 +35,29 @@ def sweep_routes(
         cells: Present cell of each drone.
         probability: Any map (G, G); only its size matters.
         actions: The actions; they measure the distance to the corners.
+        creeping: Whether lanes go from west to east and not from north to south.
     """
+    lay = _creeping_line if creeping else boustrophedon
     if actions.area is not None:
-        return _area_routes(cells, actions)
+        return _area_routes(cells, actions, lay)
     drones = sorted(range(len(cells)), key=lambda drone: cells[drone])
     routes: list[list[Cell]] = [[] for _ in cells]
     for drone, (cols, rows) in zip(drones, shares(len(probability), len(cells)), strict=True):
-        passes = [boustrophedon(c, r) for r in (rows, rows[::-1]) for c in (cols, cols[::-1])]
+        passes = [lay(c, r) for r in (rows, rows[::-1]) for c in (cols, cols[::-1])]
         ways = [actions.distance(cells[drone], route[0]) for route in passes]
         routes[drone] = passes[ways.index(min(ways))]
     return routes
 
 
-def _area_routes(cells: Sequence[Cell], actions: ActionSet) -> list[list[Cell]]:
+def _area_routes(
+    cells: Sequence[Cell], actions: ActionSet, lay: Callable[[range, range], list[Cell]]
+) -> list[list[Cell]]:
     """Return the route of each drone through its piece of the cells that it can reach."""
     routes = [[cell] for cell in cells]
     for members, component in actions.connected_components(cells):
         assert component is not None
         side = range(len(component))
-        lanes = [cell for cell in boustrophedon(side, side) if component[cell[1], cell[0]]]
+        lanes = [cell for cell in lay(side, side) if component[cell[1], cell[0]]]
         drones = sorted(members, key=lambda drone: cells[drone])
         for drone, piece in zip(drones, split(len(lanes), len(drones)), strict=True):
             route = lanes[piece.start : piece.stop]
@@ -85,3 +96,8 @@ def boustrophedon(cols: range, rows: range) -> list[Cell]:
         for turn, col in enumerate(cols)
         for row in (rows if turn % 2 == 0 else rows[::-1])
     ]
+
+
+def _creeping_line(cols: range, rows: range) -> list[Cell]:
+    """Return the cells of a block row by row, every second row in reverse."""
+    return [(col, row) for row, col in boustrophedon(rows, cols)]

@@ -11,7 +11,7 @@ from pathlib import Path
 import mission_reader
 import pytest
 
-from dsse_ros.cli.export_mission import play
+from dsse_ros.cli.export_mission import main, play
 from dsse_ros.search import Scenario, SearchEnv, profile
 from msg_adapters.mission_items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
 
@@ -101,8 +101,19 @@ def test_ros_arguments_count_as_the_options_of_their_names(tmp_path: Path) -> No
     ("arguments", "line"),
     [
         (("--ros-args", "-p", "scenario.sigmma:=1.0"), "did you mean scenario.sigma?"),
+        (("--scenario", "nowhere"), "scenario: 'nowhere' is not a file or a known scenario"),
+    ],
+)
+def test_the_program_ends_with_one_line_and_code_2(arguments: tuple[str, ...], line: str) -> None:
+    printed = export("--scenario", SCENARIO, *arguments, code=2)
+    assert printed.startswith("export_mission: ") and printed.count("\n") == 1
+    assert line in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
         (("--ros-args", "-p", "search_hold:=-1.0"), "search_hold must be a finite number >= 0"),
-        (("--scenario", "nowhere"), "scenario: 'nowhere' is no file and none of those shipped"),
         (("--home", "1,2"), "home must be LAT,LON,ALT, got '1,2'"),
         (("--home", "nan,0,0"), "a place on Earth"),
         (("--search-hold", "-1"), "search_hold must be a finite number >= 0"),
@@ -112,7 +123,14 @@ def test_ros_arguments_count_as_the_options_of_their_names(tmp_path: Path) -> No
         (("--out", "/dev/null/here"), "out: '/dev/null/here'"),
     ],
 )
-def test_what_is_not_allowed_gets_one_line(arguments: tuple[str, ...], line: str) -> None:
-    printed = export("--scenario", SCENARIO, *arguments, code=2)
+def test_what_is_not_allowed_gets_one_line(
+    arguments: tuple[str, ...], line: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code = main(["--scenario", str(SCENARIO), *arguments])
+    except SystemExit as end:
+        code = int(end.code or 0)
+    output, printed = capfd.readouterr()
+    assert (code, output) == (2, "")
     assert printed.startswith("export_mission: ") and printed.count("\n") == 1
     assert line in printed

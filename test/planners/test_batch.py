@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from effort import LITTLE_EFFORT
 
 from dsse_ros.planners import PLANNER_NAMES, Planner, planner_for
 from dsse_ros.planners.batch import play_missions
@@ -22,7 +23,6 @@ V2: dict[str, Any] = {
 CASES: dict[str, dict[str, Any]] = {
     "paper": PAPER, "v1": {**PAPER, "rules": "v1"}, "v2": V2, "several": {**V2, "person_amount": 2},
 }  # fmt: skip
-OPTIONS: dict[str, dict[str, Any]] = {"belief": {"samples": 256, "width": 4, "horizon": 5}}
 SEEDS = range(70, 76)
 
 
@@ -41,7 +41,8 @@ def alone(env: SearchEnv, planner: Planner, seed: int, lost: int | None) -> tupl
 
 
 @pytest.mark.parametrize(
-    "name", ["greedy", "random", "expanding_square", "belief_greedy", "belief"]
+    "name",
+    ["greedy", "random", "expanding_square", "belief_greedy", "belief", "forward_backward"],
 )
 @pytest.mark.parametrize(
     ("case", "lost"), [("paper", None), ("paper", 5), ("v1", None), ("v2", 5), ("several", None)]
@@ -50,7 +51,7 @@ def test_missions_that_share_a_planner_are_what_single_ones_are(
     name: str, case: str, lost: int | None
 ) -> None:
     env = parallel_env(**CASES[case])
-    options = OPTIONS.get(name, {})
+    options = LITTLE_EFFORT.get(name, {})
     missions = play_missions(
         len(SEEDS), name, seed=SEEDS, planner_seeds=(4, 5), options=options, withdraw_at=lost,
         threads=2, **CASES[case],
@@ -68,7 +69,7 @@ CROWDED: dict[str, Any] = {"grid_size": 5, "num_drones": 4, "sigma": 2, "timeste
 @pytest.mark.parametrize("case", ["crowded", "v2", "several"])
 def test_each_mission_has_a_planner_of_its_own_seed_by_default(name: str, case: str) -> None:
     fields = CROWDED if case == "crowded" else CASES[case]
-    env, options = parallel_env(**fields), OPTIONS.get(name, {})
+    env, options = parallel_env(**fields), LITTLE_EFFORT.get(name, {})
     missions = play_missions(len(SEEDS), name, seed=SEEDS, options=options, threads=2, **fields)
     for m, seed in enumerate(SEEDS):
         planner = planner_for(env, name, seed=seed, **options)
@@ -98,7 +99,7 @@ def test_a_planner_that_cannot_be_shared_is_made_for_each_seed() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_planner_plays_missions(name: str) -> None:
-    missions = play_missions(5, name, seed=SEEDS[0], options=OPTIONS.get(name), **PAPER)
+    missions = play_missions(5, name, seed=SEEDS[0], options=LITTLE_EFFORT.get(name), **PAPER)
     assert (missions.steps[missions.found] <= 30).all()
     assert (missions.steps[~missions.found] == 30).all()
     assert not missions.lost.any()

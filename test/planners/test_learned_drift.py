@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from effort import LITTLE_EFFORT
 
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED
 from dsse_ros.planners import BELIEF_PLANNERS, planner_for
@@ -100,7 +101,7 @@ def test_the_learned_drift_is_the_true_one(wrong: str) -> None:
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("name", BELIEF_PLANNERS)
 def test_the_right_drift_changes_no_decision(name: str, case: str) -> None:
-    options = {"samples": 256, "width": 4, "horizon": 5} if name == "belief" else {}
+    options = LITTLE_EFFORT.get(name, {})
     env = sea(case, timestep_limit=30)
     played = [
         [actions for actions, _ in steps(env, planner)]
@@ -130,7 +131,7 @@ def test_the_searches_so_far_are_kept_when_the_drift_is_learned(case: str) -> No
 @pytest.mark.parametrize("name", BELIEF_PLANNERS)
 def test_nothing_is_learned_from_an_observed_belief(name: str) -> None:
     env = sea("v2", timestep_limit=20, observe="belief")
-    planner: Any = planner_for(env, name)
+    planner: Any = planner_for(env, name, **LITTLE_EFFORT.get(name, {}))
     for _ in steps(env, planner):
         pass
     assert planner.belief.forecast.scenario.vector == env.scenario.vector

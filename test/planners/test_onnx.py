@@ -98,7 +98,7 @@ def test_a_drone_that_is_out_of_the_search_stays_among_the_positions_where_it_wa
 def test_a_model_of_another_search_is_refused_with_one_line(tmp_path: Path) -> None:
     env, weights = parallel_env(**FIELDS), np.zeros((2, len(actions())))
     for metadata, line in (
-        ({}, "metadata 'dsse_ros' is missing"),
+        ({}, "metadata 'dsse_ros' must be a JSON object .*, got none"),
         (of_search(rules="paper"), "model must have rules .*, got 'paper'"),
         (of_search(actions=["left"]), r"model must have actions .*, got \['left'\]"),
         (of_search(grid_size=8), "model must have grid_size 7, .* got 8"),

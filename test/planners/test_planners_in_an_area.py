@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from areas import geojson_of, random_mask, scenario_of
+from effort import LITTLE_EFFORT
 from grid_walker import DIAGONAL, STRAIGHT
 from numpy.typing import NDArray
 
@@ -29,8 +30,7 @@ FITTING = [
 """Planners, with the profiles whose task is theirs."""
 FINDING = [name for name, rules in PROFILES.items() if not rules.covers]
 """Profiles with persons."""
-SMALL = {"belief": {"samples": 64, "width": 4, "horizon": 4, "drift_samples": 4}}
-"""A belief of less effort: what it may do is the same."""
+SMALL = {name: {**options, "drift_samples": 4} for name, options in LITTLE_EFFORT.items()}
 
 
 @pytest.mark.parametrize(("name", "rules"), FITTING)

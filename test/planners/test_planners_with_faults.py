@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from effort import BEAM, LITTLE_EFFORT
 from looking import search_in_vain
-from test_batch import OPTIONS, alone
+from test_batch import alone
 
 from dsse_ros.belief.belief import Belief
 from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
@@ -91,7 +92,7 @@ def test_an_action_that_a_mask_forbids_is_a_search_or_what_is_left() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_planner_does_nothing_that_the_masks_forbid(name: str) -> None:
     env = parallel_env(**{**SEARCH, "probability_of_detection": 0.0})
-    planner = planner_for(env, name, seed=1, **OPTIONS.get(name, {}))
+    planner = planner_for(env, name, seed=1, **LITTLE_EFFORT.get(name, {}))
     observations, infos = env.reset(seed=4)
     statuses = set()
     while env.agents:
@@ -108,7 +109,7 @@ def test_a_planner_does_nothing_that_the_masks_forbid(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["greedy", "sweep", "belief"])
 def test_missions_with_faults_are_what_single_ones_are(name: str) -> None:
-    fields, seeds, options = {**SEARCH, **FAULTS}, range(6), OPTIONS.get(name, {})
+    fields, seeds, options = {**SEARCH, **FAULTS}, range(6), LITTLE_EFFORT.get(name, {})
     env = parallel_env(**fields)
     missions = play_missions(
         len(seeds), name, seed=seeds, planner_seeds=(4, 5), options=options, threads=2, **fields
@@ -125,7 +126,7 @@ def test_missions_with_faults_are_what_single_ones_are(name: str) -> None:
 )
 def test_planners_meet_nobody_who_was_held_up(name: str, fault: dict[str, float]) -> None:
     missions = play_missions(
-        8, name, seed=3, planner_seeds=range(8), options=OPTIONS.get(name, {}), grid_size=9,
+        8, name, seed=3, planner_seeds=range(8), options=LITTLE_EFFORT.get(name, {}), grid_size=9,
         num_drones=4, timestep_limit=30, probability_of_detection=0.2, **fault,
     )  # fmt: skip
     assert missions.collisions.sum() == missions.lost.sum() == 0
@@ -133,7 +134,7 @@ def test_planners_meet_nobody_who_was_held_up(name: str, fault: dict[str, float]
 
 def test_the_beam_search_is_on_its_way_home_before_it_has_to_be() -> None:
     env = parallel_env(**{**SEARCH, "relief_steps": 0, "probability_of_detection": 0.0})
-    planner = planner_for(env, "belief", seed=1, **OPTIONS["belief"])
+    planner = planner_for(env, "belief", seed=1, **BEAM)
     observations, infos = env.reset(seed=4)
     wanted: dict[str, int] = {}
     while env.agents:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_batch import OPTIONS, alone
+from effort import LITTLE_EFFORT
+from test_batch import alone
 
 from dsse_ros.planners import BELIEF_PLANNERS, PLANNERS, planner_for
 from dsse_ros.planners.batch import play_missions
@@ -69,7 +70,7 @@ def test_a_planner_flies_a_mix_of_kinds_without_a_collision(name: str, rules: st
         pytest.skip("the model is one of v2")
     for seed in range(3):
         env = parallel_env(SEARCH, rules=rules)
-        cells = fly(env, name, seed, **OPTIONS.get(name, {}))
+        cells = fly(env, name, seed, **LITTLE_EFFORT.get(name, {}))
         assert len(cells) >= 60
 
 
@@ -87,7 +88,7 @@ def test_planners_cover_with_a_mix_of_kinds_without_a_collision(name: str) -> No
 
 @pytest.mark.parametrize("name", ["greedy", "sweep", "belief"])
 def test_missions_with_kinds_are_what_single_ones_are(name: str) -> None:
-    seeds, options = range(4), OPTIONS.get(name, {})
+    seeds, options = range(4), LITTLE_EFFORT.get(name, {})
     fields = {**SEARCH, "probability_of_detection": 0.5}
     env = parallel_env(fields)
     missions = play_missions(

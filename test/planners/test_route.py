@@ -11,6 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dsse_ros.planners import planner_for
@@ -48,6 +49,20 @@ def test_the_routes_keep_to_the_time_and_have_each_node_once() -> None:
         assert steps <= 4
     (first, second) = solve(ways, [0.2, 0.2, 0.2, 0.2, 0.1], 2, 20)
     assert sorted(first + second) == [2, 3, 4, 5, 6]
+
+
+def test_a_busy_machine_gets_the_routes_of_an_idle_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    route = pytest.importorskip("dsse_ros.planners.route", exc_type=ImportError)
+    rng = np.random.default_rng(0)
+    cells = rng.integers(0, 40, (52, 2))
+    ways = np.abs(cells[:, None] - cells[None]).max(axis=-1).tolist()
+    problem = (ways, (0.02 * rng.random(48)).tolist(), 4, 25)
+    idle = route.solve(*problem)
+    parameters = route.pywrapcp.DefaultRoutingSearchParameters()
+    # A part of the search then exceeds the time that the solver gives it by default.
+    parameters.lns_time_limit.nanos = 1
+    monkeypatch.setattr(route.pywrapcp, "DefaultRoutingSearchParameters", lambda: parameters)
+    assert route.solve(*problem) == idle
 
 
 def test_no_drone_collides_and_the_same_seed_gives_the_same_mission() -> None:
