@@ -1,0 +1,115 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`export_gis`: a mission as files for geographic information systems, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from dsse_ros.cli.command_line import Parser, make_folder, search_of
+from dsse_ros.cli.mission_file import FILE_HELP, add_mission_file, choose, pictures, read
+from dsse_ros.cli.start import not_found
+from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.planners import planner_with
+from dsse_ros.report.geotiff import write_geotiff
+from dsse_ros.report.gis import GisMission, gis_mission
+from dsse_ros.report.gpx import gpx_text
+from dsse_ros.report.kml import kml_text
+from dsse_ros.report.record import chosen_steps
+from dsse_ros.report.replay import forecast_for
+from dsse_ros.runtime.exit_codes import fail
+from dsse_ros.search import HOLD, FieldError, SearchEnv
+from dsse_ros.search.compiler import announced
+from msg_adapters.frames import scenario_frame
+
+MAPS = 2
+"""The start and the end of the mission."""
+
+
+def parse(argv: list[str] | None) -> argparse.Namespace:
+    """Return the command line's arguments."""
+    parser = Parser(
+        prog="export_gis",
+        description="Write a mission as GeoTIFF, KML and GPX: a recorded one or, without a file, "
+        "a search by a planner.",
+    )
+    parser.add("file", type=Path, nargs="?", help=FILE_HELP)
+    add_mission_file(parser)
+    parser.add_search(None)
+    parser.add("--out", type=Path, default=Path("gis"), help="folder of the files")
+    return parser.parse_with_ros(argv, {})
+
+
+def record_search(arguments: argparse.Namespace, path: Path) -> None:
+    """Search until the end, and log each step like `sim_node`.
+
+    Raises:
+        FieldError: If scenario, rules or planner are not allowed, or the file cannot be written.
+    """
+    _, scenario, rules = search_of(arguments)
+    env, seed = SearchEnv(scenario, rules), arguments.seed
+    # The mission repeats the actions: the same seed gives the same search.
+    mission = Mission(SearchEnv(scenario, rules), seed, belief=False)
+    policy = planner_with(env, arguments.planner, arguments.planner_options, seed=seed)
+    observations, infos = env.reset(seed=seed)
+    log = MissionLog(
+        path, scenario_frame(env.scenario), covers=rules.covers,
+        faults=mission.result.conditions is not None,
+    )  # fmt: skip
+    log.write(mission, mission.result)
+    while env.agents:
+        actions = policy(observations, infos)
+        mission.command_all([actions.get(name, HOLD) for name in env.possible_agents])
+        log.write(mission, mission.advance("hold"))
+        observations, _, _, _, infos = env.step(actions)
+    log.close()
+
+
+def write_files(folder: Path, mission: GisMission) -> list[Path]:
+    """Write all files of a mission; returns their paths.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    paths = [folder / name for name in ("poc.tif", "pod.tif", "mission.kml", "tracks.gpx")]
+    poc, pod, kml, gpx = paths
+    write_geotiff(poc, mission.frame, {f"POC after step {m.step}": m.poc for m in mission.maps})
+    write_geotiff(pod, mission.frame, {f"POD after step {m.step}": m.pod for m in mission.maps})
+    kml.write_text(kml_text(mission), encoding="utf-8")
+    gpx.write_text(gpx_text(mission.tracks, mission.places), encoding="utf-8")
+    return paths
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write the files; returns the exit code, 2 for bad input."""
+    arguments = parse(argv)
+    try:
+        make_folder("out", arguments.out)
+        with announced(lambda line: print(line, file=sys.stderr, flush=True)):
+            if arguments.file is None:
+                arguments.scenario = arguments.scenario or "santos"
+                arguments.file = arguments.out / "mission.csv"
+                record_search(arguments, arguments.file)
+                arguments.scenario = None
+            missions, bag = read(arguments)
+            record = choose(missions, arguments.mission)
+            wanted = chosen_steps(record, arguments.steps or (), MAPS)
+            shown = pictures(record, wanted, forecast_for(record, None), bag)
+    except FieldError as error:
+        return fail("export_gis", error)
+    except ImportError as error:
+        return not_found("export_gis", error)
+    try:
+        written = write_files(arguments.out, gis_mission(record, shown))
+    except OSError as error:
+        name = error.filename or str(arguments.out)
+        return fail("export_gis", f"out: {name!r}: {error.strerror}")
+    print("\n".join(map(str, written)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,204 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Promises of the GIS files of a mission, read by other software than that which wrote them."""
+
+from __future__ import annotations
+
+import csv
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pymap3d
+import pytest
+from flights import SCENARIO, Log, environment, fly
+from numpy.typing import NDArray
+
+from dsse_ros.mission.mission import Mission
+from dsse_ros.report.gis import GisMission, gis_mission
+from dsse_ros.report.record import read_csv
+from dsse_ros.report.replay import follow_belief, forecast_for, views
+from msg_adapters.geodesy import cell_to_geodetic
+
+pytest.importorskip("gpxpy")
+pytest.importorskip("simplekml")
+pytest.importorskip("rasterio")
+from dsse_ros.cli.export_gis import write_files  # noqa: E402
+from dsse_ros.report.kml import kml_text  # noqa: E402
+
+POD = 0.7
+GPX = {"": "http://www.topografix.com/GPX/1/1"}
+KML = {"": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
+
+
+class KeepingLog(Log):
+    """Keeps what the mission itself knew after each step."""
+
+    beliefs: list[NDArray[np.float32]]
+    searches: NDArray[np.int64]
+
+    def write(self, mission: Mission) -> None:
+        super().write(mission)
+        if mission.result.step == 0:
+            self.beliefs, self.searches = [], np.zeros((9, 9), np.int64)
+        self.beliefs.append(mission.belief().copy())
+        # In the step after the time limit, no drone acts.
+        acted = mission.result.step <= SCENARIO["timestep_limit"]
+        searching = (mission.result.actions == mission.env.rules.action_set.search) & acted
+        for col, row in mission.result.cells[searching].tolist():
+            self.searches[row, col] += 1
+
+
+@dataclass
+class Exported:
+    """A mission, its files and what is known of it.
+
+    Attributes:
+        mission: What was written.
+        folder: Folder of the files.
+        log: What the mission knew.
+        rows: Rows of its CSV by drone.
+    """
+
+    mission: GisMission
+    folder: Path
+    log: KeepingLog
+    rows: dict[str, list[dict[str, str]]]
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    folder = tmp_path_factory.mktemp("gis")
+    env = environment(origin_alt=12.0)
+    log = KeepingLog(folder / "mission.csv", env)
+    fly(env, log, seeds=(3,))
+    (record,) = read_csv(folder / "mission.csv")
+    last = len(record.steps) - 1
+    forecast = forecast_for(record, None)
+    assert forecast is not None
+    _, beliefs = follow_belief(record, forecast, (0, last))
+    shown = {
+        k: replace(view, probability=beliefs[k]) for k, view in views(record, (0, last)).items()
+    }
+    mission = gis_mission(record, shown)
+    write_files(folder, mission)
+    rows: dict[str, list[dict[str, str]]] = {}
+    with (folder / "mission.csv").open() as file:
+        for row in csv.DictReader(file):
+            rows.setdefault(row["agent"], []).append(row)
+    return Exported(mission, folder, log, rows)
+
+
+def expected_pod(exported: Exported) -> NDArray[np.float32]:
+    return (1 - (1 - POD) ** exported.log.searches).astype(np.float32)
+
+
+def test_the_geotiffs_have_the_belief_and_the_pod_of_the_searches_of_each_cell(
+    exported: Exported,
+) -> None:
+    import rasterio
+
+    assert exported.log.searches.max() > 1
+    with rasterio.open(exported.folder / "poc.tif") as raster:
+        assert raster.descriptions == ("POC after step 0", "POC after step 15")
+        assert raster.read(1) == pytest.approx(exported.log.beliefs[0], abs=1e-7)
+        assert raster.read(2) == pytest.approx(exported.log.beliefs[-1], abs=1e-7)
+    with rasterio.open(exported.folder / "pod.tif") as raster:
+        assert not raster.read(1).any()
+        assert raster.read(2) == pytest.approx(expected_pod(exported), abs=1e-6)
+
+
+def test_the_tracks_are_those_of_the_log_point_by_point(exported: Exported) -> None:
+    tracks = ET.parse(exported.folder / "tracks.gpx").getroot().findall("trk", GPX)
+    lines = ET.parse(exported.folder / "mission.kml").getroot().findall(".//LineString", KML)
+    assert len(tracks) == len(lines) == 3
+    for n, (track, line) in enumerate(zip(tracks, lines, strict=True)):
+        name, rows = f"drone{n}", exported.rows[f"drone{n}"]
+        logged = [(float(row["lat_deg"]), float(row["lon_deg"])) for row in rows]
+        assert track.findtext("name", "", GPX) == name
+        points = track.findall("trkseg/trkpt", GPX)
+        read = [(float(one.get("lat", "")), float(one.get("lon", ""))) for one in points]
+        assert np.array(read) == pytest.approx(np.array(logged), abs=1e-9)
+        assert {one.findtext("ele", "", GPX) for one in points} == {"120.0"}
+        assert not track.findall(".//time", GPX)
+        coordinates = [text.split(",") for text in line.findtext("coordinates", "", KML).split()]
+        read = [(float(lat), float(lon)) for lon, lat, _ in coordinates]
+        assert np.array(read) == pytest.approx(np.array(logged), abs=1e-9)
+
+
+def test_the_kml_has_each_cell_with_its_poc_its_pod_and_its_corners(exported: Exported) -> None:
+    folder = ET.parse(exported.folder / "mission.kml").getroot().findall(".//Folder", KML)[1]
+    assert folder.findtext("name", "", KML) == "POC and POD after step 15"
+    poc, pod = np.zeros((2, 9, 9))
+    for mark in folder.findall("Placemark", KML):
+        col, row = map(int, mark.findtext("name", "", KML).strip("()").split(","))
+        data = {
+            one.get("name"): float(one.findtext("value", "", KML))
+            for one in mark.findall(".//Data", KML)
+        }
+        poc[row, col], pod[row, col] = data["poc"], data["pod"]
+        text = mark.findtext(".//coordinates", "", KML)
+        lon, lat = np.array([[float(x) for x in one.split(",")[:2]] for one in text.split()]).T
+        sides = np.array([(-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5)])
+        expected = cell_to_geodetic(exported.mission.frame, *((col, row) + sides).T, 0.0)
+        off = np.subtract(
+            pymap3d.geodetic2ecef(lat, lon, 12.0), pymap3d.geodetic2ecef(*expected[:2], 12.0)
+        )
+        assert np.linalg.norm(off, axis=0).max() < 0.01
+    assert poc == pytest.approx(exported.log.beliefs[-1], abs=1e-7)
+    assert pod == pytest.approx(expected_pod(exported), abs=1e-6)
+
+
+def test_gdal_reads_the_same_tracks_and_cells(exported: Exported) -> None:
+    read = pytest.importorskip("pyogrio.raw").read
+    shapely = pytest.importorskip("shapely")
+    tracks = exported.mission.tracks.values()
+    expected = [(one.lon_deg, one.lat_deg) for points in tracks for one in points]
+    gpx, kml = exported.folder / "tracks.gpx", exported.folder / "mission.kml"
+    for path, layer in ((gpx, "track_points"), (kml, "Tracks")):
+        geometry = shapely.from_wkb(read(path, layer=layer)[2])
+        assert shapely.get_coordinates(geometry) == pytest.approx(np.array(expected), abs=1e-9)
+    meta, _, _, columns = read(kml, layer="POC and POD after step 15")
+    fields = dict(zip(meta["fields"].tolist(), columns, strict=True))
+    last = exported.mission.maps[-1]
+    for name, poc, pod in zip(fields["Name"], fields["poc"], fields["pod"], strict=True):
+        col, row = map(int, name.strip("()").split(","))
+        assert (float(poc), float(pod)) == (last.poc[row, col], last.pod[row, col])
+    assert len(fields["Name"]) == np.count_nonzero((last.poc > 0) | (last.pod > 0)) > 9
+
+
+def test_the_same_mission_gives_the_same_bytes(exported: Exported, tmp_path: Path) -> None:
+    for path in write_files(tmp_path, exported.mission):
+        assert path.read_bytes() == (exported.folder / path.name).read_bytes()
+
+
+def test_points_have_times_if_the_scenario_has_a_date(exported: Exported, tmp_path: Path) -> None:
+    begin = datetime.fromisoformat("2026-01-17T14:00:00+00:00")
+    tracks = {
+        name: tuple(
+            replace(one, time=begin + timedelta(seconds=13 * k)) for k, one in enumerate(points)
+        )
+        for name, points in exported.mission.tracks.items()
+    }
+    write_files(tmp_path, replace(exported.mission, tracks=tracks))
+    root = ET.parse(tmp_path / "tracks.gpx").getroot()
+    of_track = root.findall("trk", GPX)[0].findall(".//time", GPX)
+    read = [datetime.fromisoformat((one.text or "").replace("Z", "+00:00")) for one in of_track]
+    assert read == [one.time for one in tracks["drone0"]]
+    track = ET.parse(tmp_path / "mission.kml").getroot().findall(".//gx:Track", KML)[0]
+    when = [datetime.fromisoformat(one.text or "") for one in track.findall("when", KML)]
+    assert when == read and len(track.findall("gx:coord", KML)) == len(read)
+
+
+def test_a_large_grid_has_no_cells_in_the_kml(exported: Exported) -> None:
+    large = replace(exported.mission, frame=replace(exported.mission.frame, grid_size=101))
+    assert "<Polygon" in kml_text(exported.mission) and "<Polygon" not in kml_text(large)
+
+
+def test_a_covered_grid_has_cells_without_poc(exported: Exported) -> None:
+    (*_, last) = exported.mission.maps
+    covered = replace(last, poc=np.zeros_like(last.poc))
+    text = kml_text(replace(exported.mission, maps=(covered,)))
+    assert text.count("<Polygon") == np.count_nonzero(last.pod)
