@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import plot
+from benchmarks import incidents, plot
 from benchmarks.bench import RESULTS, machine, own_versions
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
 from dsse_ros.campaign.estimates import clusters, of_mean, of_share
@@ -37,17 +37,21 @@ from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import FieldError, Rules, Scenario
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "planners.md"
+PLANNERS_PAGE = ROOT / "docs" / "planners.md"
+PAGES = (PLANNERS_PAGE, ROOT / "docs" / "drift.md")
 SEED = 20_000_000
 """Seed of the first mission; planners are tuned on other seeds."""
 BASELINE = "greedy"
 PLANNERS = (
-    "random", "sweep", "expanding_square", "spiral", "sector", "greedy",
-    "optimal_effort", "route", "belief_greedy", "belief",
+    "random", "sweep", "creeping_line", "expanding_square", "spiral", "sector", "greedy",
+    "optimal_effort", "route", "belief_greedy", "belief", "forward_backward",
 )  # fmt: skip
-PLANNER_SEEDS = {"belief": 32, "route": 16}
+AT_SEA = tuple(name for name in PLANNERS if name != "forward_backward")
+"""Planners of the incidents; their particles are too many states for the others."""
+PLANNER_SEEDS = {"belief": 32, "forward_backward": 16, "route": 16}
 """Number of shared seeds of slow planners; missions of other planners have their own seeds."""
 LEVEL = 0.99
+PARTS = ("cases", "disturbed", "faults", "incidents")
 
 
 @dataclass(frozen=True)
@@ -282,7 +286,7 @@ def tables(results: dict[str, Any]) -> dict[str, str]:
         written[f"{key}_disturbed"] = disturbance_table(rows, titles)
     of_faults = {key: title for key, (title, _) in FAULTS.items()}
     written["faults"] = disturbance_table(results["faults"], of_faults)
-    return written
+    return written | incidents.tables(results)
 
 
 def with_tables(text: str, results: dict[str, Any]) -> str:
@@ -345,18 +349,27 @@ def run_faults(count: int, workers: int) -> dict[str, Any]:
     }
 
 
-def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-    """Play everything but faults; returns the figures and the curves."""
-    names = installed(PLANNERS)
+def run(
+    count: int, workers: int, names: Sequence[str], parts: Sequence[str]
+) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """Play the cases, or the disturbed ones, or both; returns the figures and the curves.
+
+    Args:
+        count: Missions of each planner and case.
+        workers: Number of processes.
+        names: The planners, `BASELINE` among them.
+        parts: Of `PARTS`.
+    """
+    kinds = {(key, case.disturbance) for key, case in CASES.items() if "cases" in parts}
+    if "disturbed" in parts:
+        kinds |= {(key, disturbance) for key in DISTURBED_CASES for disturbance in DISTURBANCES}
     jobs: dict[Future[Missions], tuple[str, str, str]] = {}
     done: dict[tuple[str, str, str], Missions] = {}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         # The slowest ones come first.
         for name in reversed(names):
-            for key, case in CASES.items():
-                kinds = {case.disturbance, *(DISTURBANCES if key in DISTURBED_CASES else ())}
-                for kind in sorted(kinds):
-                    jobs[pool.submit(fly, name, key, count, kind)] = (key, kind, name)
+            for key, kind in sorted(kinds):
+                jobs[pool.submit(fly, name, key, count, kind)] = (key, kind, name)
         for job in progress(as_completed(jobs), "compare", total=len(jobs)):
             key, kind, name = jobs[job]
             done[jobs[job]] = missions = job.result()
@@ -364,24 +377,43 @@ def run(count: int, workers: int) -> tuple[dict[str, Any], dict[str, dict[str, A
                 f"{len(done)}/{len(jobs)} {key}, {kind}, {name}: {missions.found.mean():.2%}, "
                 f"{missions.steps.mean():.2f} steps"
             )
-    cases: dict[str, Any] = {}
+    results: dict[str, Any] = {"missions": count}
     curves: dict[str, dict[str, Any]] = {}
-    for key, case in CASES.items():
-        limit = case.scenario.resolve(case.rules).timestep_limit
-        played = {name: done[key, case.disturbance, name] for name in names}
-        cases[key] = {name: figures(played[name], played[BASELINE]) for name in names}
-        curves[key] = {name: curve(played[name], limit) for name in names}
-    disturbed = {
-        key: {
-            disturbance: {
-                name: figures(done[key, disturbance, name], done[key, "none", name])
-                for name in names
+    if "cases" in parts:
+        results["cases"] = {}
+        for key, case in CASES.items():
+            limit = case.scenario.resolve(case.rules).timestep_limit
+            played = {name: done[key, case.disturbance, name] for name in names}
+            results["cases"][key] = {n: figures(played[n], played[BASELINE]) for n in names}
+            curves[key] = {name: curve(played[name], limit) for name in names}
+    if "disturbed" in parts:
+        results["disturbed"] = {
+            key: {
+                disturbance: {
+                    name: figures(done[key, disturbance, name], done[key, "none", name])
+                    for name in names
+                }
+                for disturbance in DISTURBANCES
             }
-            for disturbance in DISTURBANCES
+            for key in DISTURBED_CASES
         }
-        for key in DISTURBED_CASES
-    }
-    return {"missions": count, "cases": cases, "disturbed": disturbed}, curves
+    return results, curves
+
+
+def merged(kept: Any, played: Any) -> Any:
+    """Return results in which the rows of the planners played replace those that were kept."""
+    if not isinstance(kept, dict):
+        return played
+    both = {key: merged(kept.get(key), value) for key, value in played.items()}
+    both = {**kept, **both}
+    if both.keys() <= set(PLANNERS):
+        return {name: both[name] for name in PLANNERS if name in both}
+    return both
+
+
+def _with(baseline: str, chosen: Sequence[str]) -> list[str]:
+    """Return the installed planners among the chosen ones and the baseline, in their order."""
+    return installed([name for name in PLANNERS if name in chosen or name == baseline])
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -390,28 +422,44 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--missions", type=int, default=2000, help="of each planner and case")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
     parser.add_argument(
-        "--faults", action="store_true", help="play the faults only, and keep the other results"
+        "--only", choices=PARTS, help="play this part only, and keep the other results"
     )
+    parser.add_argument(
+        "--planners", choices=PLANNERS, nargs="+", metavar="NAME",
+        help="play these only, and keep the rows of the others; not for faults",
+    )  # fmt: skip
     arguments = parser.parse_args(argv)
     if arguments.missions < 100:
         parser.error(f"missions must be at least 100, got {arguments.missions}")
     began, workers = time.perf_counter(), os.cpu_count() or 1
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / "compare.json"
-    if arguments.faults:
+    chosen, results = arguments.planners or PLANNERS, {}
+    parts = PARTS if arguments.only is None else (arguments.only,)
+    whole = parts == PARTS and arguments.planners is None
+    if not whole:
         results = json.loads(path.read_text(encoding="utf-8"))
-    else:
-        results, curves = run(arguments.missions, workers)
-        save_plot(curves, arguments.out / "compare.png")
-    results["faults"] = run_faults(arguments.missions, workers)
-    if not arguments.faults:
+    if {"cases", "disturbed"} & {*parts}:
+        played, curves = run(arguments.missions, workers, _with(BASELINE, chosen), parts)
+        results = merged(results, played)
+        if curves and arguments.planners is None:
+            save_plot(curves, arguments.out / "compare.png")
+    if "faults" in parts and arguments.planners is None:
+        results["faults"] = run_faults(arguments.missions, workers)
+    if "incidents" in parts:
+        at_sea = [name for name in chosen if name in AT_SEA]
+        flown = incidents.run(_with(incidents.BASELINE, at_sea), workers)
+        results = merged(results, flown)
+    if whole:
         results |= {"seconds": round(time.perf_counter() - began), "machine": machine()}
         results["versions"] = own_versions()
     path.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     for name, table in tables(results).items():
         print(f"\n{name}\n\n{table}")
     if arguments.out == RESULTS:
-        PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8"), results), encoding="utf-8")
+        for page in PAGES:
+            text = with_tables(page.read_text(encoding="utf-8"), results)
+            page.write_text(text, encoding="utf-8")
     print(f"{path} and {path.with_suffix('.png')} in {results['seconds']} s")
     return 0
 

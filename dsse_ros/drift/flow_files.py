@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -18,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.flow import MAX_SPEED_MPS, Flow, Kind, utc
+from dsse_ros.drift.netcdf import check_installed, in_seconds, opened
 from dsse_ros.drift.shore import Box
-from dsse_ros.extras import pip_install
 
 MAX_VALUES = 20_000_000
 """Values of a variable that are read at most, 80 MB."""
@@ -82,21 +81,10 @@ def read_netcdf(kind: Kind, path: str | os.PathLike[str], span: Span) -> Flow:
         ValueError: If the file cannot be read or does not cover the span; one line.
     """
     name = os.fspath(path)
+    check_installed(f"{kind} {name!r}")
     try:
-        import netCDF4  # noqa: F401  xarray reads with it.
-        import xarray
-    except ModuleNotFoundError as error:
-        raise ValueError(
-            f"{kind} {name!r}: {error.name} is missing; {pip_install('drift')}"
-        ) from None
-    try:
-        with warnings.catch_warnings():
-            # xarray warns about what `_File` refuses or handles, such as several fill values.
-            warnings.simplefilter("ignore")
-            with xarray.open_dataset(
-                path, engine="netcdf4", decode_times=False, cache=False
-            ) as dataset:
-                return _File(kind, name, dataset).flow(span)
+        with opened(path) as dataset:
+            return _File(kind, name, dataset).flow(span)
     except _Refusal as refusal:
         raise ValueError(str(refusal)) from None
     except OSError as error:
@@ -298,31 +286,3 @@ def _as_slice(index: NDArray[np.int64]) -> Any:
     low, high = int(index.min()), int(index.max())
     # Longitudes across the file's own seam are no slice.
     return slice(low, high + 1) if high - low + 1 == len(index) else index
-
-
-def in_seconds(
-    times: NDArray[np.float64], units: str, calendar: str = "standard"
-) -> NDArray[np.float64]:
-    """Return times of a file in seconds since 1970-01-01 UTC, (T,) float64.
-
-    Args:
-        times: (T,).
-        units: CF units such as `hours since 1900-01-01`.
-        calendar: CF calendar.
-
-    Raises:
-        ValueError: If units or calendar are no such; says what is allowed.
-    """
-    import cftime
-
-    if calendar not in ("standard", "gregorian", "proleptic_gregorian"):
-        raise ValueError(f"the standard calendar, got {calendar!r}")
-    values = np.asarray(times, np.float64)
-    low, high = values.min(), values.max()
-    try:
-        # The units are linear, so the ends of a long axis suffice.
-        ends = cftime.date2num(cftime.num2date([low, high], units), "seconds since 1970-01-01")
-    except (OverflowError, TypeError, ValueError):
-        raise ValueError(f"units like 'hours since 1900-01-01', got {units!r}") from None
-    share = (values - low) / (high - low) if high > low else np.zeros(len(values))
-    return np.asarray(ends[0] + share * (ends[1] - ends[0]), np.float64)

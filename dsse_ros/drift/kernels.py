@@ -163,6 +163,13 @@ def is_land(shore, lat_deg, lon_deg):
     return 0 <= row < rows and 0 <= col < cols and shore.land[row, col]
 
 
+@kernel
+def mark_land(shore, lats_deg, lons_deg, found):
+    """Write to `found`, (M,) bool, whether positions (M,) are on land."""
+    for m in range(len(found)):
+        found[m] = is_land(shore, lats_deg[m], lons_deg[m])
+
+
 @inlined
 def _strand_or_go(p, m, lat_deg, lon_deg, shore):
     """Put a particle at its new position, or at the last one at sea before it reaches land."""

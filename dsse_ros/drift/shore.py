@@ -80,16 +80,3 @@ def shore_of(is_land: IsLand, box: Box) -> Shore:
         lats = box.south_deg + (row + 0.5) * lat_step
         land[row] = is_land(*np.meshgrid(lats, lons, indexing="ij"))
     return Shore(land, box.south_deg, box.west_deg, lat_step, lon_step)
-
-
-def on_land(
-    shore: Shore, lats_deg: NDArray[np.float64], lons_deg: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    """Return whether positions are on land, (M,) bool."""
-    rows, cols = shore.land.shape
-    row = np.floor((lats_deg - shore.south_deg) / shore.lat_step_deg).astype(np.int64)
-    col = np.floor((lons_deg - shore.west_deg) / shore.lon_step_deg).astype(np.int64)
-    inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
-    found = np.zeros(len(lats_deg), np.bool_)
-    found[inside] = shore.land[row[inside], col[inside]]
-    return found

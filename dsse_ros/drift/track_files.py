@@ -9,16 +9,14 @@ type trajectory). A particle has no positions before its release and after its d
 from __future__ import annotations
 
 import os
-import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.flow import utc
-from dsse_ros.drift.flow_files import in_seconds
+from dsse_ros.drift.netcdf import check_installed, in_seconds, opened
 from dsse_ros.drift.tracks import DriftTracks
-from dsse_ros.extras import pip_install
 
 MAX_POSITIONS = 20_000_000
 _DIMENSIONS = ("time", "trajectory")
@@ -34,21 +32,10 @@ def read_tracks(path: str | os.PathLike[str]) -> DriftTracks:
         ValueError: If the file cannot be read, or has no such tracks; one line.
     """
     name = os.fspath(path)
+    check_installed(f"tracks {name!r}")
     try:
-        import netCDF4  # noqa: F401  xarray reads with it.
-        import xarray
-    except ModuleNotFoundError as error:
-        raise ValueError(
-            f"tracks {name!r}: {error.name} is missing; {pip_install('drift')}"
-        ) from None
-    try:
-        with warnings.catch_warnings():
-            # xarray warns about several fill values, all of which it handles.
-            warnings.simplefilter("ignore")
-            with xarray.open_dataset(
-                path, engine="netcdf4", decode_times=False, cache=False
-            ) as dataset:
-                times_s, lats, lons = _positions(dataset)
+        with opened(path) as dataset:
+            times_s, lats, lons = _positions(dataset)
     except _Unfit as unfit:
         raise ValueError(f"tracks {name!r} must have {unfit}") from None
     except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:

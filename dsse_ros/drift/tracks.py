@@ -7,15 +7,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.flow import Flow, Uncertainty, utc
-from dsse_ros.drift.kernels import MOVED, NO_WIND, Particles, degrees_per_metre, move
+from dsse_ros.drift.kernels import (
+    MOVED,
+    NO_WIND,
+    Particles,
+    degrees_per_metre,
+    mark_land,
+    move,
+)
 from dsse_ros.drift.leeway import LeewayClass, draw_leeway
-from dsse_ros.drift.shore import Shore, on_land
+from dsse_ros.drift.shore import Shore
 
 LONGEST_STEP_S = 60.0
 """Longest step of the integration; longer steps between positions are divided."""
@@ -206,8 +213,10 @@ def _release(
     released = time + time_error * rng.uniform(-1.0, 1.0, count)
     lats, lons = _near(lat, lon, radius, rng)
     if drift.shore is not None:
+        on_land = np.empty(count, np.bool_)
         for _ in range(MAX_REDRAWS):
-            again = np.flatnonzero(on_land(drift.shore, lats, lons))
+            mark_land(drift.shore, lats, lons, on_land)
+            again = np.flatnonzero(on_land)
             lats[again], lons[again] = _near(lat[again], lon[again], radius[again], rng)
             if not len(again):
                 break
@@ -233,5 +242,10 @@ def _near(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Return latitudes and longitudes drawn around positions, (M,) each."""
     north_m, east_m = radius_m / NINETY_NINE_PERCENT * rng.standard_normal((2, len(lat)))
-    lat_per_m, lon_per_m = degrees_per_metre(lat)
-    return lat + north_m * lat_per_m, lon + east_m * lon_per_m
+    return displaced(lat, lon, east_m, north_m)
+
+
+def displaced(lat_deg: Any, lon_deg: Any, east_m: Any, north_m: Any) -> tuple[Any, Any]:
+    """Return latitude and longitude of places some metres away; numbers or arrays."""
+    lat_per_m, lon_per_m = degrees_per_metre(lat_deg)
+    return lat_deg + north_m * lat_per_m, lon_deg + east_m * lon_per_m

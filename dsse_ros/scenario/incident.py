@@ -76,10 +76,13 @@ class GivenTracks:
     lons_deg: NDArray[np.float32]
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, GivenTracks) and self.to_dict() == other.to_dict()
+        return isinstance(other, GivenTracks) and self._bytes() == other._bytes()
 
     def __hash__(self) -> int:
-        return hash((self.times_s.tobytes(), self.lats_deg.tobytes(), self.lons_deg.tobytes()))
+        return hash(self._bytes())
+
+    def _bytes(self) -> tuple[bytes, ...]:
+        return self.times_s.tobytes(), self.lats_deg.tobytes(), self.lons_deg.tobytes()
 
     def to_dict(self) -> dict[str, Any]:
         """Return times as numbers, and positions row by row, little-endian, in base64."""
@@ -201,14 +204,15 @@ class Incident:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields of an equal incident, without names of files, for JSON."""
+        search = {
+            "search_start": utc(self.search_start_s),
+            "base": None if self.base is None else list(self.base),
+            "laid": None if self.laid is None else self.laid._asdict(),
+        }
         if self.given is not None:
-            return {
-                "tracks": self.given.to_dict(),
-                "search_start": utc(self.search_start_s),
-                "base": None if self.base is None else list(self.base),
-                "laid": None if self.laid is None else self.laid._asdict(),
-            }
+            return {"tracks": self.given.to_dict(), **search}
         return self._law() | {
+            **search,
             "seen": [
                 {
                     "lat": one.lat_deg, "lon": one.lon_deg, "time": utc(one.time_s),
@@ -217,11 +221,8 @@ class Incident:
                 }
                 for one in self.sightings
             ],
-            "search_start": utc(self.search_start_s),
-            "base": None if self.base is None else list(self.base),
             "shore": None if self.land is None else json.loads(self.land.to_geojson()),
             "truth": None if self.truth is None else self.truth._law(),
-            "laid": None if self.laid is None else self.laid._asdict(),
         }  # fmt: skip
 
     def _law(self) -> dict[str, Any]:

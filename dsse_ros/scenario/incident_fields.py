@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 OF_INCIDENT = (
     "vector", "current_speed", "current_toward", "person_initial_position", "sigma", "sigma_x",
     "sigma_y", "dispersion_inc", "pre_search_minutes", "probability_matrix",
+    "transition_probabilities",
 )  # fmt: skip
 """Fields that an incident determines or has no use for."""
 

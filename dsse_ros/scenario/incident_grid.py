@@ -12,7 +12,7 @@ import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.geodesy import surface_to_geodetic, through_ecef
+from dsse_ros.scenario.geodesy import mean_lon, surface_to_geodetic, through_ecef
 from dsse_ros.scenario.incident import Incident, Laid
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def lay_grid(
         # The first two children of the seed belong to truth and belief, see `sea_tracks`.
         rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(3)[2])
         tracks = incident.tracks(times, PARTICLES, rng)
-        centre = float(tracks.lats_deg[0].mean()), _mean_lon(tracks.lons_deg[0]), alt_m
+        centre = float(tracks.lats_deg[0].mean()), mean_lon(tracks.lons_deg[0]), alt_m
         x, y = metres_from(centre, tracks.lats_deg, tracks.lons_deg)
         corner, size, inside = _square(x, y, cell_m, grid_size)
         lat, lon = surface_to_geodetic(centre, *corner)
@@ -190,13 +190,6 @@ def metres_from(
     """Return metres to the east and to the north of an origin."""
     x, y, _ = through_ecef(pymap3d.geodetic2enu, origin, lats, lons, origin[2])
     return np.asarray(x), np.asarray(y)
-
-
-def _mean_lon(lons: NDArray[np.float64]) -> float:
-    """Return the mean of longitudes that may be on both sides of the antimeridian."""
-    first = float(lons[0])
-    mean = first + float(((lons - first + 180) % 360 - 180).mean())
-    return (mean + 180) % 360 - 180
 
 
 def _clipped(value: float, size: int) -> int:

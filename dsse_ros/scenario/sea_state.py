@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Wind, current and shore around the search of an incident, for people to see."""
+"""Wind, current, shore and sightings around the search of an incident, for people to see."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.drift.flow import SENSE, Flow, Kind, speed_and_direction
+from dsse_ros.drift.flow import SENSE, Flow, Kind, speed_and_direction, utc
 from dsse_ros.drift.kernels import read_flow
 from dsse_ros.scenario.area import Area, cell_centre
 from dsse_ros.scenario.geodesy import Origin, surface_to_geodetic
 from dsse_ros.scenario.incident_grid import metres_from
 
 if TYPE_CHECKING:
+    from dsse_ros.scenario.incident import Incident
     from dsse_ros.scenario.scenario import ResolvedScenario
 
+_KNOTS = 3600 / 1852
+"""A metre per second in knots."""
 Velocity = tuple[float, float]
 """To the east and to the north in m/s."""
 
@@ -41,6 +44,30 @@ class SeaFlow(NamedTuple):
     speed_mps: float
     direction_deg: float
 
+    @property
+    def label(self) -> str:
+        """Speed and direction in words."""
+        return (
+            f"{self.kind} {self.speed_mps:.1f} m/s ({self.speed_mps * _KNOTS:.1f} kn) "
+            f"{self.sense} {round(self.direction_deg) % 360:03d}°"
+        )
+
+
+class LastKnownPosition(NamedTuple):
+    """A sighting on the map.
+
+    Attributes:
+        x_m: Metres to the east of the grid's south-west corner.
+        y_m: Metres to the north of it.
+        radius_m: The object was within this distance in 99 of 100 cases.
+        label: `LKP` and the time in UTC, with its share among several.
+    """
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    label: str
+
 
 class SeaState(NamedTuple):
     """The sea around a search.
@@ -50,11 +77,15 @@ class SeaState(NamedTuple):
         current_mps: Velocity of the water there; None if unknown.
         shore: Rings (K, 2) of the land in metres to the east and to the north of the grid's
             south-west corner; the last point is joined to the first.
+        sightings: Where the object was seen.
+        time: Time of day in UTC, "" if unknown.
     """
 
     wind_mps: Velocity | None = None
     current_mps: Velocity | None = None
     shore: tuple[NDArray[np.float64], ...] = ()
+    sightings: tuple[LastKnownPosition, ...] = ()
+    time: str = ""
 
     @property
     def flows(self) -> list[SeaFlow]:
@@ -73,18 +104,43 @@ class SeaState(NamedTuple):
 def sea_state(scenario: ResolvedScenario, step: int) -> SeaState:
     """Return the sea of a scenario after some steps of its search; without an incident, nothing."""
     incident = scenario.incident
-    if incident is None or incident.laid is None or incident.given is not None:
+    if incident is None or incident.laid is None:
         return SeaState()
+    time_s = incident.laid.begins_s + step * scenario.step_duration_s
+    time = _clock(time_s, incident)
+    if incident.given is not None:
+        return SeaState(time=time)
     origin = (scenario.origin_lat, scenario.origin_lon, scenario.origin_alt)
     centre = cell_centre(scenario.grid_size, scenario.cell_size, *scenario.person_initial_position)
     lat, lon = surface_to_geodetic(origin, *centre)
-    time_s = incident.laid.begins_s + step * scenario.step_duration_s
-    shore = () if incident.land is None else _rings(incident.land, origin)
     return SeaState(
         _velocity(incident.wind, lat, lon, time_s),
         _velocity(incident.current, lat, lon, time_s),
-        shore,
+        () if incident.land is None else _rings(incident.land, origin),
+        _sightings(incident, origin),
+        time,
     )
+
+
+def _sightings(incident: Incident, origin: Origin) -> tuple[LastKnownPosition, ...]:
+    seen = incident.sightings
+    x, y = metres_from(origin, *np.array([(one.lat_deg, one.lon_deg) for one in seen]).T)
+    total = sum(one.weight for one in seen)
+    return tuple(
+        LastKnownPosition(
+            east, north, one.radius_m,
+            f"LKP {_clock(one.time_s, incident)}"
+            + (f", {one.weight / total:.0%}" if len(seen) > 1 else ""),
+        )
+        for one, east, north in zip(seen, x.tolist(), y.tolist(), strict=True)
+    )  # fmt: skip
+
+
+def _clock(time_s: float, incident: Incident) -> str:
+    """Return a time of day in UTC, with the date if it is not that of the search's start."""
+    date, _, time = utc(time_s).partition("T")
+    day = "" if utc(incident.search_start_s).startswith(date) else f"{date} "
+    return f"{day}{time[:5]}Z"
 
 
 def _velocity(flow: Flow, lat_deg: float, lon_deg: float, time_s: float) -> Velocity | None:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What `make compare` makes of missions, and that the page shows its results."""
+"""What `make compare` makes of missions, and that the pages show its results."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import pytest
 from benchmarks.compare import (
     CASES,
     DISTURBANCES,
-    PAGE,
+    PAGES,
     RESULTS,
     figures,
+    merged,
     with_tables,
 )
 from dsse_ros.planners.batch import Missions
@@ -60,7 +61,17 @@ def test_the_drifts_of_table_a_are_drawn_as_published() -> None:
     assert still == pytest.approx(2500, abs=200)
 
 
-def test_the_page_shows_the_kept_results() -> None:
+def test_the_rows_of_a_planner_are_replaced_and_those_of_the_others_are_kept() -> None:
+    kept = {"cases": {"v1": {"sweep": {"steps": 1}, "belief": {"steps": [2, 3]}}}, "seconds": 9}
+    played = {"cases": {"v1": {"greedy": {"steps": 4}, "sweep": {"steps": 5}}}}
+    rows = {"sweep": {"steps": 5}, "greedy": {"steps": 4}, "belief": {"steps": [2, 3]}}
+    both = merged(kept, played)
+    assert both == {"cases": {"v1": rows}, "seconds": 9}
+    assert list(both["cases"]["v1"]) == list(rows)
+
+
+def test_the_pages_show_the_kept_results() -> None:
     results = json.loads((RESULTS / "compare.json").read_text(encoding="utf-8"))
-    page = PAGE.read_text(encoding="utf-8")
-    assert with_tables(page, results) == page
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert with_tables(text, results) == text

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drifting import little_memory
 
 from dsse_ros.drift.flow import Flow, seconds
 from dsse_ros.drift.flow_files import Span, read_netcdf
@@ -143,6 +144,58 @@ def test_only_what_is_needed_is_read(tmp_path: Path) -> None:
     assert flow.east_mps.shape == (3, 3, 3)
 
 
+def sparse(path: Path, *, lats: int = 4500, chunk: int = 100) -> Path:
+    """Write a file of 3 GB, of which only the values around the span are on the disk."""
+    with netcdf.Dataset(path, "w") as file:
+        for name, size, low, high in (
+            ("time", 20, 0, 19), ("lat", lats, -30, -20), ("lon", 4500, -50, -40),
+        ):  # fmt: skip
+            file.createDimension(name, size)
+            axis = file.createVariable(name, "f8", (name,))
+            if size <= 4500:
+                axis[:] = np.linspace(low, high, size)
+        file["time"].units = "hours since 2026-01-17 12:00"
+        for name in ("uo", "vo"):
+            chunks = (1, min(chunk, lats), chunk)
+            speed = file.createVariable(
+                name, "f4", ("time", "lat", "lon"), chunksizes=chunks, zlib=True
+            )
+            speed.units = "m s-1"
+            if chunk == 100 and lats == 4500:
+                speed[0:3, 2500:2900, 1600:2000] = 0.25
+    return path
+
+
+def test_of_a_large_file_only_what_is_needed_takes_memory(tmp_path: Path) -> None:
+    read_netcdf("current", write(tmp_path / "first.nc"), SPAN)
+    file = sparse(tmp_path / "sea.nc")
+    with little_memory():
+        flow = read_netcdf("current", file, SPAN)
+    assert flow.east_mps.shape == (3, 227, 227)
+    assert (flow.east_mps == 0.25).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "width_deg", "message"),
+    [
+        ({}, 4.0, "must have at most 20000000 values in the area and the times needed, got 20 x"),
+        ({"lats": 400_000_000}, 0.25, "axis of lat must have at most 20000000 values, got 4000000"),
+        ({"chunk": 4500}, 0.25, "chunk of uo must have at most 20000000 values, got 20250000"),
+    ],
+)
+def test_a_file_that_would_fill_the_memory_is_refused_in_a_line(
+    tmp_path: Path, options: dict[str, int], width_deg: float, message: str
+) -> None:
+    read_netcdf("current", write(tmp_path / "first.nc"), SPAN)
+    file = sparse(tmp_path / "sea.nc", **options)
+    box = Box(-24 - width_deg, -24 + width_deg, -46 - width_deg, -46 + width_deg)
+    span = Span(box, START_S, START_S + 19 * 3600) if width_deg > 1 else SPAN
+    with little_memory(), pytest.raises(ValueError) as error:
+        read_netcdf("current", file, span)
+    assert message in str(error.value) and "sea.nc" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "no variable": ({"north": False}, "must have a variable northward_sea_water_velocity"),
     "units": ({"speed": "knots"}, "uo must be in m/s, got units 'knots'"),
@@ -195,5 +248,7 @@ def test_a_missing_library_is_refused_with_the_command_that_installs_it(
 ) -> None:
     file = write(tmp_path / "sea.nc")
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(ValueError, match=r"sea.nc': xarray is missing; pip install '.*\[drift\]'"):
+    with pytest.raises(
+        ValueError, match=r"sea.nc': xarray is missing; .* -m pip install '.*\[drift\]'"
+    ):
         read_netcdf("current", file, SPAN)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drifting import little_memory
 
 from dsse_ros.drift.flow import seconds
 from dsse_ros.drift.track_files import at_times, read_tracks
@@ -85,3 +86,25 @@ def test_a_file_of_another_kind_is_refused_in_a_line(tmp_path: Path) -> None:
     (tmp_path / "drift.nc").write_text("time,lat,lon\n")
     with pytest.raises(ValueError, match="drift.nc' must be a NetCDF file of OpenDrift"):
         read_tracks(tmp_path / "drift.nc")
+
+
+@pytest.mark.parametrize(
+    ("particles", "times", "message"),
+    [
+        (4_000_000, 200, "at most 20000000 positions, got 800000000"),
+        (1, 400_000_000, "axis of time must have at most 20000000 values, got 400000000"),
+    ],
+)
+def test_a_file_that_would_fill_the_memory_is_refused_in_a_line(
+    tmp_path: Path, particles: int, times: int, message: str
+) -> None:
+    read_tracks(write(tmp_path / "first.nc"))
+    with netcdf.Dataset(tmp_path / "drift.nc", "w") as file:
+        file.createDimension("trajectory", particles)
+        file.createDimension("time", times)
+        file.createVariable("time", "f8", ("time",))
+        for name in ("lat", "lon"):
+            file.createVariable(name, "f4", ("trajectory", "time"), chunksizes=(1, 200))
+    with little_memory(), pytest.raises(ValueError) as error:
+        read_tracks(tmp_path / "drift.nc")
+    assert message in str(error.value) and "\n" not in str(error.value)

@@ -1,0 +1,291 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Incidents at sea, drawn from seeds: POS and share found over time, and what a wrong drift costs.
+
+With one person a plan does not depend on the person, because drones only learn that they have found
+nobody. A planner therefore plans once, in a search that finds nobody. The belief gives the POS of
+its searches, and missions repeat them.
+
+Missions of an incident share its place, its particles and the plan, so an incident is a cluster.
+The intervals are for the mean of other incidents of this kind, not only of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from math import ceil, cos, radians, sin
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.campaign.estimates import of_mean, of_share
+from dsse_ros.drift.flow import utc
+from dsse_ros.drift.leeway import leeway_classes
+from dsse_ros.drift.tracks import displaced
+from dsse_ros.planners import load_planner
+from dsse_ros.planners.batch import play_missions
+from dsse_ros.planners.planner import Cell, Planner, Search, cells_of
+from dsse_ros.progress import progress, say
+from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.search import Rules, profile
+from dsse_ros.step.looks import searches_of
+
+SEED = 30_000_000
+COUNT, MISSIONS = 20, 500
+"""Incidents; missions of each plan."""
+PARTICLES, TRACKS = 20_000, 4_000
+"""Particles of each incident; tracks that persons follow who drift otherwise."""
+MINUTES = (15, 30, 60)
+BASELINE = "belief"
+"""The planner that others are compared with, and that is shown with a wrong drift."""
+LEVEL = 0.99
+START_S = 1_772_366_400
+"""Start of every search, seconds since 1970-01-01 UTC: 2026-03-01T12:00:00Z."""
+SEA = profile("sea")
+
+ERRORS = {
+    "none": "nothing",
+    "turned_10": "wind direction 10° off",
+    "turned_30": "wind direction 30° off",
+    "turned_90": "wind direction 90° off",
+    "stronger": "wind stronger by half",
+    "weaker": "wind weaker by half",
+    "class": "another class of leeway",
+}
+"""What is wrong about the drift of the persons, by the field `truth` of the incident."""
+
+Floats = NDArray[np.float64]
+
+
+def incident(number: int) -> dict[str, Any]:
+    """Return the fields of a scenario of one incident, and the truth of each error.
+
+    Classes, winds, currents and places between 60 degrees south and north are uniform. Three of
+    five incidents have several sightings, two of five a shore, and every other one a base outside.
+
+    Returns:
+        `fields` of a `Scenario`, and `truths`, fields of the incident by key of `ERRORS`.
+    """
+    rng = np.random.default_rng([SEED, number])
+
+    def drawn(low: float, high: float) -> float:
+        return round(float(rng.uniform(low, high)), 3)
+
+    at = drawn(-60, 60), drawn(-178, 178)
+    key, other = rng.choice(list(leeway_classes()), 2, replace=False).tolist()
+    wind = {"speed": drawn(1, 12), "from": drawn(0, 360), "error": drawn(0.5, 2)}
+    current = {"speed": drawn(0, 0.8), "toward": drawn(0, 360), "error": drawn(0.05, 0.2)}
+    # The coast is to leeward.
+    coast_deg = wind["from"] + 180 + drawn(-60, 60)
+    seen = []
+    for _ in range(1 + max(number % 5 - 1, 0)):
+        away = _moved(at, coast_deg + 180 + drawn(-90, 90), drawn(0, 1500) if seen else 0.0)
+        seen.append(
+            {
+                "lat": away[0], "lon": away[1], "time": utc(START_S - 60 * drawn(20, 120)),
+                "radius": drawn(100, 1000), "weight": drawn(0.5, 2), "time_error": drawn(0, 10),
+            }
+        )  # fmt: skip
+    base = _moved(at, coast_deg + drawn(-90, 90), drawn(5e3, 2e4)) if number % 2 else None
+    turn = float(rng.choice([-1, 1]))
+    winds = {
+        f"turned_{angle}": {**wind, "from": (wind["from"] + turn * angle) % 360}
+        for angle in (10, 30, 90)
+    }
+    winds |= {
+        name: {**wind, "speed": factor * wind["speed"]}
+        for name, factor in (("stronger", 1.5), ("weaker", 0.5))
+    }
+    return {
+        "fields": {
+            "incident": {
+                "object": key, "seen": seen, "search_start": utc(START_S), "wind": wind,
+                "current": current, "base": base,
+                "shore": _coast(at, coast_deg, rng) if number % 5 in (0, 2) else None,
+            },
+            "num_drones": int(rng.integers(2, 7)), "particles": PARTICLES,
+            "probability_of_detection": drawn(0.7, 1), "ensemble_seed": number,
+        },
+        "truths": {name: {"wind": value} for name, value in winds.items()}
+        | {"class": {"object": other}},
+    }  # fmt: skip
+
+
+def _moved(at: Sequence[float], bearing_deg: float, distance_m: float) -> list[float]:
+    """Return the latitude and longitude at a distance."""
+    north_m, east_m = distance_m * cos(radians(bearing_deg)), distance_m * sin(radians(bearing_deg))
+    return [float(degrees) for degrees in displaced(*at, east_m, north_m)]
+
+
+def _coast(at: Sequence[float], bearing_deg: float, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a GeoJSON polygon of land with a rough coast, 40 km long, 1 to 3 km away."""
+    nearest = _moved(at, bearing_deg, float(rng.uniform(1000, 3000)))
+    ring = [
+        _moved(_moved(nearest, bearing_deg + 90, along), bearing_deg, float(rng.uniform(0, 500)))
+        for along in np.arange(-20e3, 20.1e3, 500)
+    ]
+    ring += [_moved(point, bearing_deg, 20e3) for point in (ring[-1], ring[0])]
+    return {"type": "Polygon", "coordinates": [[[lon, lat] for lat, lon in [*ring, ring[0]]]]}
+
+
+@dataclass
+class Plan:
+    """The searches of a planner that finds nobody.
+
+    Attributes:
+        actions: Actions of the live drones by name, step by step.
+        searched: Cells that are searched in each step.
+    """
+
+    actions: list[dict[str, int]] = field(default_factory=list)
+    searched: list[list[Cell]] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, planner: str, scenario: Scenario, rules: Rules, seed: int) -> Plan:
+        """Let a planner plan a search that finds nobody."""
+        plan, blind = cls(), scenario.override(probability_of_detection=0.0)
+
+        def recorded(search: Search, *, seed: int) -> Planner:
+            inner = load_planner(planner)(search, seed=seed)
+
+            def decide(observations: Any, infos: Any) -> dict[str, int]:
+                actions = inner(observations, infos)
+                plan.actions.append(actions)
+                cells = zip(actions.values(), cells_of(observations), strict=True)
+                plan.searched.append([at for a, at in cells if a == rules.action_set.search])
+                return actions
+
+            return decide
+
+        play_missions(1, recorded, blind, rules=rules, planner_seeds=[seed], assumed=scenario)
+        return plan
+
+    def pos(self, scenario: Scenario, rules: Rules) -> Floats:
+        """Return the POS after each step, (L,)."""
+        resolved, belief = scenario.resolve(rules), forecast_for(scenario, rules).belief()
+        pos = np.empty(len(self.searched))
+        for step, cells in enumerate(self.searched):
+            belief.update(searches_of(resolved, rules, cells))
+            belief.advance()
+            pos[step] = belief.pos
+        return pos
+
+    def found(self, scenario: Scenario, rules: Rules, missions: int) -> Floats:
+        """Return the share of missions that have found the person after each step, (L,)."""
+
+        def repeated(search: Search, *, seed: int) -> Planner:
+            return lambda observations, infos: self.actions[infos[next(iter(infos))]["step"]]
+
+        played = play_missions(missions, repeated, scenario, rules=rules, planner_seeds=[0])
+        at = np.bincount(played.steps[played.found], minlength=len(self.actions) + 1)
+        return np.cumsum(at)[1:] / missions
+
+
+def fly(number: int, planners: Sequence[str]) -> dict[str, Floats]:
+    """Search an incident with each planner, `BASELINE` among them.
+
+    Returns:
+        (2, 3) by planner, POS and share found after each of `MINUTES`; by key of `ERRORS` the same
+        of `BASELINE` if the persons drift otherwise.
+    """
+    drawn = incident(number)
+    step_s = Scenario(**drawn["fields"]).resolve(SEA).step_duration_s
+    limit = ceil(60 * MINUTES[-1] / step_s)
+    scenario = Scenario(**drawn["fields"], timestep_limit=limit)
+    last = [int(60 * minutes / step_s) - 1 for minutes in MINUTES[:-1]] + [limit - 1]
+    plans = {name: Plan.of(name, scenario, SEA, seed=number) for name in planners}
+    flown = {}
+    for name, plan in plans.items():
+        pos, found = plan.pos(scenario, SEA), plan.found(scenario, SEA, MISSIONS)
+        flown[name] = np.stack([pos[last], found[last]])
+    flown["none"] = flown[BASELINE]
+    for error, truth in drawn["truths"].items():
+        misled = {**drawn["fields"]["incident"], "truth": truth}
+        wrong = scenario.override(incident=misled, particles=TRACKS)
+        found = plans[BASELINE].found(wrong, SEA, MISSIONS)
+        flown[error] = np.stack([flown[BASELINE][0], found[last]])
+    return flown
+
+
+def figures(flown: Floats, beside: Floats) -> dict[str, Any]:
+    """Return means over the incidents with their intervals.
+
+    Args:
+        flown: (I, 2, 3), see `fly`.
+        beside: The same of the planner to compare with.
+    """
+    each = np.arange(len(flown))
+    of_missions = np.repeat(each, MISSIONS)
+    found = np.round(MISSIONS * flown[:, 1, :, None]) > np.arange(MISSIONS)
+    estimates = {
+        "pos": [of_mean(pos, LEVEL, each) for pos in flown[:, 0].T],
+        "found": [
+            of_share(found[:, column].ravel(), LEVEL, of_missions) for column in range(len(MINUTES))
+        ],
+    }
+    for name, other in (("found_over_pos", flown[:, 0]), ("difference", beside[:, 1])):
+        estimates[name] = [of_mean(more, LEVEL, each) for more in (flown[:, 1] - other).T]
+    row: dict[str, Any] = {}
+    for name, columns in estimates.items():
+        row[name] = [one.value for one in columns]
+        row[f"{name}_interval"] = [(one.low, one.high) for one in columns]
+    return row
+
+
+def run(planners: Sequence[str], workers: int, count: int = COUNT) -> dict[str, Any]:
+    """Search the incidents; returns the figures by planner and by error."""
+    flown: dict[int, dict[str, Floats]] = {}
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = {pool.submit(fly, number, planners): number for number in range(count)}
+        for job in progress(as_completed(jobs), "compare, incidents", total=len(jobs)):
+            number = jobs[job]
+            flown[number] = job.result()
+            found = (f"{name} {flown[number][name][1, -1]:.1%}" for name in planners)
+            say(f"incident {number}: {', '.join(found)}")
+    whole = {name: np.stack([flown[number][name] for number in range(count)]) for name in flown[0]}
+    return {
+        "incidents": {name: figures(whole[name], whole[BASELINE]) for name in planners},
+        "wrong_drift": {name: figures(whole[name], whole["none"]) for name in ERRORS},
+    }
+
+
+def table(rows: Mapping[str, dict[str, Any]], head: str, baseline: str, beside: str) -> str:
+    """Return figures as a Markdown table.
+
+    Args:
+        rows: Figures by title.
+        head: Head of the titles.
+        baseline: Title of the row to compare with.
+        beside: What that row is, for the head of the difference.
+    """
+
+    def percent(row: dict[str, Any], name: str, column: int, form: str) -> str:
+        value, (low, high) = row[name][column], row[f"{name}_interval"][column]
+        return f"{100 * value:{form}} ± {100 * max(high - value, value - low):.1f}"
+
+    heads = [f"{what}, {minutes} min" for minutes in MINUTES for what in ("POS", "Found")]
+    heads += [f"Found more than {other}" for other in ("POS", beside)]
+    lines = [f"| {head} | {' | '.join(heads)} |", "| --- |" + " --- |" * len(heads)]
+    for title, row in rows.items():
+        cells = []
+        for column in range(len(MINUTES)):
+            cells += [f"{100 * row['pos'][column]:.1f}", percent(row, "found", column, ".1f")]
+        cells.append(percent(row, "found_over_pos", -1, "+.1f"))
+        cells.append("" if title == baseline else percent(row, "difference", -1, "+.1f"))
+        lines.append(f"| {title} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def tables(results: Mapping[str, Any]) -> dict[str, str]:
+    """Return the tables of `run` by name."""
+    by_planner = {f"`{name}`": row for name, row in results["incidents"].items()}
+    by_error = {ERRORS[name]: row for name, row in results["wrong_drift"].items()}
+    return {
+        "incidents": table(by_planner, "Planner", f"`{BASELINE}`", f"`{BASELINE}`"),
+        "wrong_drift": table(by_error, "What is wrong", ERRORS["none"], "with the right drift"),
+    }

@@ -1,0 +1,105 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""NetCDF files, opened by xarray (extra `drift`), and the times in them."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.extras import pip_install
+
+MAX_AT_ONCE = 20_000_000
+"""Values of an axis or a chunk at most; either is read as a whole."""
+
+
+def check_installed(what: str) -> None:
+    """Check that what opens a file is installed.
+
+    Args:
+        what: What is to be read, for the error.
+
+    Raises:
+        ValueError: If it is not; one line.
+    """
+    try:
+        import netCDF4  # noqa: F401  xarray reads with it.
+        import xarray  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise ValueError(f"{what}: {error.name} is missing; {pip_install('drift')}") from None
+
+
+@contextmanager
+def opened(path: str | os.PathLike[str]) -> Iterator[Any]:
+    """Open a file as an `xarray.Dataset`, with times as numbers; raise what xarray raises.
+
+    Raises:
+        ValueError: If an axis or a chunk is too large; one line.
+    """
+    import xarray
+
+    _check_sizes(path)
+    with warnings.catch_warnings():
+        # xarray warns about what it handles or the readers refuse, such as several fill values.
+        warnings.simplefilter("ignore")
+        with xarray.open_dataset(
+            path, engine="netcdf4", decode_times=False, cache=False
+        ) as dataset:
+            yield dataset
+
+
+def _check_sizes(path: str | os.PathLike[str]) -> None:
+    """Check that no axis and no chunk is too large, before any of them is read.
+
+    Raises:
+        ValueError: If one is.
+    """
+    import netCDF4
+
+    with netCDF4.Dataset(path) as file:
+        for name, variable in file.variables.items():
+            chunks = variable.chunking()
+            at_once = {
+                "axis": variable.size if name in file.dimensions else 0,
+                "chunk": math.prod(chunks) if isinstance(chunks, list) else 0,
+            }
+            for what, size in at_once.items():
+                if size > MAX_AT_ONCE:
+                    raise ValueError(
+                        f"{what} of {name} must have at most {MAX_AT_ONCE} values, got {size}"
+                    )
+
+
+def in_seconds(
+    times: NDArray[np.float64], units: str, calendar: str = "standard"
+) -> NDArray[np.float64]:
+    """Return times of a file in seconds since 1970-01-01 UTC, (T,) float64.
+
+    Args:
+        times: (T,).
+        units: CF units such as `hours since 1900-01-01`.
+        calendar: CF calendar.
+
+    Raises:
+        ValueError: If units or calendar are no such; says what is allowed.
+    """
+    import cftime
+
+    if calendar not in ("standard", "gregorian", "proleptic_gregorian"):
+        raise ValueError(f"the standard calendar, got {calendar!r}")
+    values = np.asarray(times, np.float64)
+    low, high = values.min(), values.max()
+    try:
+        # The units are linear, so the ends of a long axis suffice.
+        ends = cftime.date2num(cftime.num2date([low, high], units), "seconds since 1970-01-01")
+    except (OverflowError, TypeError, ValueError):
+        raise ValueError(f"units like 'hours since 1900-01-01', got {units!r}") from None
+    share = (values - low) / (high - low) if high > low else np.zeros(len(values))
+    return np.asarray(ends[0] + share * (ends[1] - ends[0]), np.float64)

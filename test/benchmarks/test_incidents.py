@@ -1,0 +1,76 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Incidents that planners are compared on: what is drawn, the POS of plans, the intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from benchmarks.incidents import COUNT, ERRORS, MINUTES, MISSIONS, SEA, Plan, figures, incident
+from dsse_ros.planners.batch import play_missions
+from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.search import parallel_env
+
+STEPS = 60
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    fields = {**incident(3)["fields"], "particles": 1000, "timestep_limit": STEPS}
+    return Scenario(**fields)
+
+
+def test_the_incidents_differ_in_all_that_is_drawn() -> None:
+    drawn = [incident(number) for number in range(COUNT)]
+    assert drawn == [incident(number) for number in range(COUNT)]
+    incidents = [one["fields"]["incident"] for one in drawn]
+    for given in (
+        [one["shore"] is not None for one in incidents],
+        [one["base"] is not None for one in incidents],
+        [len(one["seen"]) > 1 for one in incidents],
+    ):
+        assert COUNT / 4 < sum(given) < 3 * COUNT / 4
+    assert len({one["object"] for one in incidents}) > COUNT / 2
+    for one in drawn:
+        assert set(one["truths"]) == set(ERRORS) - {"none"}
+        assert one["truths"]["class"]["object"] != one["fields"]["incident"]["object"]
+
+
+def test_missions_that_repeat_a_plan_find_what_the_planner_finds(scenario: Scenario) -> None:
+    found = Plan.of("belief_greedy", scenario, SEA, 0).found(scenario, SEA, 200)
+    played = play_missions(200, "belief_greedy", scenario, rules=SEA)
+    assert 0.1 < found[-1] < 0.9
+    for step in (STEPS // 2, STEPS):
+        assert found[step - 1] == (played.found & (played.steps <= step)).mean()
+
+
+def test_the_pos_of_a_plan_is_that_of_a_mission_with_its_searches(scenario: Scenario) -> None:
+    plan = Plan.of("belief_greedy", scenario, SEA, 0)
+    pos = plan.pos(scenario, SEA)
+    env = parallel_env(scenario, rules=SEA, observe="belief")
+    env.reset(seed=2)
+    stated = []
+    for actions in plan.actions:
+        _, _, _, _, infos = env.step(actions)
+        if not env.agents:
+            break
+        stated.append(infos["drone0"]["pos"])
+    assert len(stated) == STEPS and 0.1 < stated[-1] < 0.9
+    assert pos == pytest.approx(stated)
+
+
+def test_the_intervals_are_those_of_incidents() -> None:
+    rng = np.random.default_rng(0)
+    flown = rng.integers(MISSIONS, size=(COUNT, 2, len(MINUTES))) / MISSIONS
+    row = figures(flown, flown[:, ::-1])
+    more = flown[:, 1] - flown[:, 0]
+    for name, values in (("pos", flown[:, 0]), ("found_over_pos", more), ("difference", more)):
+        wanted = stats.t.interval(0.99, COUNT - 1, values.mean(axis=0), stats.sem(values))
+        assert np.array(row[f"{name}_interval"]) == pytest.approx(np.transpose(wanted))
+    # The missions of an incident are no independent values.
+    low, high = np.transpose(row["found_interval"])
+    reach = 2.861 * stats.sem(flown[:, 1])
+    assert high - low == pytest.approx(2 * reach, rel=0.15)
+    assert (low > 0).all() and (high < 1).all()
